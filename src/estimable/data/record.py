@@ -1,0 +1,194 @@
+"""What was measured, when, and what of the inputs arrived."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, set_field, static
+from ..models.discretisation import HOLDS
+from ..models.sampled import Clock
+
+LOST = ("zero", "hold")
+UNIFORM = 1e-6  # relative scatter of the time steps up to which sampling counts as regular: what rounding in a file leaves
+
+
+@frozen
+class Record:
+    """Measured outputs and logged inputs, row by row.
+
+    Row k: `y[k]` was measured at `t[k]`; `u[k]` was applied from `t[k]` to `t[k+1]`: constant (`hold="zero_order"`) or
+    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, channel by channel. `u` (T, m): what
+    was sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing; neither,
+    and the record takes the step of a discrete model. `arrived` (T, m): 1 the input was applied, 0 the network lost it
+    (the actuator then does what `lost` says: "zero" or "hold"), NaN nobody knows. `outputs` and `inputs` name the
+    channels (default y1.., u1..): models are matched by name. `units`: {name: unit}, for tables and figures.
+
+    Raises `InputError` with every fault at once.
+
+    >>> record = Record([[1.0], [float("nan")], [0.8]], [[0.0], [1.0], [1.0]], dt=0.1, outputs=["level"])
+    >>> len(record), record.outputs, record.inputs, record.seconds
+    (3, ('level',), ('u1',), 0.2)
+    """
+
+    y: np.ndarray
+    u: np.ndarray = None  # type: ignore[assignment]
+    _: KW_ONLY
+    dt: float | None = static(default=None)
+    t: np.ndarray | None = None
+    inputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
+    outputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
+    arrived: np.ndarray | None = None
+    lost: str = static(default="zero")
+    hold: str = static(default="zero_order")
+    units: Any = static(default=())
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        y = faults.array("y", _column(self.y), "T p", nan=True)
+        u = self.u
+        if u is None and y is not None:
+            u = np.zeros((len(y), 0))
+        u = None if u is None else faults.array("u", _column(u), "T m", nan=True)
+        if y is not None and len(y) == 0:
+            faults.add("the record is empty: `y` has no row.")
+        faults.choice("hold", self.hold, HOLDS)
+        faults.choice("lost", self.lost, LOST)
+        arrived = None if self.arrived is None else _read_arrived(self.arrived, self.hold, faults)
+        dt, t = _read_time(self.dt, self.t, 0 if y is None else len(y), faults)
+        names = {
+            "outputs": faults.names("outputs", self.outputs, "p", "y"),
+            "inputs": faults.names("inputs", self.inputs, "m", "u"),
+        }
+        units = tuple(sorted(dict(self.units).items()))
+        unknown = [name for name, _ in units if name not in names["outputs"] + names["inputs"]]
+        if unknown:
+            faults.add(f"`units` names channels that the record does not have: {checks.listed(unknown)}.")
+        faults.finish()
+        set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, units=units, **names)
+
+    @staticmethod
+    def from_pandas(
+        frame, *, outputs, inputs=(), time=None, dt=None, arrived=None, lost="zero", hold="zero_order", units=()
+    ) -> "Record":
+        """A record of named columns of a DataFrame.
+
+        `time`: a column of seconds or of timestamps, or None: then `dt`, or the index where it is a DatetimeIndex or
+        named "time". `arrived`: columns of 1 and 0, one an input, or one for all of them.
+
+        Raises `InputError` where a column is not there, or holds what is not a number, with the row.
+        """
+        from .reading import from_frame
+
+        return from_frame(
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units
+        )
+
+    def __len__(self) -> int:
+        return self.y.shape[0]
+
+    def __getitem__(self, rows: slice) -> "Record":
+        """Some consecutive rows, as a record."""
+        if not isinstance(rows, slice) or rows.step not in (None, 1):
+            checks.refuse("a record is cut by a slice of consecutive rows, as in record[100:200].")
+        cut = {name: None if (a := getattr(self, name)) is None else a[rows] for name in ("y", "u", "t", "arrived")}
+        if len(cut["y"]) == 0:
+            checks.refuse(f"rows {rows.start}:{rows.stop} of a record of {len(self)} are none.")
+        return replace(self, **cut)
+
+    def split(self, fraction: float) -> tuple["Record", "Record"]:
+        """The first `fraction` of the rows, and the others."""
+        faults = checks.Faults()
+        faults.number("fraction", fraction, above=0.0, upper=1.0)
+        faults.finish()
+        cut = round(fraction * len(self))
+        return self[:cut], self[cut:]
+
+    @property
+    def seconds(self) -> float | None:
+        """From the first sample to the last; None where the record has no time."""
+        return None if self.t is None else float(self.t[-1] - self.t[0])
+
+    @property
+    def seen(self) -> np.ndarray:
+        """The mask of what was seen, (T, p)."""
+        return ~np.isnan(self.y)
+
+    def clock(self, dt: float | None = None) -> Clock:
+        """The steps of this record; `dt` where it has no time of its own. The last row has the step before it."""
+        regular = self.dt if self.dt is not None else dt
+        if regular is not None or self.t is None or len(self) == 1:
+            return Clock(np.asarray(1.0 if regular is None else regular), None, self.hold)
+        steps = np.diff(self.t)
+        grid = np.median(steps) * UNIFORM
+        _, first, rows = np.unique(np.round(steps / grid), return_index=True, return_inverse=True)
+        return Clock(steps[first], np.append(rows, rows[-1]), self.hold)
+
+    def applied(self) -> np.ndarray:
+        """The input that the actuator applied, (T, m): what arrived, or what `lost` says; NaN where nobody knows."""
+        if self.arrived is None:
+            return self.u
+        applied = np.where(self.arrived == 1, self.u, np.where(self.arrived == 0, 0.0, np.nan))
+        if self.lost == "hold":
+            held = np.zeros_like(applied[..., 0, :])
+            for k in range(applied.shape[-2]):
+                held = np.where(self.arrived[..., k, :] == 0, held, applied[..., k, :])
+                applied[..., k, :] = held
+        return applied
+
+
+def _column(value: Any) -> Any:
+    """A 1-D array of numbers as one channel."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return value
+    return array[:, None] if array.ndim == 1 and array.dtype.kind in "fiub" else value
+
+
+def _read_arrived(arrived: Any, hold: str, faults: checks.Faults) -> np.ndarray | None:
+    read = faults.array("arrived", _column(arrived), "T m", nan=True)
+    if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
+        faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows).")
+    if hold == "first_order":
+        faults.add('`arrived` needs hold = "zero_order": an input that comes in packets does not move between them.')
+    return read
+
+
+def _read_time(dt: Any, t: Any, rows: int, faults: checks.Faults) -> tuple[float | None, np.ndarray | None]:
+    """The regular step (None if there is none) and the times (None if the record has none)."""
+    if dt is not None:
+        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+    if t is None:
+        return dt, None if dt is None else np.arange(rows) * dt
+    faults.learn("T", rows, f"`y` has {rows} rows")
+    t = faults.array("t", t, "T")
+    if t is None or rows == 0:
+        return dt, None
+    steps = np.diff(t)
+    if np.any(steps <= 0):
+        k = int(np.argmax(steps <= 0))
+        faults.add(f"`t` must increase. At row {k + 1} it goes from {t[k]:g} to {t[k + 1]:g} s: sort the rows, drop repeats.")
+        return dt, None
+    if rows == 1:
+        return dt, t
+    mean = float((t[-1] - t[0]) / (rows - 1))
+    regular = bool(np.all(np.abs(steps - mean) <= UNIFORM * mean))
+    if dt is not None and not (regular and abs(dt - mean) <= UNIFORM * mean):
+        faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{'' if regular else ', not regular'}. Give one.")
+    return mean if regular else None, t
+
+
+def match(names: tuple[str, ...], defaults: bool, record_names: tuple[str, ...], what: str, faults: checks.Faults):
+    """Columns of a record for a model's channels, by name; by position where the model's are the default names."""
+    if all(name in record_names for name in names):
+        return [record_names.index(name) for name in names]
+    if defaults and len(names) == len(record_names):
+        return list(range(len(names)))
+    missing = [name for name in names if name not in record_names]
+    near = "".join(dict.fromkeys(checks.suggestion(name, record_names) for name in missing))
+    faults.add(
+        f"the record has no {what} named {checks.listed(missing)}: its {what}s are {checks.listed(record_names)}.{near}"
+    )
+    return []

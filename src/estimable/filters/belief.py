@@ -1,0 +1,64 @@
+"""The state of the linear Gaussian filters, and its two steps."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ..frozen import frozen
+from ..kernels import kalman
+from ..kernels.joint_gain import block_diagonal
+from ..kernels.small import factor, gram
+from ..models.prior import Prior, diffuse_columns
+from ..models.sampled import SampledModel
+
+
+@frozen
+class Belief:
+    """Mean (n,), a factor of the covariance (n, k), and a basis (n, r) of what nothing is known of.
+
+    After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the process noise, of which
+    the outputs have told something.
+    """
+
+    mean: Any
+    factor: Any
+    diffuse: Any
+    drift_mean: Any = None
+    drift_factor: Any = None
+
+    @property
+    def covariance(self):
+        """The finite part of the covariance, (n, n)."""
+        return gram(self.factor)
+
+
+def believe(prior: Prior, origin=0.0) -> Belief:
+    """The belief that a prior states, about deviations from `origin`."""
+    return Belief(jnp.asarray(prior.mean) - origin, factor(prior.covariance), diffuse_columns(prior))
+
+
+def side_by_side(a: Belief, b: Belief) -> Belief:
+    """The belief about (x, θ) of two independent ones."""
+    return Belief(
+        jnp.concatenate([a.mean, b.mean]),
+        block_diagonal(a.factor, b.factor),
+        block_diagonal(a.diffuse, b.diffuse),
+    )
+
+
+def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Belief, kalman.Posterior]:
+    """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
+    if belief.drift_mean is not None:
+        raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
+    post = kalman.correct(belief.mean, belief.factor, belief.diffuse, C, d, model.V, Ω, sample.y, sample.seen)
+    return Belief(post.m, post.Z, post.X, post.drift, post.Z_drift), post
+
+
+def predict(belief: Belief, F, c, W, Ω) -> Belief:
+    """Move to the next instant; Ω (or None) counts where no `correct` has brought it into the belief."""
+    if Ω is not None and belief.drift_mean is None:
+        W = jnp.concatenate([Ω, W], axis=1)
+    m, Z, X = kalman.predict(
+        belief.mean, belief.factor, belief.diffuse, belief.drift_mean, belief.drift_factor, F, c, W
+    )
+    return Belief(m, Z, X)

@@ -1,0 +1,235 @@
+"""The state and the loop gain, estimated jointly."""
+
+from dataclasses import KW_ONLY, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, set_field
+from ..kernels import joint_gain
+from ..kernels.small import apply, factor, gram
+from ..models.prior import Prior
+from ..models.sampled import Clock, SampledModel, sample
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Names, Sample, outcome_code
+from . import belief
+from .belief import Belief
+
+WORDS = ("one", "per_input", "every_entry")
+
+
+@frozen
+class UnknownGain:
+    """The exact joint posterior of the state and of the gain through which the measured input acts.
+
+    Model: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with B(θ) = fixed + Σ θ_i directions_i
+    and D(θ) = D + Σ θ_i feedthrough_i. θ (p,) is constant, walks at random, or is forgotten.
+
+    Assumes that the input is measured without error (it may come from feedback). Given the input the model is linear in
+    (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right, and both depend on the
+    input. Noise on u, or a gain on the process noise, breaks that. Without excitation the variance of θ stays, or grows
+    under a walk: the estimate then says that it does not know. A gain that jumps is followed by a walk; for when it
+    jumped, a window or a change detector is better.
+
+    Settings: `model`; `gain`, the `Prior` of θ; `directions`: None or "one" (one θ on all of B), "per_input" (one θ an
+    actuator), "every_entry" (θ is B, row by row), or (p, n, m); `fixed` (n, m), the part of B known to act besides
+    (default zero); `feedthrough`: None (D is known), "scaled" (θ acts on D as on B; for "one" and "per_input") or
+    (p, outputs, m); `walk`: variance per second of each θ, (p,) or one number, or covariance (p, p) per second;
+    `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D, D = diag(I, λ^-1/2 I).
+
+    Cost: that of `Kalman` with n + p states.
+
+    Reference: M. Pachter (1999), (31)-(37), Theorems 1 and 2; A. G. Sillence (1999), (31)-(37) and §6.3.
+
+    >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
+    >>> UnknownGain(model, Prior([1.0], [[1.0]]), walk=0.02).names.gains
+    ('gain',)
+    """
+
+    model: StateSpace | SampledModel
+    gain: Prior
+    _: KW_ONLY
+    directions: Any = None
+    fixed: Any = None
+    feedthrough: Any = None
+    walk: Any = 0.0
+    forgetting: Any = 1.0
+    walk_factor: Any = field(default=None, init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        if not isinstance(self.model, StateSpace) or not isinstance(self.gain, Prior):
+            checks.refuse(
+                f"UnknownGain needs a StateSpace and a Prior of the gain. Got {type(self.model).__name__} and "
+                f"{type(self.gain).__name__}."
+            )
+        faults.learn("n", self.model.n, f"the model has {self.model.n} states")
+        faults.learn("m", self.model.m, f"the model has {self.model.m} inputs")
+        faults.learn("outputs", self.model.p, f"the model has {self.model.p} outputs")
+        if self.model.m == 0:
+            faults.add("the model has no input: a gain multiplies B u, so give `B`.")
+        directions = self._read_directions(faults)
+        feedthrough = self._read_feedthrough(faults)
+        fixed = None if self.fixed is None else faults.array("fixed", self.fixed, "n m")
+        walk = self._read_walk(faults)
+        forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
+        faults.finish()
+        set_field(
+            self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting
+        )
+
+    def _read_directions(self, faults: checks.Faults) -> Any:
+        given = "one" if self.directions is None else self.directions
+        if isinstance(given, str):
+            faults.choice("directions", given, WORDS)
+            p = {"one": 1, "per_input": self.model.m, "every_entry": self.model.n * self.model.m}.get(given)
+            if p is not None:
+                faults.learn("p", p, f"directions {given!r} of a model with {self.model.n} states and "
+                                     f"{self.model.m} inputs means {p} gain(s)")  # fmt: skip
+        else:
+            given = faults.array("directions", given, "p n m")
+        p = faults.sizes.get("p", self.gain.size)
+        if self.gain.size != p:
+            faults.add(f"`gain` must be a prior of {p} gain(s): {faults.sources['p']}. Got {self.gain.size}.")
+        return given
+
+    def _read_feedthrough(self, faults: checks.Faults) -> Any:
+        given = self.feedthrough
+        if given is None or not isinstance(given, str):
+            return None if given is None else faults.array("feedthrough", given, "p outputs m")
+        faults.choice("feedthrough", given, ("scaled",))
+        if self.directions not in (None, "one", "per_input"):
+            faults.add('`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).')
+        return given
+
+    def _read_walk(self, faults: checks.Faults) -> Any:
+        p = self.gain.size
+        faults.learn("p", p, f"`gain` is a prior of {p} gain(s)")
+        if checks.is_traced(self.walk):
+            return self.walk
+        if np.ndim(self.walk) == 2:
+            return faults.covariance("walk", self.walk, "p p")
+        variances = self.walk if np.ndim(self.walk) else [self.walk] * p
+        variances = faults.array("walk", variances, "p")
+        if variances is not None and np.any(variances < 0):
+            faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(self.walk)}.")
+        return None if variances is None else np.diag(variances)
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and gains."""
+        model = self.model
+        gains = tuple(f"gain{i + 1}" for i in range(self.gain.size))
+        if isinstance(self.directions, str):
+            gains = {
+                "one": ("gain",),
+                "per_input": tuple(f"gain_{name}" for name in model.inputs),
+                "every_entry": tuple(f"B_{x}_{u}" for x in model.states for u in model.inputs),
+            }[self.directions]
+        return Names(model.states, model.inputs, model.outputs, gains)
+
+    def sampled(self, clock: Clock) -> "UnknownGain":
+        """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
+        if isinstance(self.model, SampledModel):
+            return self
+        walk_factor = jnp.vectorize(factor, signature="(n,n)->(n,n)")(self.walk)
+        return replace(self, model=sample(_in_blocks(self), clock), walk_factor=walk_factor)
+
+    def at(self, k) -> "UnknownGain":
+        """The filter at row k of a time-varying model."""
+        ready = self._ready
+        return replace(ready, model=ready.model.at(k))
+
+    @property
+    def _ready(self) -> "UnknownGain":
+        return self if isinstance(self.model, SampledModel) else self.sampled(Clock(self.model.dt))
+
+    def init(self, prior: Prior) -> Belief:
+        """What is believed about (x[0], θ) before y[0]: the state by `prior`, the gain by this filter's own."""
+        point = self.model.point if isinstance(self.model, SampledModel) else self.model.operating_point
+        state = belief.believe(prior, 0.0 if point is None else point.states)
+        return belief.side_by_side(state, belief.believe(self.gain))
+
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+        """Learn from one sample."""
+        model, point, p = self._ready.model, self._ready.model.point, self.gain.mean.shape[0]
+        u = sample.u if point is None else sample.u - point.inputs
+        d = joint_gain.effects(model.D, u, p + 1)
+        known = d[:, 0] if point is None else d[:, 0] + point.outputs
+        Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
+        state, post = belief.correct(state, model, joint_gain.observation(model.C, d[:, 1:]), known, Ω, sample)
+        return state, self._tell(state, post, point)
+
+    def _tell(self, state: Belief, post, point) -> Info:
+        n = state.mean.shape[0] - self.gain.mean.shape[0]
+        covariance, extra, diffuse = state.covariance, {}, None
+        extra["state_gain_covariance"] = covariance[:n, n:]
+        if state.diffuse.shape[1]:
+            diffuse = gram(state.diffuse)
+            extra["gain_diffuse_covariance"] = diffuse[n:, n:]
+        return Info(
+            mean=state.mean[:n] if point is None else state.mean[:n] + point.states,
+            covariance=covariance[:n, :n],
+            gain=state.mean[n:],
+            gain_covariance=covariance[n:, n:],
+            innovation=post.innovation,
+            innovation_covariance=post.innovation_covariance,
+            log_likelihood=post.log_likelihood,
+            diffuse_covariance=None if diffuse is None else diffuse[:n, :n],
+            outcome=outcome_code(post.contradicted, state.mean, state.factor),
+            extra=extra,
+        )
+
+    def predict(self, state: Belief, interval: Interval) -> Belief:
+        """Move to the next sample."""
+        ready = self._ready
+        model, p = ready.model, self.gain.mean.shape[0]
+        origin = 0.0 if model.point is None else model.point.inputs
+        b = joint_gain.effects(model.B, interval.u - origin, p + 1)
+        if model.B_end is not None:
+            b = b + joint_gain.effects(model.B_end, interval.u_end - origin, p + 1)
+        W = joint_gain.block_diagonal(model.W, ready.walk_factor * jnp.sqrt(interval.dt))
+        zeros = jnp.zeros(p)
+        Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
+        c = jnp.concatenate([b[:, 0], zeros])
+        state = belief.predict(state, joint_gain.transition(model.A, b[:, 1:]), c, W, Ω)
+        forget = jnp.concatenate([jnp.ones(model.A.shape[0]), zeros + self.forgetting**-0.5])[:, None]
+        return replace(state, factor=forget * state.factor, diffuse=forget * state.diffuse)
+
+
+def _in_blocks(algorithm: UnknownGain) -> StateSpace:
+    """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
+    model, gain, given = algorithm.model, algorithm.gain, algorithm.directions
+    p, m, n = gain.mean.shape[-1], model.B.shape[-1], model.A.shape[-1]
+    leading = model.B.shape[:-2]
+    fixed = np.zeros((n, m)) if algorithm.fixed is None else algorithm.fixed
+    B = _side_by_side(_spread(fixed, leading, 2), *_blocks(given, model.B, p))
+    D = _side_by_side(model.D, *[np.zeros_like(model.D)] * p)
+    if isinstance(algorithm.feedthrough, str):
+        D = _side_by_side(np.zeros_like(model.D), *_blocks(given, model.D, p))
+    elif algorithm.feedthrough is not None:
+        D = _side_by_side(model.D, *_blocks(algorithm.feedthrough, model.D, p))
+    return replace(model, B=B, D=D)
+
+
+def _blocks(directions: Any, M, p: int) -> list:
+    """The p matrices that θ multiplies, each with the leading axes of M."""
+    n, m = M.shape[-2:]
+    if isinstance(directions, str):
+        if directions == "one":
+            return [M]
+        if directions == "per_input":
+            return [M * (np.arange(m) == i) for i in range(m)]
+        directions = np.eye(n * m).reshape(n * m, n, m)
+    return [_spread(directions[..., i, :, :], M.shape[:-2], 2) for i in range(p)]
+
+
+def _spread(M, leading: tuple[int, ...], core: int):
+    """M with the leading axes wanted, where it has none yet."""
+    return jnp.broadcast_to(M, (*leading, *M.shape[-core:]))
+
+
+def _side_by_side(*blocks):
+    return np.concatenate(blocks, axis=-1) if not checks.is_traced(blocks) else jnp.concatenate(blocks, axis=-1)

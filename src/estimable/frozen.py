@@ -1,0 +1,76 @@
+"""`@frozen`: an immutable record that JAX can map, differentiate and pass through a compiled function.
+
+A field is a *leaf* (numbers: replaceable, mappable, differentiable) unless it is declared with `static()`: then it fixes
+a shape or a branch, and must be hashable. A leaf that holds a text (a named choice in the place of numbers) is static too.
+"""
+
+import dataclasses
+from typing import Any, TypeVar, dataclass_transform
+
+import jax
+
+Cls = TypeVar("Cls")
+
+
+def static(**kwargs: Any) -> Any:
+    """A field that fixes a shape or a branch: compared and hashed, never traced."""
+    return dataclasses.field(metadata={"static": True}, **kwargs)
+
+
+def static_fields(cls: type) -> tuple[str, ...]:
+    """Names of the fields that were declared with `static()`."""
+    return tuple(f.name for f in dataclasses.fields(cls) if f.metadata.get("static"))
+
+
+def leaf_fields(cls: type) -> tuple[str, ...]:
+    """Names of the fields that hold numbers, or records of numbers."""
+    return tuple(f.name for f in dataclasses.fields(cls) if not f.metadata.get("static"))
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(static, dataclasses.field))
+def frozen(cls: type[Cls]) -> type[Cls]:
+    """Make `cls` a frozen dataclass and register it as a pytree.
+
+    Constructors run `__post_init__` and may check; unflattening fills the fields and checks nothing, so that a leaf may
+    be a tracer, a batch or a gradient.
+    """
+    record = dataclasses.dataclass(frozen=True, eq=False)(cls)
+    leaves, statics = leaf_fields(record), static_fields(record)
+
+    def flatten(thing):
+        values = [getattr(thing, name) for name in leaves]
+        words = tuple(value if isinstance(value, str) else None for value in values)
+        children = [None if isinstance(value, str) else value for value in values]
+        return children, (tuple(getattr(thing, name) for name in statics), words)
+
+    def flatten_with_keys(thing):
+        children, aux = flatten(thing)
+        return list(zip(map(jax.tree_util.GetAttrKey, leaves), children, strict=True)), aux
+
+    def unflatten(aux, children):
+        fixed, words = aux
+        thing = object.__new__(record)
+        set_field(thing, **dict(zip(statics, fixed, strict=True)))
+        for name, child, word in zip(leaves, children, words, strict=True):
+            object.__setattr__(thing, name, child if word is None else word)
+        return thing
+
+    jax.tree_util.register_pytree_with_keys(record, flatten_with_keys, unflatten, flatten)
+    return record
+
+
+def replace(thing: Cls, **changes: Any) -> Cls:
+    """A copy of a frozen record with some fields changed; nothing is checked again, so leaves may be tracers."""
+    unknown = set(changes) - {f.name for f in dataclasses.fields(thing)}  # type: ignore[arg-type]
+    if unknown:
+        raise TypeError(f"{type(thing).__name__} has no field {sorted(unknown)}")
+    copy = object.__new__(type(thing))
+    for field in dataclasses.fields(thing):  # type: ignore[arg-type]
+        object.__setattr__(copy, field.name, changes.get(field.name, getattr(thing, field.name)))
+    return copy
+
+
+def set_field(thing: Any, **values: Any) -> None:
+    """Set fields of a record under construction (in `__post_init__` only)."""
+    for name, value in values.items():
+        object.__setattr__(thing, name, value)

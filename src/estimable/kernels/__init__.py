@@ -1,0 +1,1 @@
+"""Array mathematics only: pure functions of arrays, in the letters of the paper each one cites."""

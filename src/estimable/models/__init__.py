@@ -1,0 +1,1 @@
+"""What is known before any data: models, priors, noise, and their files."""

@@ -1,0 +1,32 @@
+"""python-control in and out."""
+
+from .. import checks
+from .state_space import StateSpace
+
+
+def from_control(system, *, Q=None, R=None, G=None, S=None) -> StateSpace:
+    """A model from a `control.StateSpace`, with the noises that it does not carry."""
+    dt = system.dt
+    if dt is None or dt is True:
+        checks.refuse(f"the system's dt is {dt}: give it a sampling time in seconds, or 0 for continuous time.")
+    return StateSpace(
+        system.A, system.B, system.C, system.D, Q=Q, R=R, G=G, S=S, dt=float(dt),
+        states=system.state_labels, inputs=system.input_labels, outputs=system.output_labels,
+    )  # fmt: skip
+
+
+def to_control(model: StateSpace):
+    """`model` as a `control.StateSpace`, without its noises and operating point."""
+    try:
+        import control
+    except ImportError:
+        checks.refuse("python-control is not installed: pip install 'estimable[control]'.")
+    faults = checks.Faults()
+    if model.varying:
+        faults.add(f"python-control has no time-varying models: {checks.listed(model.varying)} vary in time.")
+    if model.B_end is not None:
+        faults.add("python-control has no first-order hold: `B_end` would be lost. Convert the continuous model.")
+    faults.finish()
+    return control.StateSpace(
+        model.A, model.B, model.C, model.D, model.dt, states=model.states, inputs=model.inputs, outputs=model.outputs
+    )

@@ -1,0 +1,60 @@
+"""What is believed before the first sample."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field
+
+
+@frozen
+class Prior:
+    """A Gaussian belief about a state, a gain or a parameter, with directions of which nothing is known.
+
+    `mean` (n,) and `covariance` (n, n), in the units of what they describe; the covariance is positive semidefinite and
+    may be zero (known exactly). `diffuse` (n, r) spans what nothing is known of: the prior variance along its columns
+    is infinite, exactly, and never a large number. A covariance along a diffuse direction is what remains besides.
+
+    Raises `InputError` where a shape is wrong, the covariance not symmetric or indefinite, or `diffuse` rank deficient.
+
+    >>> Prior([0.0, 1.0], [[1.0, 0.0], [0.0, 4.0]]).size
+    2
+    >>> Prior([0.0, 0.0], np.zeros((2, 2)), diffuse=[[1.0], [0.0]]).diffuse.shape
+    (2, 1)
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    diffuse: np.ndarray | None = None
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        mean = faults.array("mean", self.mean, "n")
+        covariance = faults.covariance("covariance", self.covariance, "n n")
+        diffuse = None if self.diffuse is None else faults.array("diffuse", self.diffuse, "n r")
+        if diffuse is not None and not checks.is_traced(diffuse):
+            rank = np.linalg.matrix_rank(diffuse) if diffuse.size else 0
+            if rank < diffuse.shape[1]:
+                faults.add(f"`diffuse` must have independent columns. Got {diffuse.shape[1]} columns of rank {rank}.")
+        faults.finish()
+        set_field(self, mean=mean, covariance=covariance, diffuse=diffuse)
+
+    @property
+    def size(self) -> int:
+        """How many quantities it describes."""
+        return self.mean.shape[-1]
+
+    def in_basis(self, T) -> "Prior":
+        """The same belief about T x.
+
+        >>> Prior([1.0], [[2.0]]).in_basis([[3.0]]).covariance
+        array([[18.]])
+        """
+        T = np.asarray(T, float)
+        diffuse = None if self.diffuse is None else T @ self.diffuse
+        return Prior(T @ self.mean, T @ self.covariance @ T.T, diffuse=diffuse)
+
+
+def diffuse_columns(prior: Prior):
+    """The diffuse directions of a prior, (n, r), with r = 0 where there are none."""
+    return jnp.zeros((prior.mean.shape[-1], 0)) if prior.diffuse is None else jnp.asarray(prior.diffuse)

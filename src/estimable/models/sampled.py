@@ -1,0 +1,122 @@
+"""A model as the steps of an algorithm need it: discrete, its noises on unit white ones, one instant at a time."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, static
+from ..kernels.small import factor
+from .discretisation import over
+from .operating_point import OperatingPoint
+from .state_space import StateSpace
+
+
+class Clock(NamedTuple):
+    """The steps of a record: their distinct lengths (K,) in seconds, which of them each row has, and the hold of u."""
+
+    lengths: np.ndarray
+    rows: np.ndarray | None = None
+    hold: str = "zero_order"
+
+
+@frozen
+class SampledModel:
+    """x+ = A x + B u + B_end u_end + ω, y = C x + D u + v about `point`; v = V e, ω = Ω e + W e' with e, e' unit white.
+
+    Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` where several rows share one entry.
+    """
+
+    A: Any
+    B: Any
+    B_end: Any
+    C: Any
+    D: Any
+    V: Any
+    Ω: Any
+    W: Any
+    point: OperatingPoint | None
+    rows: Any = None
+    varying: tuple[str, ...] = static(default=())
+
+    def at(self, k) -> "SampledModel":
+        """The model at row k."""
+        if not self.varying:
+            return self
+        row = k if self.rows is None else self.rows[k]
+        instant = {name: jax.lax.dynamic_index_in_dim(getattr(self, name), row, keepdims=False) for name in self.varying}
+        return replace(self, rows=None, varying=(), **instant)
+
+
+def sample(model: StateSpace | SampledModel, clock: Clock) -> SampledModel:
+    """`model` sampled at the steps of `clock`; a discrete model keeps its own step.
+
+    Leading axes of a stacked model stay in front. Traceable for a discrete model. Raises `InputError` without R.
+    """
+    if isinstance(model, SampledModel):
+        return model
+    if model.R is None:
+        checks.refuse("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros.")
+    rows = None
+    if model.is_continuous:
+        model, rows = _discrete(model, clock)
+    V, Ω, W = _white(model)
+    moving = {"A": "A", "B": "B", "B_end": "B_end", "C": "C", "D": "D"}
+    noise = {"G", "Q", *(("S", "R") if model.S is not None else ())} & set(model.varying)
+    varying = [name for name in moving if name in model.varying]
+    varying += ["W"] * bool(noise) + ["V"] * ("R" in model.varying or (Ω is not None and bool(noise)))
+    varying += ["Ω"] * (Ω is not None and bool(noise))
+    return SampledModel(
+        model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, model.operating_point, rows, tuple(varying)
+    )  # fmt: skip
+
+
+def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray | None]:
+    """The discrete model, with one entry for each distinct step, or one for each row if the model varies."""
+    lengths, rows = np.atleast_1d(clock.lengths), clock.rows
+    if model.varying and rows is not None:
+        lengths, rows = lengths[rows], None
+
+    def timed(name):
+        M = getattr(model, name)
+        return M if name in model.varying else M[..., None, :, :]
+
+    G = timed("G")
+    Φ, B, B_end, Q = over(timed("A"), timed("B"), G @ timed("Q") @ np.swapaxes(G, -1, -2), lengths, hold=clock.hold)
+    n = model.n
+    changed = {"A": Φ, "B": B, "B_end": B_end, "Q": Q}
+    fixed = {name for name, M in changed.items() if M is not None and M.shape[-3] == 1}
+    changed = {name: M[..., 0, :, :] if name in fixed else M for name, M in changed.items()}
+    varying = {name for name, M in changed.items() if M is not None} - fixed
+    kept = {name for name in model.varying if name in ("C", "D", "R")}
+    G = np.broadcast_to(np.eye(n), (*model.A.shape[: model.A.ndim - 2 - ("A" in model.varying)], n, n))
+    return replace(model, **changed, G=G, dt=float(np.mean(lengths)), varying=tuple(sorted(varying | kept))), rows
+
+
+_factor = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
+
+
+def _white(model: StateSpace):
+    """V, Ω, W: the factor of the joint covariance of (v, G w)."""
+    if model.S is None:
+        return _factor(model.R), None, model.G @ _factor(model.Q)
+    Q, R, S, G = _together(model, ("Q", "R", "S", "G"))
+    p = model.p
+    joint = jnp.concatenate(
+        [jnp.concatenate([R, jnp.swapaxes(S, -1, -2)], -1), jnp.concatenate([S, Q], -1)], axis=-2
+    )
+    L = _factor(joint)
+    return L[..., :p, :p], G @ L[..., p:, :p], G @ L[..., p:, p:]
+
+
+def _together(model: StateSpace, names):
+    """The named matrices, each with a time axis of full length if any of them varies."""
+    T = next((getattr(model, name).shape[-3] for name in names if name in model.varying), None)
+    matrices = (getattr(model, name) for name in names)
+    if T is None:
+        return tuple(matrices)
+    return tuple(
+        M if name in model.varying else jnp.repeat(M[..., None, :, :], T, axis=-3) for name, M in zip(names, matrices, strict=True)
+    )

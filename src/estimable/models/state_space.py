@@ -1,0 +1,189 @@
+"""The linear state-space model with its noises."""
+
+from dataclasses import KW_ONLY
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from .operating_point import OperatingPoint
+
+MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S", "B_end")
+
+
+@frozen
+class StateSpace:
+    """A linear model with noise, discrete (dt > 0) or continuous (dt = 0), constant or varying in time.
+
+    Discrete: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], with cov w = Q, cov v = R, cov(w, v) = S.
+    Continuous: dx/dt = A x + B u + G w with Q a density (per second); y[k] is a sample, and R its covariance (a density
+    in the continuous Riccati and estimability functions).
+
+    Shapes: A (n, n), B (n, m), C (p, n), D (p, m), G (n, q), Q (q, q), R (p, p), S (q, p). Not given: B and D are zero,
+    C and G the identity, Q and S zero; R has no default, and what needs it says so. Any of them may have a leading time
+    axis: row k holds from t[k] to t[k+1]. `dt` is in seconds. `states`, `inputs`, `outputs` name the channels (default
+    x1.., u1.., y1..); records are matched to them by name. `operating_point` = {"states", "inputs", "outputs"}: where
+    the model is linear, in absolute units; records, priors and results are then in absolute units too.
+    `B_end` (n, m): the effect of u[k+1] on x[k+1], where the input moves between samples (first-order hold).
+
+    Raises `InputError` with every fault at once: shapes, covariances not symmetric or indefinite, names.
+
+    >>> model = StateSpace([[0.9]], [[1.0]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=0.5, states=["level"])
+    >>> model.n, model.m, model.p, model.outputs
+    (1, 1, 1, ('y1',))
+    """
+
+    A: np.ndarray
+    B: np.ndarray = None  # type: ignore[assignment]
+    C: np.ndarray = None  # type: ignore[assignment]
+    D: np.ndarray = None  # type: ignore[assignment]
+    _: KW_ONLY
+    Q: np.ndarray = None  # type: ignore[assignment]
+    R: np.ndarray | None = None
+    G: np.ndarray = None  # type: ignore[assignment]
+    S: np.ndarray | None = None
+    B_end: np.ndarray | None = None
+    dt: float = static()
+    states: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
+    inputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
+    outputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
+    operating_point: OperatingPoint | None = None
+    varying: tuple[str, ...] = static(default=(), init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        dt = faults.number("dt", self.dt, lower=0.0, unit="seconds")
+        matrices = _read_matrices(self, faults)
+        if not faults.sentences:
+            matrices = _complete(matrices)
+            _check_noise(matrices, dt, faults)
+        names = {
+            "states": faults.names("states", self.states, "n", "x"),
+            "inputs": faults.names("inputs", self.inputs, "m", "u"),
+            "outputs": faults.names("outputs", self.outputs, "p", "y"),
+        }
+        point = None
+        if not faults.sentences:
+            point = OperatingPoint.of(self.operating_point, matrices["C"], matrices["D"], faults)
+        faults.finish()
+        varying = tuple(name for name in MATRICES if matrices[name] is not None and np.ndim(matrices[name]) == 3)
+        set_field(self, dt=dt, operating_point=point, varying=varying, **matrices, **names)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.A.shape[-1]
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return self.B.shape[-1]
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return self.C.shape[-2]
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether dt = 0."""
+        return self.dt == 0
+
+    @property
+    def steps(self) -> int | None:
+        """How many rows of time the varying matrices have; None for a model that does not vary."""
+        return getattr(self, self.varying[0]).shape[0] if self.varying else None
+
+    def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
+        """The discrete model of a continuous one over steps of `dt` seconds.
+
+        `hold`: the input is constant over a step ("zero_order") or moves linearly to its next value ("first_order").
+        The process noise is that which accumulates over the step (Van Loan, IEEE TAC 23, 1978).
+
+        >>> slow = StateSpace([[-1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]], dt=0).discretise(0.1)
+        >>> bool(np.isclose(slow.A[0, 0], np.exp(-0.1))), bool(np.isclose(slow.Q[0, 0], 1 - np.exp(-0.2)))
+        (True, True)
+        """
+        from .discretisation import discretise
+
+        return discretise(self, dt, hold=hold)
+
+    def in_basis(self, T) -> "StateSpace":
+        """The same model in the states T x; they are named x1.. again.
+
+        >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
+        array([[0.5]])
+        """
+        T = np.asarray(T, float)
+        back = np.linalg.inv(T)
+        point = self.operating_point
+        return StateSpace(
+            T @ self.A @ back, T @ self.B, self.C @ back, self.D, Q=self.Q, R=self.R, G=T @ self.G, S=self.S,
+            B_end=None if self.B_end is None else T @ self.B_end, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
+            operating_point=point and OperatingPoint(T @ point.states, point.inputs, point.outputs),
+        )  # fmt: skip
+
+    @staticmethod
+    def from_control(system, *, Q=None, R=None, G=None, S=None) -> "StateSpace":
+        """A model from a `control.StateSpace` (dt = 0 is continuous there too), with the noises it does not carry.
+
+        Needs the extra `control`. Raises `InputError` where the system's dt is not a number.
+        """
+        from .control import from_control
+
+        return from_control(system, Q=Q, R=R, G=G, S=S)
+
+    def to_control(self):
+        """This model as a `control.StateSpace`, without its noises and operating point. Needs the extra `control`."""
+        from .control import to_control
+
+        return to_control(self)
+
+
+def _read_matrices(model: StateSpace, faults: checks.Faults) -> dict:
+    """Each matrix checked against those before it; None where not given or at fault."""
+    read = {"A": faults.array("A", model.A, "n n", leading="T")}
+    for name, axes in (("B", "n m"), ("C", "p n"), ("D", "p m"), ("G", "n q"), ("B_end", "n m")):
+        value = getattr(model, name)
+        if name == "C" and value is None:
+            faults.learn("p", faults.sizes.get("n", 0), "every state is an output")
+        if name == "G" and value is None:
+            faults.learn("q", faults.sizes.get("n", 0), "`G` is the identity")
+        read[name] = None if value is None else faults.array(name, value, axes, leading="T")
+    for name, axes in (("Q", "q q"), ("R", "p p")):
+        value = getattr(model, name)
+        read[name] = None if value is None else faults.covariance(name, value, axes, leading="T")
+    read["S"] = None if model.S is None else faults.array("S", model.S, "q p", leading="T")
+    return read
+
+
+def _complete(given: dict) -> dict:
+    """Fill in what was not given: a zero B or D, an identity C or G, a zero Q."""
+    n = given["A"].shape[-1]
+    p = n if given["C"] is None else given["C"].shape[-2]
+    inputs = next((given[name].shape[-1] for name in ("B", "D") if given[name] is not None), 0)
+    noises = n if given["G"] is None else given["G"].shape[-1]
+    defaults = {
+        "B": np.zeros((n, inputs)), "C": np.eye(n), "D": np.zeros((p, inputs)),
+        "G": np.eye(n), "Q": np.zeros((noises, noises)),
+    }  # fmt: skip
+    return {name: defaults.get(name) if value is None else value for name, value in given.items()}
+
+
+def _check_noise(matrices: dict, dt: float | None, faults: checks.Faults) -> None:
+    """What only the noises together can get wrong."""
+    faults.learn("m", matrices["B"].shape[-1], "neither `B` nor `D` has a column")
+    Q, R, S = (matrices[name] for name in ("Q", "R", "S"))
+    if S is None or checks.is_traced(Q, R, S):
+        return
+    if dt == 0:
+        faults.add("`S` is between noises of the same sample: a continuous model (dt = 0) has none. Discretise it first.")
+    elif R is None:
+        faults.add("`S` needs `R`, the covariance of the measurement noise.")
+    else:
+        joint_shape = np.broadcast_shapes(Q.shape[:-2], R.shape[:-2], S.shape[:-2])
+        Q, R, S = (np.broadcast_to(M, (*joint_shape, *M.shape[-2:])) for M in (Q, R, S))
+        joint = np.block([[Q, S], [np.swapaxes(S, -1, -2), R]])
+        smallest = np.linalg.eigvalsh(joint).min()
+        if smallest < -checks.ROUNDING * np.abs(joint).max() * joint.shape[-1]:
+            faults.add(f"[[Q, S], [S.T, R]] must be positive semidefinite: its smallest eigenvalue is {smallest:.6g}.")

@@ -1,0 +1,223 @@
+"""The records that a step takes and gives, and those that the drivers return."""
+
+import math
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from .frozen import frozen, static
+
+
+@frozen
+class Sample:
+    """One instant of a record: outputs y (p,), the mask of what was seen, the input u (m,) and what of it arrived."""
+
+    y: Any
+    seen: Any
+    u: Any
+    arrived: Any = None
+
+
+@frozen
+class Interval:
+    """From one sample to the next: the input at both ends, what of it arrived, and the length in seconds."""
+
+    u: Any
+    u_end: Any
+    arrived: Any = None
+    dt: Any = None
+
+
+@frozen
+class Info:
+    """What an algorithm says after one sample, in the user's units; None where it does not apply.
+
+    `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans what nothing is known of yet.
+    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`.
+    """
+
+    mean: Any = None
+    covariance: Any = None
+    innovation: Any = None
+    innovation_covariance: Any = None
+    log_likelihood: Any = None
+    gain: Any = None
+    gain_covariance: Any = None
+    unknown_input: Any = None
+    unknown_input_covariance: Any = None
+    diffuse_covariance: Any = None
+    outcome: Any = None
+    extra: Any = None
+
+
+OUTCOMES = {
+    0: "",
+    1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
+    2: "an output without noise contradicts a value that is known exactly: give the output or the state some noise",
+}
+
+
+def outcome_code(contradicted, *arrays):
+    """The code of a step: 1 where an array is not finite, else 2 where a datum was contradicted, else 0."""
+    finite = jnp.array(True)
+    for array in arrays:
+        finite &= jnp.all(jnp.isfinite(array))
+    return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
+
+
+class Outcome(NamedTuple):
+    """How a run ended: the first code that is not 0, its sample and time, and the sentence that says what happened."""
+
+    code: int
+    sample: int | None
+    time: float | None
+    sentence: str
+
+    @staticmethod
+    def of(code: int, sample: int, t: np.ndarray | None) -> "Outcome":
+        """The outcome of a run whose first failing sample is given."""
+        if code == 0:
+            return Outcome(0, None, None, "")
+        time = None if t is None else float(t[sample])
+        when = f"sample {sample}" + ("" if time is None else f" (t = {time:g} s)")
+        return Outcome(code, sample, time, f"At {when}: {OUTCOMES[code]}.")
+
+
+class Names(NamedTuple):
+    """What the columns of a result are called."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    gains: tuple[str, ...] = ()
+
+
+class Kept:
+    """The arrays of an `Info`, read by name."""
+
+    info: Info
+
+    @property
+    def mean(self):
+        """Estimated states, (T, n)."""
+        return self.info.mean
+
+    @property
+    def covariance(self):
+        """Their covariances, (T, n, n)."""
+        return self.info.covariance
+
+    @property
+    def gain(self):
+        """Estimated gains, (T, p)."""
+        return self.info.gain
+
+    @property
+    def gain_covariance(self):
+        """Their covariances, (T, p, p)."""
+        return self.info.gain_covariance
+
+    @property
+    def unknown_input(self):
+        """Estimated inputs, (T, d)."""
+        return self.info.unknown_input
+
+    @property
+    def unknown_input_covariance(self):
+        """Their covariances, (T, d, d)."""
+        return self.info.unknown_input_covariance
+
+    @property
+    def innovation(self):
+        """Outputs minus their predictions, (T, p); NaN where not seen."""
+        return self.info.innovation
+
+    @property
+    def innovation_covariance(self):
+        """Covariances of the innovations, (T, p, p), of outputs not seen too."""
+        return self.info.innovation_covariance
+
+    @property
+    def diffuse_covariance(self):
+        """What nothing is known of, (T, n, n): the factor of an infinite variance; None for a proper prior."""
+        return self.info.diffuse_covariance
+
+    @property
+    def log_likelihood_steps(self):
+        """Log-likelihood of each sample given those before it, (T,)."""
+        return self.info.log_likelihood
+
+    @property
+    def extra(self):
+        """What this algorithm alone says, by name."""
+        return self.info.extra or {}
+
+
+@frozen
+class Estimate(Kept):
+    """What `estimate` returns: row k of every array uses the samples 0..k. What does not apply, or was not kept, is None.
+
+    `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
+    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last.
+    """
+
+    info: Info
+    t: Any
+    log_likelihood: float
+    outcome: Outcome = static()
+    engine: str = static()
+    names: Names = static()
+
+    def to_pandas(self):
+        """A DataFrame, one row a sample, indexed by time: each state, gain and innovation with its standard deviation."""
+        from .tables import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self):
+        """An xarray Dataset with named dimensions and the full covariances. Needs the extra `xarray`."""
+        from .tables import to_xarray
+
+        return to_xarray(self)
+
+    def plot(self):
+        """A plotly figure: states and gains with their 2 sigma bands, and innovations with their bounds."""
+        from .figures.estimates import plot_estimate
+
+        return plot_estimate(self)
+
+
+@frozen
+class EstimateBank(Kept):
+    """What `estimate_bank` returns: the arrays of `Estimate` with a leading batch axis; `bank[i]` is one `Estimate`."""
+
+    info: Info
+    t: Any
+    log_likelihood: Any
+    outcomes: tuple[Outcome, ...] = static()
+    engine: str = static()
+    names: Names = static()
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, i: int) -> Estimate:
+        import jax
+
+        one = jax.tree_util.tree_map(lambda leaf: leaf[i], self.info)
+        t = self.t if self.t is None or np.ndim(self.t) == 1 else self.t[i]
+        return Estimate(one, t, float(self.log_likelihood[i]), self.outcomes[i], self.engine, self.names)
+
+
+@frozen
+class Simulation:
+    """What `simulate` returns: the `record` that the sensors give, and the true `state` (T, n) behind it."""
+
+    record: Any
+    state: Any
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """The number, or None where it is not one: JSON has no NaN."""
+    return None if value is None or not math.isfinite(value) else float(value)

@@ -1,0 +1,1 @@
+"""The drivers, one verb a file: the only callers of the engines."""

@@ -1,0 +1,137 @@
+"""An algorithm, a record and a prior made ready for an engine: matched by name, checked together, sampled."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import UNIFORM, Record, match
+from ..models.prior import Prior
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Names, Sample
+
+MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
+
+
+class Bound(NamedTuple):
+    """What an engine runs; the samples and intervals of a bank have a leading batch axis."""
+
+    algorithm: Any
+    samples: Sample
+    intervals: Interval
+    names: Names
+    t: np.ndarray | None
+
+
+def select(info: Info, keep: str) -> Info:
+    """What is kept of an info."""
+    if keep in ("all", "last"):
+        return info
+    return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ("outcome",))})
+
+
+def model_of(algorithm: Any) -> StateSpace:
+    """The model inside an algorithm and its wrappers."""
+    while not hasattr(algorithm, "model"):
+        algorithm = algorithm.algorithm
+    return algorithm.model
+
+
+def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = None, algorithms: Any = None) -> Bound:
+    """Check everything together, then match by name, resolve what was applied, and sample the model.
+
+    Of a bank, `algorithm`, `record` and `prior` are one run, which stands for the shapes and names of all; `bank` and
+    `algorithms` then hold the numbers of all.
+    """
+    faults = checks.Faults()
+    _check_kinds(algorithm, record, prior, faults)
+    faults.finish()
+    model, names, rows = model_of(algorithm), algorithm.names, bank or record
+    outputs = columns(names.outputs, record.outputs, "output", "y", faults)
+    inputs = columns(names.inputs, record.inputs, "input", "u", faults)
+    check_prior(prior, model, faults)
+    _check_time(model, record, faults)
+    faults.finish()
+    u = rows.applied()[..., inputs]
+    check_known(u, names.inputs, faults)
+    faults.finish()
+    clock = record.clock(model.dt or None)
+    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    y = rows.y[..., outputs]
+    samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u)
+    u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
+    intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
+    return Bound((algorithms or algorithm).sampled(clock), samples, intervals, names, rows.t)
+
+
+def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
+    if not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
+        faults.add(f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}.")
+    if not isinstance(record, Record):
+        faults.add(f"`record` must be a Record. Got {type(record).__name__}.{_batch_hint(record)}")
+    if not isinstance(prior, Prior):
+        faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{_batch_hint(prior)}")
+
+
+def _batch_hint(thing: Any) -> str:
+    many = type(thing).__name__ == "Stacked" or isinstance(thing, list | tuple)
+    return " For several at once use estimate_bank." if many else ""
+
+
+def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: str, faults: checks.Faults) -> list[int]:
+    """Columns of the record for the model's channels: by name, or by position where either has default names only."""
+    unnamed = any(channels == tuple(f"{letter}{i + 1}" for i in range(len(channels))) for channels in (names, given))
+    return match(names, unnamed, given, what, faults)
+
+
+def check_prior(prior: Any, model: StateSpace, faults: checks.Faults) -> None:
+    """The prior must describe the model's states."""
+    if prior.mean.shape[-1] != model.n:
+        faults.add(f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.mean.shape[-1]}.")
+
+
+def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:
+    """Every input must be known."""
+    unknown = np.isnan(u)
+    if unknown.any():
+        *run, row, channel = np.argwhere(unknown)[0]
+        faults.add(
+            f"input {names[channel]!r} is not known at row {row}{f' of run {run[0]}' if run else ''}: NaN, or nobody knows "
+            "whether it arrived. This algorithm needs every input; one that nobody measured needs an unknown-input filter."
+        )
+
+
+def check_hold(model: StateSpace, hold: str, faults: checks.Faults) -> None:
+    """The record and a discrete model must agree on how the input moves between samples."""
+    if model.is_continuous or model.m == 0:
+        return
+    if hold == "first_order" and model.B_end is None:
+        faults.add(
+            f'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt = {model.dt:g} s) '
+            "and has no `B_end`: give the continuous model, or model.discretise(dt, hold='first_order')."
+        )
+    if hold == "zero_order" and model.B_end is not None:
+        faults.add(
+            'the model was discretised for an input that moves between samples (it has `B_end`), but the record says '
+            'hold = "zero_order".'
+        )
+
+
+def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> None:
+    check_hold(model, record.hold, faults)
+    if model.steps is not None and model.steps != len(record):
+        faults.add(f"the model varies over {model.steps} rows of time, the record has {len(record)}.")
+    if model.is_continuous:
+        if record.t is None and len(record) > 1:
+            faults.add("the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds.")
+        return
+    if record.t is None or len(record) == 1:
+        return
+    if record.dt is None:
+        steps = np.diff(record.t)
+        faults.add(
+            f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete with "
+            f"dt = {model.dt:g} s: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
+        )
+    elif abs(record.dt - model.dt) > UNIFORM * model.dt:
+        faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")

@@ -1,0 +1,102 @@
+"""Run many estimators, or one over many records, at once."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..data.record import UNIFORM, Record
+from ..engines import xla
+from ..errors import RunError
+from ..results import EstimateBank, Outcome
+from .binding import Bound, bind, select
+from .estimate import check_options
+from .stack import Stacked, stack
+
+
+def estimate_bank(
+    algorithms: Any,
+    records: Any,
+    *,
+    prior: Any,
+    on_failure: str = "raise",
+    engine: str = "auto",
+    keep: str = "all",
+) -> EstimateBank:
+    """Run a bank of estimators: each of `algorithms`, `records` and `prior` is one, shared, or several (`stack`, or a list).
+
+    Everything stacked has the same size B, and so has the result's leading axis. Records of a bank have equal times.
+    Options as in `estimate`, which run i of a bank equals to rounding.
+
+    Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
+
+    >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> records = stack([Record([[2.0]], dt=1), Record([[4.0]], dt=1)])
+    >>> estimate_bank(Kalman(model), records, prior=Prior([0.0], [[1.0]])).mean.ravel().tolist()
+    [1.0, 2.0]
+    """
+    check_options(on_failure, engine, keep)
+    parts = [stack(part) if isinstance(part, list | tuple) else part for part in (algorithms, records, prior)]
+    bound = _bind(*parts)
+    axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
+    priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
+    run = _run_bank(bound.algorithm, priors, bound.samples, bound.intervals, axes=axes, keep=keep)
+    run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
+    outcomes = tuple(
+        Outcome.of(int(code), int(k), bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i])
+        for i, (code, k) in enumerate(zip(run.code, run.failed_at, strict=True))
+    )
+    _settle(outcomes, on_failure)
+    info = jax.tree_util.tree_map(lambda leaf: leaf[:, None], run.info) if keep == "last" else run.info
+    t = bound.t if keep != "last" or bound.t is None else bound.t[..., -1:]
+    return EstimateBank(info, t, run.log_likelihood, outcomes, "xla", bound.names)
+
+
+def _bind(algorithms: Any, records: Any, prior: Any) -> Bound:
+    """One run checked like a single one, then the numbers of all."""
+    parts = {"algorithms": algorithms, "records": records, "prior": prior}
+    sizes = {name: len(part) for name, part in parts.items() if isinstance(part, Stacked)}
+    if not sizes:
+        checks.refuse("nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors.")
+    if len(set(sizes.values())) > 1:
+        told = ", ".join(f"`{name}` holds {size}" for name, size in sizes.items())
+        checks.refuse(f"everything stacked must have one size: {told}.")
+    bank = records.items if isinstance(records, Stacked) else None
+    if isinstance(bank, Record):
+        _check_times(bank)
+    return bind(
+        _first(algorithms), _first(records), _first(prior), bank=bank,
+        algorithms=algorithms.items if isinstance(algorithms, Stacked) else None,
+    )  # fmt: skip
+
+
+def _first(part: Any) -> Any:
+    """The first of a stack, or what is shared."""
+    return jax.tree_util.tree_map(lambda leaf: leaf[0], part.items) if isinstance(part, Stacked) else part
+
+
+def _check_times(bank: Record) -> None:
+    """The records of a bank are sampled alike."""
+    if bank.t is None or bank.t.shape[-1] == 1:
+        return
+    steps = np.diff(bank.t, axis=-1)
+    apart = np.abs(steps - steps[0]).max(axis=-1) > UNIFORM * steps.min()
+    if apart.any():
+        checks.refuse(f"the records of a bank must have the same time steps: record {np.argmax(apart)} differs from record 0.")
+
+
+@partial(jax.jit, static_argnames=("keep", "axes"))
+def _run_bank(algorithm, prior, samples, intervals, *, axes, keep):
+    def one(algorithm, prior, samples, intervals):
+        return xla.scan(algorithm, algorithm.init(prior), samples, intervals, keep=keep, select=select)
+
+    a, r, p = axes
+    return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)
+
+
+def _settle(outcomes: tuple[Outcome, ...], on_failure: str) -> None:
+    for i, outcome in enumerate(outcomes):
+        if outcome.code and on_failure == "raise":
+            raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))

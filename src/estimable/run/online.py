@@ -1,0 +1,185 @@
+"""Run an algorithm one sample at a time."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..errors import RunError
+from ..frozen import frozen, replace, set_field, static
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Outcome, Sample
+from .binding import check_prior, model_of
+from .estimate import ENGINES
+
+
+@jax.jit
+def _correct(algorithm, k, state, sample):
+    return algorithm.at(k).correct(state, sample)
+
+
+@jax.jit
+def _predict(algorithm, k, state, interval):
+    return algorithm.at(k).predict(state, interval)
+
+
+@frozen
+class Progress:
+    """Where a run stands: what is believed, the sample it is at, what the actuator holds, and the last info."""
+
+    state: Any
+    held: Any
+    info: Info | None = None
+    sample: int = static(default=0)
+    corrected: bool = static(default=False)
+
+
+@frozen
+class Online:
+    """An algorithm at work, one sample at a time; made by `online`. The only object of estimable that changes.
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> running = online(Kalman(model), prior=Prior([0.0], [[1.0]]))
+    >>> running.correct([2.0]).mean.tolist()
+    [1.0]
+    >>> running.predict([0.5])
+    >>> running.correct([float("nan")]).mean.tolist()
+    [1.5]
+    """
+
+    algorithm: Any
+    progress: Progress
+    hold: str = static(default="zero_order")
+    lost: str = static(default="zero")
+
+    def __post_init__(self):
+        self._set_caches()
+
+    def _set_caches(self) -> None:
+        set_field(self, _sampled={}, _dt=None)
+
+    @property
+    def info(self) -> Info | None:
+        """What the last `correct` said; None before the first."""
+        return self.progress.info
+
+    def correct(self, y, u=None, *, arrived=None) -> Info:
+        """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D)."""
+        model, faults = model_of(self.algorithm), checks.Faults()
+        faults.learn("p", model.p, f"the model has {model.p} outputs")
+        y = faults.array("y", y, "p", nan=True)
+        self._check_room(faults)
+        if self.progress.corrected and model.S is not None:
+            faults.add("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once.")
+        if u is None and np.any(model.D):
+            faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
+        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        faults.finish()
+        sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied)
+        state, info = _correct(self._at_step(self._dt), self.progress.sample, self.progress.state, sample)
+        info = jax.tree_util.tree_map(np.asarray, info)
+        outcome = Outcome.of(int(info.outcome), self.progress.sample, None)
+        if outcome.code:
+            raise RunError(outcome)
+        set_field(self, progress=replace(self.progress, state=state, info=info, corrected=True))
+        return info
+
+    def predict(self, u=None, *, u_end=None, arrived=None, dt: float | None = None) -> None:
+        """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold."""
+        model, faults = model_of(self.algorithm), checks.Faults()
+        dt = self._step(dt, faults)
+        self._check_room(faults)
+        if u is None and model.m:
+            faults.add(f"`u` must be given to predict: the model has {model.m} input(s).")
+        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        end = applied
+        if self.hold == "first_order" and model.m:
+            if u_end is None:
+                faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
+            else:
+                end = self._applied(u_end, None, faults)
+        elif u_end is not None:
+            faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
+        faults.finish()
+        interval = Interval(applied, end, None, np.asarray(float(dt)))
+        state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
+        set_field(self, _dt=dt, progress=Progress(state, applied, self.info, self.progress.sample + 1))
+
+    def save(self, path: str | Path) -> None:
+        """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
+        from ..store import save
+
+        save(path, self)
+
+    def _step(self, dt: Any, faults: checks.Faults) -> float:
+        model = model_of(self.algorithm)
+        if dt is None:
+            if model.is_continuous and self._dt is None:
+                faults.add("`dt` must be given to the first predict: the model is continuous.")
+            return self._dt if model.is_continuous else model.dt
+        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+        if dt is not None and not model.is_continuous and abs(dt - model.dt) > 1e-6 * model.dt:
+            faults.add(f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed.")
+        return dt
+
+    def _applied(self, u: Any, arrived: Any, faults: checks.Faults):
+        """What the actuator applies: u where it arrived, else zero or what it holds."""
+        model = model_of(self.algorithm)
+        faults.learn("m", model.m, f"the model has {model.m} inputs")
+        u = faults.array("u", u, "m")
+        if arrived is None or u is None:
+            return u
+        arrived = faults.array("arrived", arrived, "m", nan=True)
+        if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
+            faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
+        return np.where(arrived == 1, u, self.progress.held if self.lost == "hold" else 0.0)
+
+    def _rest(self):
+        point = model_of(self.algorithm).operating_point
+        return np.zeros(model_of(self.algorithm).m) if point is None else point.inputs
+
+    def _check_room(self, faults: checks.Faults) -> None:
+        steps = model_of(self.algorithm).steps
+        if steps is not None and self.progress.sample >= steps:
+            faults.add(f"the model varies over {steps} rows of time, and all of them are used up.")
+
+    def _at_step(self, dt: float | None):
+        """The algorithm sampled at a step length; `correct` uses nothing that depends on it."""
+        if dt is None:
+            dt = next(iter(self._sampled), model_of(self.algorithm).dt or 1.0)
+        if dt not in self._sampled:
+            if len(self._sampled) >= 64:
+                self._sampled.clear()
+            self._sampled[dt] = self.algorithm.sampled(Clock(np.asarray(dt), None, self.hold))
+        return self._sampled[dt]
+
+
+def online(
+    algorithm: Any, *, prior: Prior, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
+) -> Online:
+    """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
+
+    `prior`: of the state at the first sample. `hold`: how the input moves between samples. `lost`: what the actuator does
+    when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)` and `.predict(u)`; `.info` is the last
+    answer, `.save(path)` keeps everything, and `load(path)` resumes.
+
+    Raises `InputError` for a wrong call, `RunError` where the numbers fail.
+    """
+    faults = checks.Faults()
+    faults.choice("engine", engine, ENGINES)
+    faults.choice("hold", hold, ("zero_order", "first_order"))
+    faults.choice("lost", lost, ("zero", "hold"))
+    if not isinstance(prior, Prior):
+        faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.")
+    faults.finish()
+    model = model_of(algorithm)
+    check_prior(prior, model, faults)
+    from .binding import check_hold
+
+    check_hold(model, hold, faults)
+    faults.finish()
+    return Online(algorithm, Progress(algorithm.init(prior), jnp.zeros(model.m)), hold, lost)

@@ -1,0 +1,135 @@
+"""Draw records from a model."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..frozen import frozen
+from ..kernels.small import apply, factor
+from ..models.prior import Prior
+from ..models.sampled import sample
+from ..models.state_space import StateSpace
+from ..results import Simulation
+from .binding import check_hold
+from .stack import Stacked
+
+
+@frozen
+class _Drive:
+    """What a simulation is driven by, row by row."""
+
+    u: Any
+    u_end: Any
+
+
+def simulate(
+    model: StateSpace, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order",
+) -> Simulation:  # fmt: skip
+    """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
+
+    `prior`: x[0] is drawn from it; without one it is the operating point (or zero). `steps`: how many rows, for a model
+    without inputs. `dt` or `t`, in seconds: of a continuous model.
+
+    Raises `InputError` with every fault of the call.
+
+    >>> model = StateSpace([[0.9]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> simulate(model, [[1.0], [0.0], [0.0]], seed=1).record.y.shape
+    (3, 1)
+    """
+    bank = simulate_bank(model, u, seed=seed, runs=1, prior=prior, steps=steps, dt=dt, t=t, hold=hold)
+    return jax.tree_util.tree_map(lambda leaf: leaf[0], bank.items)
+
+
+def simulate_bank(
+    model: StateSpace, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order",
+) -> Stacked:  # fmt: skip
+    """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
+
+    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs.
+
+    >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
+    (5, 3, 1)
+    """
+    record = _empty_record(model, u, steps, dt, t, hold)
+    if prior is not None and prior.size != model.n:
+        checks.refuse(f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.size}.")
+    if prior is not None and prior.diffuse is not None:
+        checks.refuse("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance.")
+    sampled = sample(model, record.clock(model.dt or None))
+    drive = _Drive(record.u, np.concatenate([record.u[1:], record.u[-1:]]))
+    keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
+    y, x = jax.tree_util.tree_map(np.asarray, _draw(sampled, drive, prior, keys))
+
+    def spread(array):
+        return None if array is None else np.broadcast_to(array, (runs, *array.shape))
+
+    names = {"inputs": model.inputs, "outputs": model.outputs}
+    template = Record(np.zeros_like(y[0]), record.u, dt=record.dt, t=record.t, hold=hold, **names)
+    leaves, structure = jax.tree_util.tree_flatten(template)
+    stacked = jax.tree_util.tree_unflatten(structure, [y, *(spread(leaf) for leaf in leaves[1:])])
+    return Stacked(Simulation(stacked, x), runs)
+
+
+def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
+    """The times and inputs of the run, checked."""
+    faults = checks.Faults()
+    if u is None and model.m:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s).")
+    if u is None and steps is None and t is None:
+        faults.add("`steps` must say how many rows to draw, as there is no `u`.")
+    if model.is_continuous and dt is None and t is None:
+        faults.add("`dt` or `t` must be given, in seconds: the model is continuous.")
+    if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
+        faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
+    check_hold(model, hold, faults)
+    faults.finish()
+    rows = steps if steps is not None else len(t) if u is None else len(u)
+    u = np.zeros((rows, 0)) if u is None else u
+    record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
+    if record.u.shape[1] != model.m:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s). Got {record.u.shape}.")
+    if np.isnan(record.u).any():
+        faults.add("`u` must not hold NaN: a simulation needs every input.")
+    if model.steps is not None and model.steps != rows:
+        faults.add(f"the model varies over {model.steps} rows of time, the input has {rows}.")
+    faults.finish()
+    return record
+
+
+@jax.jit
+def _draw(model, drive: _Drive, prior: Prior | None, keys):
+    T = drive.u.shape[0]
+    p, r = model.V.shape[-1], model.W.shape[-1]
+    point = model.point
+    x_origin, u_origin, y_origin = (0.0, 0.0, 0.0) if point is None else (point.states, point.inputs, point.outputs)
+
+    def one(key):
+        first, rows = jax.random.split(key)
+        x0 = jnp.zeros(model.A.shape[-1])
+        if prior is not None:
+            x0 = prior.mean - x_origin + apply(factor(prior.covariance), jax.random.normal(first, x0.shape))
+
+        def step(x, row):
+            k, drive, noise = row
+            now = model.at(k)
+            e, e2 = noise[:p], noise[p:]
+            u = drive.u - u_origin
+            y = apply(now.C, x) + apply(now.D, u) + y_origin + apply(now.V, e)
+            x_next = apply(now.A, x) + apply(now.B, u) + apply(now.W, e2)
+            if now.B_end is not None:
+                x_next = x_next + apply(now.B_end, drive.u_end - u_origin)
+            if now.Ω is not None:
+                x_next = x_next + apply(now.Ω, e)
+            return x_next, (y, x + x_origin)
+
+        return jax.lax.scan(step, x0, (jnp.arange(T), drive, jax.random.normal(rows, (T, p + r))))[1]
+
+    return jax.vmap(one)(keys)

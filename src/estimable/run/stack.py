@@ -1,0 +1,54 @@
+"""Several algorithms, records or priors as one, with a leading batch axis."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, static
+
+
+@frozen
+class Stacked:
+    """`size` things of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
+
+    items: Any
+    size: int = static()
+
+    def __len__(self) -> int:
+        return self.size
+
+
+def stack(items: Sequence[Any]) -> Stacked:
+    """Make one algorithm, record or prior of several of the same kind, shapes and names.
+
+    Raises `InputError` where they differ in kind, shape, names or another fixed setting, naming the first that does.
+
+    >>> len(stack([Prior([0.0], [[1.0]]), Prior([1.0], [[2.0]])]))
+    2
+    """
+    things = list(items)
+    if not things:
+        checks.refuse("`items` must hold at least one thing to stack.")
+    first = jax.tree_util.tree_structure(things[0])
+    shapes = _shapes(things[0])
+    for i, thing in enumerate(things[1:], start=1):
+        if type(thing) is not type(things[0]):
+            checks.refuse(f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}.")
+        if jax.tree_util.tree_structure(thing) != first:
+            checks.refuse(f"item {i} differs from item 0 in names, options, or in what is given and what is not.")
+        if _shapes(thing) != shapes:
+            checks.refuse(f"item {i} differs from item 0 in shape: {_first_difference(things[0], thing)}.")
+    return Stacked(jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *things), len(things))
+
+
+def _shapes(thing: Any) -> list[tuple[int, ...]]:
+    return [np.shape(leaf) for leaf in jax.tree_util.tree_leaves(thing)]
+
+
+def _first_difference(a: Any, b: Any) -> str:
+    pairs = zip(jax.tree_util.tree_leaves_with_path(a), jax.tree_util.tree_leaves(b), strict=True)
+    path, left, right = next((p, x, y) for (p, x), y in pairs if np.shape(x) != np.shape(y))
+    return f"`{jax.tree_util.keystr(path).lstrip('.')}` is {np.shape(left)} and {np.shape(right)}"
