@@ -4,16 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
 from ..errors import RunError
-from ..frozen import frozen, replace, set_field, static
+from ..frozen import frozen, replace, static
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
-from .binding import check_prior, model_of
+from .binding import check_hold, check_prior, model_of
 from .estimate import ENGINES
 
 
@@ -29,16 +28,19 @@ def _predict(algorithm, k, state, interval):
 
 @frozen
 class Progress:
-    """Where a run stands: what is believed, the sample it is at, what the actuator holds, and the last info."""
+    """All that a run is: the algorithm, what is believed, what the actuator holds, the last info, and where it stands."""
 
+    algorithm: Any
     state: Any
     held: Any
     info: Info | None = None
+    dt: float | None = static(default=None)
     sample: int = static(default=0)
     corrected: bool = static(default=False)
+    hold: str = static(default="zero_order")
+    lost: str = static(default="zero")
 
 
-@frozen
 class Online:
     """An algorithm at work, one sample at a time; made by `online`. The only object of estimable that changes.
 
@@ -51,16 +53,14 @@ class Online:
     [1.5]
     """
 
-    algorithm: Any
-    progress: Progress
-    hold: str = static(default="zero_order")
-    lost: str = static(default="zero")
+    def __init__(self, progress: Progress):
+        self.progress = progress
+        self._sampled: dict = {}
 
-    def __post_init__(self):
-        self._set_caches()
-
-    def _set_caches(self) -> None:
-        set_field(self, _sampled={}, _dt=None)
+    @property
+    def algorithm(self) -> Any:
+        """The algorithm at work."""
+        return self.progress.algorithm
 
     @property
     def info(self) -> Info | None:
@@ -80,12 +80,12 @@ class Online:
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
         sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied)
-        state, info = _correct(self._at_step(self._dt), self.progress.sample, self.progress.state, sample)
+        state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
         outcome = Outcome.of(int(info.outcome), self.progress.sample, None)
         if outcome.code:
             raise RunError(outcome)
-        set_field(self, progress=replace(self.progress, state=state, info=info, corrected=True))
+        self.progress = replace(self.progress, state=state, info=info, corrected=True)
         return info
 
     def predict(self, u=None, *, u_end=None, arrived=None, dt: float | None = None) -> None:
@@ -97,7 +97,7 @@ class Online:
             faults.add(f"`u` must be given to predict: the model has {model.m} input(s).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         end = applied
-        if self.hold == "first_order" and model.m:
+        if self.progress.hold == "first_order" and model.m:
             if u_end is None:
                 faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
             else:
@@ -107,7 +107,9 @@ class Online:
         faults.finish()
         interval = Interval(applied, end, None, np.asarray(float(dt)))
         state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
-        set_field(self, _dt=dt, progress=Progress(state, applied, self.info, self.progress.sample + 1))
+        self.progress = replace(
+            self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
@@ -118,9 +120,9 @@ class Online:
     def _step(self, dt: Any, faults: checks.Faults) -> float:
         model = model_of(self.algorithm)
         if dt is None:
-            if model.is_continuous and self._dt is None:
+            if model.is_continuous and self.progress.dt is None:
                 faults.add("`dt` must be given to the first predict: the model is continuous.")
-            return self._dt if model.is_continuous else model.dt
+            return self.progress.dt if model.is_continuous else model.dt
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         if dt is not None and not model.is_continuous and abs(dt - model.dt) > 1e-6 * model.dt:
             faults.add(f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed.")
@@ -136,7 +138,7 @@ class Online:
         arrived = faults.array("arrived", arrived, "m", nan=True)
         if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
-        return np.where(arrived == 1, u, self.progress.held if self.lost == "hold" else 0.0)
+        return np.where(arrived == 1, u, self.progress.held if self.progress.lost == "hold" else 0.0)
 
     def _rest(self):
         point = model_of(self.algorithm).operating_point
@@ -154,7 +156,7 @@ class Online:
         if dt not in self._sampled:
             if len(self._sampled) >= 64:
                 self._sampled.clear()
-            self._sampled[dt] = self.algorithm.sampled(Clock(np.asarray(dt), None, self.hold))
+            self._sampled[dt] = self.algorithm.sampled(Clock(np.asarray(dt), None, self.progress.hold))
         return self._sampled[dt]
 
 
@@ -178,8 +180,6 @@ def online(
     faults.finish()
     model = model_of(algorithm)
     check_prior(prior, model, faults)
-    from .binding import check_hold
-
     check_hold(model, hold, faults)
     faults.finish()
-    return Online(algorithm, Progress(algorithm.init(prior), jnp.zeros(model.m)), hold, lost)
+    return Online(Progress(algorithm, algorithm.init(prior), np.zeros(model.m), hold=hold, lost=lost))

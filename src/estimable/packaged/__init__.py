@@ -1,0 +1,10 @@
+"""The example flight and its model file, which come with the package."""
+
+from importlib.resources import as_file, files
+from pathlib import Path
+
+
+def path(name: str) -> Path:
+    """Path of a packaged file: "f16-flight.csv", "f16-model.toml"."""
+    with as_file(files(__name__) / name) as found:
+        return found

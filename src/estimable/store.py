@@ -1,0 +1,100 @@
+"""Save and load: one .npz with a JSON header. Known classes only; never pickle."""
+
+import json
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import jax
+import numpy as np
+
+from . import catalogue, checks
+from .data.record import Record
+from .filters.belief import Belief
+from .frozen import leaf_fields, static_fields
+from .models.operating_point import OperatingPoint
+from .models.prior import Prior
+from .models.state_space import StateSpace
+from .results import Estimate, EstimateBank, Info, Names, Outcome, Simulation
+from .run.online import Online, Progress
+from .run.stack import Stacked
+
+FORMAT = 1
+RECORDS = {
+    cls.__name__: cls
+    for cls in (
+        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Belief, Info, Estimate,
+        EstimateBank, Simulation, Stacked, Progress,
+    )
+}  # fmt: skip
+TUPLES = {cls.__name__: cls for cls in (Names, Outcome)}
+
+
+def save(path: str | Path, thing: Any) -> None:
+    """Write an algorithm, model, prior, record, result or a running `online` to one .npz file, exactly.
+
+    Raises `InputError` for a thing of another kind.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    header = {"estimable": FORMAT, "thing": _encode(thing, "thing", arrays)}
+    with Path(path).open("wb") as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+
+
+def load(path: str | Path) -> Any:
+    """Read back what `save` wrote.
+
+    Raises `InputError` where the file is not there or was not written by `save`.
+    """
+    if not Path(path).is_file():
+        checks.refuse(f"{path} is not there.")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            header = json.loads(str(file["header"]))
+            if header["estimable"] != FORMAT:
+                checks.refuse(f"{path} has format {header['estimable']}; this version reads format {FORMAT}.")
+            return _decode(header["thing"], file)
+    except (KeyError, ValueError, OSError, BadZipFile, TypeError, AttributeError) as error:
+        if isinstance(error, checks.InputError):
+            raise
+        checks.refuse(f"{path} was not written by estimable.save, or is damaged: {type(error).__name__}.")
+
+
+def _encode(thing: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
+    """A JSON value; numbers in arrays are put aside under their path."""
+    if isinstance(thing, Online):
+        return {"online": _encode(thing.progress, where, arrays)}
+    name = type(thing).__name__
+    if RECORDS.get(name) is type(thing):
+        fields = (*leaf_fields(type(thing)), *static_fields(type(thing)))
+        return {"record": name, "fields": {f: _encode(getattr(thing, f), f"{where}.{f}", arrays) for f in fields}}
+    if isinstance(thing, np.ndarray | jax.Array | np.generic):
+        arrays[where] = np.asarray(thing)
+        return {"array": where}
+    if isinstance(thing, tuple):
+        kind = name if TUPLES.get(name) is type(thing) else "tuple"
+        return {"tuple": kind, "items": [_encode(item, f"{where}.{i}", arrays) for i, item in enumerate(thing)]}
+    if isinstance(thing, dict):
+        return {"dict": {key: _encode(value, f"{where}.{key}", arrays) for key, value in thing.items()}}
+    if thing is None or isinstance(thing, bool | int | float | str):
+        return {"value": thing}
+    checks.refuse(f"`thing` must be one of {checks.listed(RECORDS)} or a running online. Got {name} (at {where}).")
+
+
+def _decode(code: Any, arrays) -> Any:
+    if "online" in code:
+        return Online(_decode(code["online"], arrays))
+    if "array" in code:
+        return arrays[code["array"]]
+    if "tuple" in code:
+        items = [_decode(item, arrays) for item in code["items"]]
+        return tuple(items) if code["tuple"] == "tuple" else TUPLES[code["tuple"]](*items)
+    if "dict" in code:
+        return {key: _decode(value, arrays) for key, value in code["dict"].items()}
+    if "value" in code:
+        return code["value"]
+    cls = RECORDS[code["record"]]
+    thing = object.__new__(cls)
+    for field in (*leaf_fields(cls), *static_fields(cls)):
+        object.__setattr__(thing, field, _decode(code["fields"][field], arrays))
+    return thing
