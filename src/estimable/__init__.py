@@ -1,14 +1,62 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
-from . import precision as _precision  # noqa: F401  float64, before any array is made
+from . import precision as _precision  # isort: skip  # float64, before any array is made
+from . import catalogue, diagnostics, plants
 from .data.reading import read_record
 from .data.record import Record
+from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
+from .models.files import GainSection, ModelFile, read_model, write_model
+from .models.operating_point import OperatingPoint
 from .models.prior import Prior
 from .models.state_space import StateSpace
+from .results import Estimate, EstimateBank, Info, Interval, Outcome, Sample, Simulation
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
-from .run.stack import stack
-from .run.online import online
+from .run.online import Online, online
 from .run.simulate import simulate, simulate_bank
+from .run.stack import Stacked, stack
+from .store import load, save
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AssumptionError",
+    "EstimableError",
+    "EstimableWarning",
+    "Estimate",
+    "EstimateBank",
+    "GainSection",
+    "Info",
+    "InputError",
+    "Interval",
+    "Kalman",
+    "ModelFile",
+    "Online",
+    "OperatingPoint",
+    "Outcome",
+    "Prior",
+    "Record",
+    "RunError",
+    "Sample",
+    "Simulation",
+    "Stacked",
+    "StateSpace",
+    "UnknownGain",
+    "catalogue",
+    "diagnostics",
+    "estimate",
+    "estimate_bank",
+    "load",
+    "log_likelihood",
+    "online",
+    "plants",
+    "read_model",
+    "read_record",
+    "save",
+    "simulate",
+    "simulate_bank",
+    "stack",
+    "write_model",
+]

@@ -1,0 +1,124 @@
+"""The F-16's short period with a loop gain that drops in flight (A. G. Sillence 1999, ch. 3 and 5, errata corrected).
+
+State (alpha [deg], pitch_rate [deg/s]), input the elevator deflection [deg]; the loop gain K multiplies b. The thesis
+prints 1.2915 for M_alpha, where its pole table needs 3.5, and .3 for the gain on the actuator, where it needs -.4.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..models.state_space import StateSpace
+
+A = np.array([[-1.3433, 0.9946], [3.5, -1.0521]])
+B = np.array([[-0.1525], [-24.3282]])
+ACTUATOR = 20.0                    # [1/s]: 20 / (s + 20) from the command to the deflection
+FEEDBACK = np.array([0.283, 0.876, -0.4])  # of alpha, q and the deflection, in dec = ... - .9964 q_c
+COMMAND = -0.9964
+INTEGRAL = -0.0001                 # of z, dz/dt = q_c - q
+SIGMA_ALPHA, SIGMA_Q = 0.03, 0.1108  # sensor noise [deg], [deg/s]: "37.227 dB"
+RATE = 100.0                       # samples per second
+SECONDS = 16.5
+STATES, OUTPUTS, INPUTS = ("alpha", "pitch_rate"), ("alpha_deg", "pitch_rate_deg_s"), ("elevator_deg",)
+SIMULATIONS = ("continuous_actuator", "held_elevator")
+
+
+def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, Q=None) -> StateSpace:
+    """The continuous short period, both states measured. `Q`: density of process noise, per second (default none).
+
+    >>> [complex(round(z.real, 4)) for z in np.linalg.eigvals(short_period().A)]
+    [(0.6737+0j), (-3.0691+0j)]
+    """
+    R = np.diag([sigma_alpha**2, sigma_q**2])
+    return StateSpace(A, B, Q=Q, R=R, dt=0, states=STATES, inputs=INPUTS, outputs=OUTPUTS)
+
+
+def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
+    """State matrix of the loop under (alpha, q, deflection, z): z is dropped by `integral=False` (the P law).
+
+    >>> [round(float(abs(z)), 4) for z in np.sort_complex(np.linalg.eigvals(closed_loop(0.08)))][:2]
+    [26.6776, 3.721]
+    """
+    F = np.zeros((4, 4))
+    F[:2, :2], F[:2, 2:3] = A, gain * B
+    F[2, :3], F[2, 2], F[2, 3] = ACTUATOR * FEEDBACK, ACTUATOR * (FEEDBACK[2] - 1), ACTUATOR * INTEGRAL
+    F[3, 1] = -1.0
+    return F if integral else F[:3, :3]
+
+
+def pitch_command(t: np.ndarray) -> np.ndarray:
+    """Three pitch-rate doublets of ±10 deg/s, period 4.5 s, then zero, through 3 / (s + 3): exact at the times t [s]."""
+    edges = np.arange(0.0, 13.5 + 1e-9, 2.25)
+    steps = np.array([10.0, -20.0, 20.0, -20.0, 20.0, -20.0, 10.0])
+    since = np.asarray(t, float)[:, None] - edges
+    return np.sum(np.where(since > 0, steps * -np.expm1(-3 * np.maximum(since, 0)), 0.0), axis=1)
+
+
+class Flight(NamedTuple):
+    """A record of one flight, with what was true: states (T, 2), gain (T,), and the pitch-rate command (T,)."""
+
+    record: Record
+    state: np.ndarray
+    gain: np.ndarray
+    command: np.ndarray
+
+
+def flight(
+    gain_after: float, *, seed: int, failure_time: float = 4.5, simulation: str = "continuous_actuator",
+    sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
+) -> Flight:  # fmt: skip
+    """Fly the doublets under the PI law; at `failure_time` [s] the loop gain drops from 1 to `gain_after`.
+
+    `simulation`: "continuous_actuator" (the command is held over a sample, plant and actuator move together; the record's
+    hold is "first_order") or "held_elevator" (the deflection itself is held, the thesis's simulation). The true states
+    are fed back, the sensors' noise is in the record only.
+
+    >>> flown = flight(0.5, seed=1)
+    >>> flown.record.y.shape, float(flown.gain[-1])
+    ((1651, 2), 0.5)
+    """
+    faults = checks.Faults()
+    faults.choice("simulation", simulation, SIMULATIONS)
+    faults.number("gain_after", gain_after)
+    faults.finish()
+    held = simulation == "held_elevator"
+    t = np.arange(round(SECONDS * RATE) + 1) / RATE
+    gain = np.where(t >= failure_time - 1e-9, gain_after, 1.0)
+    command = pitch_command(t)
+    x = _fly(command, gain, held=held)
+    noise = np.random.default_rng(seed).normal(size=(len(t), 2)) * [sigma_alpha, sigma_q]
+    record = Record(
+        x[:, :2] + noise, x[:, 2:3], dt=1 / RATE, outputs=OUTPUTS, inputs=INPUTS,
+        hold="zero_order" if held else "first_order",
+        units={"alpha_deg": "deg", "pitch_rate_deg_s": "deg/s", "elevator_deg": "deg"},
+    )  # fmt: skip
+    return Flight(record, x[:, :2], gain, command)
+
+
+def _fly(command: np.ndarray, gain: np.ndarray, *, held: bool) -> np.ndarray:
+    """States, deflection and z at the samples, under a command to the actuator that is held over each of them."""
+    transitions = {k: _transition(k, held) for k in np.unique(gain)}
+    x, rows = np.zeros(4), []
+    for q_c, k in zip(command, gain, strict=True):
+        rows.append(x)
+        dec = COMMAND * q_c + FEEDBACK @ x[:3] + INTEGRAL * x[3]
+        x = transitions[k] @ np.append(x, [dec, q_c])
+    return np.array(rows)
+
+
+def _transition(gain: float, held: bool) -> np.ndarray:
+    """From (alpha, q, deflection, z, dec, q_c) to the first four of them a sample later."""
+    from scipy.linalg import expm
+
+    M = np.zeros((6, 6))
+    M[:2, :2], M[:2, 2:3] = A, gain * B
+    M[3, 1], M[3, 5] = -1.0, 1.0
+    if held:                                   # the deflection jumps at the samples, as the actuator's exact response
+        step = expm(M / RATE)[:4]
+        decay = np.exp(-ACTUATOR / RATE)
+        step[2] = [0.0, 0.0, decay, 0.0, 1 - decay, 0.0]
+        return step
+    M[2, 2], M[2, 4] = -ACTUATOR, ACTUATOR
+    return expm(M / RATE)[:4]
