@@ -7,6 +7,7 @@ from typing import Any, NoReturn
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from .errors import InputError
 
@@ -47,7 +48,7 @@ class Faults:
 
         Values that are being traced by JAX pass unchecked.
         """
-        if isinstance(value, jax.core.Tracer):
+        if isinstance(value, Tracer):
             return value
         number_array = self._numbers(name, value, nan)
         if number_array is None:
@@ -112,7 +113,7 @@ class Faults:
     def covariance(self, name: str, value: Any, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
         P = self.array(name, value, axes, leading=leading)
-        if P is None or isinstance(P, jax.core.Tracer) or P.size == 0:
+        if P is None or isinstance(P, Tracer) or P.size == 0:
             return P
         turned = np.swapaxes(P, -1, -2)
         size = np.abs(P).max() or 1.0
@@ -132,7 +133,7 @@ class Faults:
     def number(self, name: str, value: Any, *, lower: float | None = None, above: float | None = None,
                upper: float | None = None, unit: str = "") -> Any:
         """`value` as a float between bounds (`lower`, `upper` included; `above` excluded)."""
-        if isinstance(value, jax.core.Tracer):
+        if isinstance(value, Tracer):
             return value
         if isinstance(value, np.ndarray) and value.shape == ():
             value = value.item()
@@ -205,4 +206,4 @@ def first_index(mask: np.ndarray) -> str:
 
 def is_traced(*values: Any) -> bool:
     """Whether JAX is tracing any of these."""
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree_util.tree_leaves(values))
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))

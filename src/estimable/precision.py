@@ -9,7 +9,7 @@ from .errors import EstimableWarning
 
 def enable_float64() -> None:
     """Enable float64 in JAX; warn where float32 arrays were made before, which stay what they are."""
-    if jax.config.jax_enable_x64:
+    if jax.config.read("jax_enable_x64"):
         return
     jax.config.update("jax_enable_x64", True)
     if _started() and any(array.dtype == "float32" for array in jax.live_arrays()):

@@ -32,14 +32,14 @@ class Record:
     (3, ('level',), ('u1',), 0.2)
     """
 
-    y: np.ndarray
-    u: np.ndarray = None  # type: ignore[assignment]
+    y: Any
+    u: Any = None
     _: KW_ONLY
     dt: float | None = static(default=None)
-    t: np.ndarray | None = None
-    inputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
-    outputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
-    arrived: np.ndarray | None = None
+    t: Any = None
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+    arrived: Any = None
     lost: str = static(default="zero")
     hold: str = static(default="zero_order")
     units: Any = static(default=())
@@ -119,7 +119,7 @@ class Record:
         """The steps of this record; `dt` where it has no time of its own. The last row has the step before it."""
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
-            return Clock(np.asarray(1.0 if regular is None else regular), None, self.hold)
+            return Clock.every(1.0 if regular is None else regular, self.hold)
         steps = np.diff(self.t)
         grid = np.median(steps) * UNIFORM
         _, first, rows = np.unique(np.round(steps / grid), return_index=True, return_inverse=True)

@@ -1,5 +1,7 @@
 """The Kalman filter."""
 
+from dataclasses import field
+
 from ..frozen import frozen, replace
 from ..kernels.small import apply, gram
 from ..models.prior import Prior
@@ -36,7 +38,8 @@ class Kalman:
     True
     """
 
-    model: StateSpace | SampledModel
+    model: StateSpace
+    ready: SampledModel | None = field(default=None, init=False)
 
     @property
     def names(self) -> Names:
@@ -45,30 +48,27 @@ class Kalman:
 
     def sampled(self, clock: Clock) -> "Kalman":
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
-        return replace(self, model=sample(self.model, clock))
+        return replace(self, ready=sample(self.model, clock))
 
     def at(self, k) -> "Kalman":
         """The filter at row k of a time-varying model."""
-        return replace(self, model=self._model.at(k))
+        return replace(self, ready=self._ready.at(k))
 
     @property
-    def _model(self) -> SampledModel:
-        return self.model if isinstance(self.model, SampledModel) else sample(self.model, Clock(self.model.dt))
+    def _ready(self) -> SampledModel:
+        return sample(self.model, Clock.every(self.model.dt)) if self.ready is None else self.ready
 
     def init(self, prior: Prior) -> Belief:
         """What is believed about x[0], before y[0]."""
-        point = self.model.point if isinstance(self.model, SampledModel) else self.model.operating_point
-        return belief.believe(prior, 0.0 if point is None else point.states)
+        return belief.believe(prior, self._ready.point.states)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        model = self._model
-        point = model.point
-        d = apply(model.D, sample.u if point is None else sample.u - point.inputs)
-        d = d if point is None else d + point.outputs
+        model = self._ready
+        d = model.point.outputs + apply(model.D, sample.u - model.point.inputs)
         state, post = belief.correct(state, model, model.C, d, model.Ω, sample)
         info = Info(
-            mean=state.mean if point is None else state.mean + point.states,
+            mean=state.mean + model.point.states,
             covariance=state.covariance,
             innovation=post.innovation,
             innovation_covariance=post.innovation_covariance,
@@ -80,9 +80,8 @@ class Kalman:
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        model = self._model
-        origin = 0.0 if model.point is None else model.point.inputs
-        c = apply(model.B, interval.u - origin)
+        model = self._ready
+        c = apply(model.B, interval.u - model.point.inputs)
         if model.B_end is not None:
-            c = c + apply(model.B_end, interval.u_end - origin)
+            c = c + apply(model.B_end, interval.u_end - model.point.inputs)
         return belief.predict(state, model.A, c, model.W, model.Ω)

@@ -9,9 +9,9 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
-from ..kernels.small import apply, factor, gram
+from ..kernels.small import factor, gram
 from ..models.prior import Prior
-from ..models.sampled import Clock, SampledModel, sample
+from ..models.sampled import Clock, SampledModel, point_of, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
@@ -48,7 +48,7 @@ class UnknownGain:
     ('gain',)
     """
 
-    model: StateSpace | SampledModel
+    model: StateSpace
     gain: Prior
     _: KW_ONLY
     directions: Any = None
@@ -56,6 +56,7 @@ class UnknownGain:
     feedthrough: Any = None
     walk: Any = 0.0
     forgetting: Any = 1.0
+    ready: SampledModel | None = field(default=None, init=False)
     walk_factor: Any = field(default=None, init=False)
 
     def __post_init__(self):
@@ -132,35 +133,35 @@ class UnknownGain:
 
     def sampled(self, clock: Clock) -> "UnknownGain":
         """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
-        if isinstance(self.model, SampledModel):
-            return self
         walk_factor = jnp.vectorize(factor, signature="(n,n)->(n,n)")(self.walk)
-        return replace(self, model=sample(_in_blocks(self), clock), walk_factor=walk_factor)
+        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=walk_factor)
 
     def at(self, k) -> "UnknownGain":
         """The filter at row k of a time-varying model."""
         ready = self._ready
-        return replace(ready, model=ready.model.at(k))
+        return replace(ready, ready=ready.ready.at(k))
 
     @property
-    def _ready(self) -> "UnknownGain":
-        return self if isinstance(self.model, SampledModel) else self.sampled(Clock(self.model.dt))
+    def _ready(self) -> Any:
+        return self.sampled(Clock.every(self.model.dt)) if self.ready is None else self
 
     def init(self, prior: Prior) -> Belief:
         """What is believed about (x[0], θ) before y[0]: the state by `prior`, the gain by this filter's own."""
-        point = self.model.point if isinstance(self.model, SampledModel) else self.model.operating_point
-        state = belief.believe(prior, 0.0 if point is None else point.states)
+        state = belief.believe(prior, self._ready.ready.point.states)
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        model, point, p = self._ready.model, self._ready.model.point, self.gain.mean.shape[0]
-        u = sample.u if point is None else sample.u - point.inputs
-        d = joint_gain.effects(model.D, u, p + 1)
-        known = d[:, 0] if point is None else d[:, 0] + point.outputs
-        Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
-        state, post = belief.correct(state, model, joint_gain.observation(model.C, d[:, 1:]), known, Ω, sample)
-        return state, self._tell(state, post, point)
+        model, p = self._ready.ready, self.gain.mean.shape[0]
+        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
+        H = joint_gain.observation(model.C, d[:, 1:])
+        state, post = belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
+        return state, self._tell(state, post, model.point)
+
+    def _cross_noise(self, model: SampledModel):
+        """Ω of (x, θ): the process noise of θ is told of by no output."""
+        p = self.gain.mean.shape[0]
+        return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
 
     def _tell(self, state: Belief, post, point) -> Info:
         n = state.mean.shape[0] - self.gain.mean.shape[0]
@@ -170,7 +171,7 @@ class UnknownGain:
             diffuse = gram(state.diffuse)
             extra["gain_diffuse_covariance"] = diffuse[n:, n:]
         return Info(
-            mean=state.mean[:n] if point is None else state.mean[:n] + point.states,
+            mean=state.mean[:n] + point.states,
             covariance=covariance[:n, :n],
             gain=state.mean[n:],
             gain_covariance=covariance[n:, n:],
@@ -184,19 +185,20 @@ class UnknownGain:
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        ready = self._ready
-        model, p = ready.model, self.gain.mean.shape[0]
-        origin = 0.0 if model.point is None else model.point.inputs
-        b = joint_gain.effects(model.B, interval.u - origin, p + 1)
+        model, p = self._ready.ready, self.gain.mean.shape[0]
+        b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
         if model.B_end is not None:
-            b = b + joint_gain.effects(model.B_end, interval.u_end - origin, p + 1)
-        W = joint_gain.block_diagonal(model.W, ready.walk_factor * jnp.sqrt(interval.dt))
-        zeros = jnp.zeros(p)
-        Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
-        c = jnp.concatenate([b[:, 0], zeros])
-        state = belief.predict(state, joint_gain.transition(model.A, b[:, 1:]), c, W, Ω)
-        forget = jnp.concatenate([jnp.ones(model.A.shape[0]), zeros + self.forgetting**-0.5])[:, None]
-        return replace(state, factor=forget * state.factor, diffuse=forget * state.diffuse)
+            b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
+        W = joint_gain.block_diagonal(model.W, self._ready.walk_factor * jnp.sqrt(interval.dt))
+        c = jnp.concatenate([b[:, 0], jnp.zeros(p)])
+        state = belief.predict(state, joint_gain.transition(model.A, b[:, 1:]), c, W, self._cross_noise(model))
+        return self._forget(state)
+
+    def _forget(self, state: Belief) -> Belief:
+        """P <- D P D with D = diag(I, λ^-1/2 I)."""
+        p = self.gain.mean.shape[0]
+        D = jnp.ones(state.mean.shape[0]).at[-p:].set(self.forgetting**-0.5)[:, None]
+        return replace(state, factor=D * state.factor, diffuse=D * state.diffuse)
 
 
 def _in_blocks(algorithm: UnknownGain) -> StateSpace:
@@ -211,7 +213,7 @@ def _in_blocks(algorithm: UnknownGain) -> StateSpace:
         D = _side_by_side(np.zeros_like(model.D), *_blocks(given, model.D, p))
     elif algorithm.feedthrough is not None:
         D = _side_by_side(model.D, *_blocks(algorithm.feedthrough, model.D, p))
-    return replace(model, B=B, D=D)
+    return replace(model, B=B, D=D, operating_point=point_of(model))
 
 
 def _blocks(directions: Any, M, p: int) -> list:

@@ -14,7 +14,7 @@ from .small import Real
 def effects(blocks: Float[Real, "n columns"], u: Float[Real, " m"], count: int) -> Float[Real, "n count"]:
     """[B0 u, B1 u, ..] from [B0 B1 ..] side by side."""
     n = blocks.shape[0]
-    return jnp.sum(blocks.reshape(n, count, u.shape[0]) * u, axis=2)
+    return jnp.sum(blocks.reshape(n, count, u.shape[0]) * u[None, None, :], axis=2)
 
 
 def transition(A: Float[Real, "n n"], b: Float[Real, "n p"]) -> Float[Real, "n+p n+p"]:

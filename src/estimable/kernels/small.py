@@ -26,7 +26,7 @@ def apply(A: Float[Real, "n k"], x: Float[Real, " k"]) -> Float[Real, " n"]:
     """A x."""
     if max(A.shape) > 2 * SMALL:
         return jnp.asarray(A) @ x
-    return jnp.sum(A * x, axis=1)
+    return jnp.sum(A * x[None, :], axis=1)
 
 
 def gram(Z: Float[Real, "n k"]) -> Float[Real, "n n"]:

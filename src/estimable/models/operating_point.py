@@ -13,9 +13,9 @@ from ..frozen import frozen
 class OperatingPoint:
     """States (n,), inputs (m,) and outputs (p,) about which a model is linear, in the user's absolute units."""
 
-    states: np.ndarray
-    inputs: np.ndarray
-    outputs: np.ndarray
+    states: Any
+    inputs: Any
+    outputs: Any
 
     @staticmethod
     def of(given: Any, C: np.ndarray, D: np.ndarray, faults: checks.Faults) -> "OperatingPoint | None":

@@ -1,5 +1,7 @@
 """What is believed before the first sample."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,9 +25,9 @@ class Prior:
     (2, 1)
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    diffuse: np.ndarray | None = None
+    mean: Any
+    covariance: Any
+    diffuse: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()

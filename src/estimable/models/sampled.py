@@ -21,6 +21,11 @@ class Clock(NamedTuple):
     rows: np.ndarray | None = None
     hold: str = "zero_order"
 
+    @staticmethod
+    def every(dt: float, hold: str = "zero_order") -> "Clock":
+        """Steps of `dt` seconds."""
+        return Clock(np.asarray(dt, float), None, hold)
+
 
 @frozen
 class SampledModel:
@@ -37,7 +42,7 @@ class SampledModel:
     V: Any
     Ω: Any
     W: Any
-    point: OperatingPoint | None
+    point: OperatingPoint
     rows: Any = None
     varying: tuple[str, ...] = static(default=())
 
@@ -50,27 +55,38 @@ class SampledModel:
         return replace(self, rows=None, varying=(), **instant)
 
 
-def sample(model: StateSpace | SampledModel, clock: Clock) -> SampledModel:
+def sample(model: StateSpace, clock: Clock) -> SampledModel:
     """`model` sampled at the steps of `clock`; a discrete model keeps its own step.
 
     Leading axes of a stacked model stay in front. Traceable for a discrete model. Raises `InputError` without R.
     """
-    if isinstance(model, SampledModel):
-        return model
     if model.R is None:
         checks.refuse("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros.")
     rows = None
     if model.is_continuous:
         model, rows = _discrete(model, clock)
     V, Ω, W = _white(model)
-    moving = {"A": "A", "B": "B", "B_end": "B_end", "C": "C", "D": "D"}
-    noise = {"G", "Q", *(("S", "R") if model.S is not None else ())} & set(model.varying)
-    varying = [name for name in moving if name in model.varying]
-    varying += ["W"] * bool(noise) + ["V"] * ("R" in model.varying or (Ω is not None and bool(noise)))
-    varying += ["Ω"] * (Ω is not None and bool(noise))
+    deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
     return SampledModel(
-        model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, model.operating_point, rows, tuple(varying)
+        model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
+        tuple(sorted(deterministic | _varying_noise(model))),
     )  # fmt: skip
+
+
+def _varying_noise(model: StateSpace) -> set[str]:
+    """Which of V, Ω, W vary in time."""
+    varying = set(model.varying)
+    if model.S is not None:
+        return {"V", "Ω", "W"} if varying & {"Q", "R", "S", "G"} else set()
+    return ({"W"} if varying & {"Q", "G"} else set()) | ({"V"} if "R" in varying else set())
+
+
+def point_of(model: StateSpace) -> OperatingPoint:
+    """Where the model is linear; zero where it does not say."""
+    if model.operating_point is not None:
+        return model.operating_point
+    batch = model.A.shape[: model.A.ndim - 2 - ("A" in model.varying)]
+    return OperatingPoint(*(np.zeros((*batch, size)) for size in (model.n, model.m, model.p)))
 
 
 def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray | None]:

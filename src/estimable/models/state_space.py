@@ -1,6 +1,7 @@
 """The linear state-space model with its noises."""
 
 from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
 
@@ -33,21 +34,21 @@ class StateSpace:
     (1, 1, 1, ('y1',))
     """
 
-    A: np.ndarray
-    B: np.ndarray = None  # type: ignore[assignment]
-    C: np.ndarray = None  # type: ignore[assignment]
-    D: np.ndarray = None  # type: ignore[assignment]
+    A: Any
+    B: Any = None
+    C: Any = None
+    D: Any = None
     _: KW_ONLY
-    Q: np.ndarray = None  # type: ignore[assignment]
-    R: np.ndarray | None = None
-    G: np.ndarray = None  # type: ignore[assignment]
-    S: np.ndarray | None = None
-    B_end: np.ndarray | None = None
+    Q: Any = None
+    R: Any = None
+    G: Any = None
+    S: Any = None
+    B_end: Any = None
     dt: float = static()
-    states: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
-    inputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
-    outputs: tuple[str, ...] = static(default=None)  # type: ignore[assignment]
-    operating_point: OperatingPoint | None = None
+    states: Any = static(default=None)
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+    operating_point: Any = None
     varying: tuple[str, ...] = static(default=(), init=False)
 
     def __post_init__(self):

@@ -156,7 +156,7 @@ class Online:
         if dt not in self._sampled:
             if len(self._sampled) >= 64:
                 self._sampled.clear()
-            self._sampled[dt] = self.algorithm.sampled(Clock(np.asarray(dt), None, self.progress.hold))
+            self._sampled[dt] = self.algorithm.sampled(Clock.every(dt, self.progress.hold))
         return self._sampled[dt]
 
 
