@@ -1,6 +1,6 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
-from . import precision as _precision  # isort: skip  # float64, before any array is made
+from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
 from . import catalogue, diagnostics, plants
 from .data.reading import read_record
 from .data.record import Record

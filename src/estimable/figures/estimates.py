@@ -89,7 +89,7 @@ def _points(t: np.ndarray, panel: Band) -> list[go.Scatter]:
 
 
 def _laid_out(figure: go.Figure, height: int) -> go.Figure:
-    """Titles at the left, thin grids, one cursor through all rows, and no legend: every row says what it shows."""
+    """Titles at the left, and no legend: every row says what it shows."""
     figure.update_layout(
         template="plotly_white", height=height, showlegend=False, hovermode="x unified",
         margin={"l": 70, "r": 30, "t": 60, "b": 70}, font={"size": 13},

@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
-from ..kernels.small import factor, gram
+from ..kernels.small import factors, gram
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, point_of, sample
 from ..models.state_space import StateSpace
@@ -133,8 +133,7 @@ class UnknownGain:
 
     def sampled(self, clock: Clock) -> "UnknownGain":
         """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
-        walk_factor = jnp.vectorize(factor, signature="(n,n)->(n,n)")(self.walk)
-        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=walk_factor)
+        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=factors(self.walk))
 
     def at(self, k) -> "UnknownGain":
         """The filter at row k of a time-varying model."""

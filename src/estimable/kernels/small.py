@@ -85,3 +85,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
         return P - l[:, None] * l[None, :], jnp.where(jnp.arange(n)[None, :] == j, l[:, None], L)
 
     return repeat(n, eliminate, (jnp.asarray(P), jnp.zeros((n, n))))[1]
+
+
+factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
+"""`factor` of every matrix in a stack."""

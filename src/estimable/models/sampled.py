@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, replace, static
-from ..kernels.small import factor
+from ..kernels.small import factors
 from .discretisation import over
 from .operating_point import OperatingPoint
 from .state_space import StateSpace
@@ -111,19 +111,16 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
     return replace(model, **changed, G=G, dt=float(np.mean(lengths)), varying=tuple(sorted(varying | kept))), rows
 
 
-_factor = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
-
-
 def _white(model: StateSpace):
     """V, Ω, W: the factor of the joint covariance of (v, G w)."""
     if model.S is None:
-        return _factor(model.R), None, model.G @ _factor(model.Q)
+        return factors(model.R), None, model.G @ factors(model.Q)
     Q, R, S, G = _together(model, ("Q", "R", "S", "G"))
     p = model.p
     joint = jnp.concatenate(
         [jnp.concatenate([R, jnp.swapaxes(S, -1, -2)], -1), jnp.concatenate([S, Q], -1)], axis=-2
     )
-    L = _factor(joint)
+    L = factors(joint)
     return L[..., :p, :p], G @ L[..., p:, :p], G @ L[..., p:, p:]
 
 

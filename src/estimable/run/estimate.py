@@ -51,9 +51,7 @@ def estimate(
     """
     check_options(on_failure, engine, keep)
     bound = bind(algorithm, record, prior)
-    run = xla.scan(
-        bound.algorithm, bound.algorithm.init(prior), bound.samples, bound.intervals, keep=keep, select=select
-    )
+    run = xla.scan(bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
     outcome = Outcome.of(int(run.code), int(run.failed_at), bound.t)
     if outcome.code and on_failure == "raise":
@@ -74,7 +72,6 @@ def log_likelihood(algorithm: Any, record: Record, *, prior: Prior):
     (1, 1)
     """
     bound = bind(algorithm, record, prior)
-    state = bound.algorithm.init(prior)
     return xla.scan(
-        bound.algorithm, state, bound.samples, bound.intervals, keep="likelihood", select=select
+        bound.algorithm, prior, bound.samples, bound.intervals, keep="likelihood", select=select
     ).log_likelihood

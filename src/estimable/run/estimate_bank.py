@@ -90,7 +90,7 @@ def _check_times(bank: Record) -> None:
 @partial(jax.jit, static_argnames=("keep", "axes"))
 def _run_bank(algorithm, prior, samples, intervals, *, axes, keep):
     def one(algorithm, prior, samples, intervals):
-        return xla.scan(algorithm, algorithm.init(prior), samples, intervals, keep=keep, select=select)
+        return xla.scan(algorithm, prior, samples, intervals, keep=keep, select=select)
 
     a, r, p = axes
     return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)

@@ -1,0 +1,50 @@
+"""The command line `estimable`, one command a file.
+
+A command reads its options, calls one function, and prints. Data go to stdout (JSON with `--json`), notes to stderr.
+Exit codes: 0; 2 for a wrong call, file or option; 1 for any other error of ours.
+"""
+
+import sys
+
+import typer
+
+from . import options, show
+from .demo import demo
+from .edge import Edge
+from .estimate import estimate
+from .gain import gain
+
+app = typer.Typer(
+    name="estimable", cls=Edge, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)  # fmt: skip
+
+
+@app.callback(invoke_without_command=True)
+def estimable(
+    context: typer.Context,
+    version: options.Version = False,
+    machine: options.Machine = False,
+) -> None:
+    """Estimation when part of the loop is unknown: which part of an input's effect is left, and since when.
+
+    \b
+    Example:
+      estimable demo
+      estimable gain flight.csv --model aircraft.toml
+    """
+    if context.invoked_subcommand is None:
+        show.front_page(context, version, machine)
+
+
+app.command("demo")(demo)
+app.command("gain")(gain)
+app.command("estimate")(estimate)
+
+
+def main() -> None:
+    """Run the command line of this process."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a name that the terminal cannot show is no reason to stop
+    app()

@@ -1,0 +1,50 @@
+"""The edge of the command line: what was raised becomes a sentence and an exit code."""
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from ..errors import EstimableError, InputError
+
+UsageError = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
+WRONG_CALL, OTHER, INTERRUPTED = 2, 1, 130
+
+
+class Edge(TyperGroup):
+    """A group of commands whose errors leave as JSON where `--json` was given, else as a sentence on stderr."""
+
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **extra: Any) -> NoReturn:
+        """Run a command and end with its exit code. What is not an error of ours is a bug, and traces."""
+        given = sys.argv[1:] if args is None else list(args)
+        extra["standalone_mode"] = False
+        try:
+            code = super().main(given, *rest, **extra)
+        except UsageError as error:
+            code = _refuse(given, InputError.__name__, _usage(error), WRONG_CALL)
+        except EstimableError as error:
+            code = _refuse(given, type(error).__name__, str(error), WRONG_CALL if isinstance(error, InputError) else OTHER)
+        except typer.Abort:
+            code = INTERRUPTED
+        except BrokenPipeError:
+            sys.stderr.close()  # the reader has left: nothing more to say, and nobody to say it to
+            code = OTHER
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(error: Any) -> str:
+    """What was wrong with the options, and where to read about them."""
+    message = " ".join(error.format_message().split())
+    context = getattr(error, "ctx", None)
+    return message if context is None else f"{message} Try: {context.command_path} --help"
+
+
+def _refuse(given: list[str], name: str, message: str, code: int) -> int:
+    if "--json" in given:
+        print(json.dumps({"error": name, "message": message}))
+    else:
+        print(f"Error: {message}", file=sys.stderr)
+    return code

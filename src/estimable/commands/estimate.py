@@ -1,0 +1,37 @@
+"""`estimable estimate`: the states of a record, by any filter."""
+
+from . import estimate_report, options, show
+from .run_filter import run_filter
+
+
+def estimate(
+    record: options.Record,
+    model: options.Model,
+    name: options.Filter,
+    settings: options.Set = None,
+    out: options.Out = None,
+    time: options.Time = None,
+    dt: options.Step = None,
+    hold: options.Hold = None,
+    lost: options.Lost = None,
+    arrived: options.Arrived = None,
+    machine: options.Machine = False,
+) -> None:
+    """Estimate the states of a record with a filter, and show the last estimate of each.
+
+    \b
+    Example:
+      estimable estimate flight.csv --model aircraft.toml --filter kalman
+      estimable estimate flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --out gain.csv
+    """
+    estimate_report.check_destination(out, record)
+    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
+    with show.working(f"Running {name}"):
+        run = run_filter(name, record, model, settings=settings or (), reading=reading)
+    written = None if out is None else estimate_report.write_table(run, out)
+    if machine:
+        show.data("estimate", estimate_report.as_data(run, out))
+    else:
+        show.text(lambda _: estimate_report.as_text(run))
+    if written is not None:
+        show.notes(written)

@@ -1,0 +1,90 @@
+"""What a record says of the gain: before, after, and how much of it is lost."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..figures.bands import standard_deviation
+from ..filters.unknown_gain import UnknownGain
+
+WINDOW = 2.0  # seconds over which the gain is averaged
+SIGMAS = 2.0  # a difference below this many standard deviations is no change
+
+
+class GainWindow(NamedTuple):
+    """The gains over some seconds of a record: when, their mean (p,), and their standard deviation at the end (p,).
+
+    NaN and infinite where nothing is known.
+    """
+
+    start: float
+    end: float
+    mean: np.ndarray
+    sigma: np.ndarray
+
+
+class GainSummary(NamedTuple):
+    """The gains of a record before and after; `overlap`: the record is too short to tell the two apart."""
+
+    names: tuple[str, ...]
+    before: GainWindow
+    after: GainWindow
+    overlap: bool
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What the two windows say of each gain, in words."""
+        return tuple(self._finding(i) for i in range(len(self.names)))
+
+    def _finding(self, i: int) -> str:
+        name = "The gain" if len(self.names) == 1 else self.names[i]
+        before, after = self.before.mean[i], self.after.mean[i]
+        spread = SIGMAS * float(np.hypot(self.before.sigma[i], self.after.sigma[i]))
+        if self.overlap:
+            return f"{name}: the record is too short to compare before and after."
+        if not np.isfinite(spread):
+            return f"{name}: the record does not say what it is."
+        if abs(after - before) <= spread:
+            return f"{name}: no change is shown; before and after differ by {abs(after - before):.2g}, within 2 sigma ({spread:.2g})."
+        word = "fell" if abs(after) < abs(before) else "rose"
+        return f"{name} {word} from {before:.2g} to {after:.2g}, beyond 2 sigma ({spread:.2g})."
+
+
+def gain_summary(result: Any) -> GainSummary:
+    """The gains over the 2 s that end at one third of a record, and over its last 2 s.
+
+    The mean is that of the estimates in the window, the standard deviation that of the last of them: it holds all that the
+    window's samples say. The errors of the two windows are taken as independent; a constant gain makes them alike, and
+    the comparison careful. A window without a sample has the last one before its end.
+    """
+    t = np.zeros(len(result.gain)) if result.t is None else np.asarray(result.t)
+    sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
+    known = np.where(np.isfinite(sigma), result.gain, np.nan)
+    third = t[0] + (t[-1] - t[0]) / 3
+    return GainSummary(
+        result.names.gains, _window(t, known, sigma, third), _window(t, known, sigma, t[-1]),
+        overlap=bool(third > t[-1] - WINDOW),
+    )  # fmt: skip
+
+
+def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float) -> GainWindow:
+    """The `WINDOW` seconds up to `end`."""
+    last = int(np.searchsorted(t, end, side="right")) - 1
+    rows = slice(min(int(np.searchsorted(t, end - WINDOW, side="right")), last), last + 1)
+    seen = ~np.isnan(gain[rows])
+    count = seen.sum(axis=0)
+    mean = np.where(count, np.nansum(gain[rows], axis=0) / np.maximum(count, 1), np.nan)
+    start = min(max(t[0], end - WINDOW), t[last])
+    return GainWindow(float(start), float(end), mean, sigma[last])
+
+
+def is_effectiveness(algorithm: Any) -> bool:
+    """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
+    scaled = isinstance(algorithm, UnknownGain) and isinstance(algorithm.directions, str)
+    return scaled and algorithm.directions in ("one", "per_input") and algorithm.fixed is None
+
+
+def by_name(names: tuple[str, ...], values: np.ndarray) -> Any:
+    """A number for one gain; {name: number} for several."""
+    numbers = [float(value) for value in values]
+    return numbers[0] if len(numbers) == 1 else dict(zip(names, numbers, strict=True))

@@ -1,0 +1,118 @@
+"""The gain of a record, for people."""
+
+import shlex
+from typing import Any
+
+import numpy as np
+
+from ..figures.bands import standard_deviation
+from . import innovations
+from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
+from .numbers import counted, spread_of
+from .run_filter import Run
+from .terminal_plot import ASCII, UNICODE, plot
+
+PLOTS = 4  # gains drawn at most: the screen is short
+WIDEST = 100
+
+
+def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
+    """What `gain` and `demo` say to a machine."""
+    before, after, names, result = summary.before, summary.after, summary.names, run.result
+    return {
+        "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
+        "record": str(run.record_path),
+        "model": str(run.model_path),
+        "filter": run.filter,
+        "engine": result.engine,
+        "samples": len(run.record),
+        "seconds": run.record.seconds,
+        "outputs": result.names.outputs,
+        "inputs": result.names.inputs,
+        "gains": names,
+        "failure_time_s": None,
+        "detected_at_s": None,
+        "gain_before": by_name(names, before.mean),
+        "gain_before_sigma": by_name(names, before.sigma),
+        "before_s": [before.start, before.end],
+        "gain_after": by_name(names, after.mean),
+        "gain_after_sigma": by_name(names, after.sigma),
+        "after_s": [after.start, after.end],
+        "findings": summary.findings,
+        "log_likelihood": result.log_likelihood,
+        "nis": innovations.described(innovations.innovation_check(result)),
+    }
+
+
+def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
+    """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
+    unicode = not console.options.ascii_only
+    return [
+        *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *summary.findings, "",
+        *_plots(run, summary, min(console.width, WIDEST), unicode), "",
+        innovations.sentence(innovations.innovation_check(run.result)),
+    ]  # fmt: skip
+
+
+def header(run: Run) -> list[str]:
+    """What was read, and what ran."""
+    names, seconds = run.result.names, run.record.seconds
+    lasting = "" if seconds is None else f" over {seconds:.4g} s"
+    outputs = f"output{'s' if len(names.outputs) > 1 else ''} {', '.join(names.outputs)}"
+    inputs = f"; input{'s' if len(names.inputs) > 1 else ''} {', '.join(names.inputs)}" if names.inputs else ""
+    return [
+        f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}; {outputs}{inputs}",
+        f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
+    ]
+
+
+def next_steps(run: Run) -> tuple[str, ...]:
+    """What to do after `gain`."""
+    paths = f"{shlex.quote(str(run.record_path))} --model {shlex.quote(str(run.model_path))}"
+    return ("", "Every sample, as a table:", f"  estimable estimate {paths} --filter unknown-gain --out gain.csv")
+
+
+def _table(run: Run, summary: GainSummary, sign: str) -> Any:
+    from rich import box
+    from rich.table import Table
+
+    lost = is_effectiveness(run.algorithm)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
+    for heading in (["gain"] if len(summary.names) > 1 else []) + ["", "seconds"]:
+        table.add_column(heading)
+    for heading in [f"gain {sign} 2 sigma", *(["effectiveness lost"] if lost else [])]:
+        table.add_column(heading, justify="right", style="bold")
+    for i, name in enumerate(summary.names):
+        for word, window in (("before", summary.before), ("after", summary.after)):
+            label = [name if word == "before" else ""] if len(summary.names) > 1 else []
+            table.add_row(*label, word, f"{window.start:.4g} to {window.end:.4g}", *_cells(window, i, lost, sign))
+    return table
+
+
+def _cells(window: GainWindow, i: int, lost: bool, sign: str) -> list[str]:
+    gain, spread = float(window.mean[i]), 2 * float(window.sigma[i])
+    shown = [spread_of(gain, spread, sign=sign)]
+    return [*shown, spread_of(100 * (1 - gain), 100 * spread, unit=" %", sign=sign)] if lost else shown
+
+
+def _plots(run: Run, summary: GainSummary, width: int, unicode: bool) -> list[Any]:
+    from rich.text import Text
+
+    result, few = run.result, summary.names[:PLOTS]
+    sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
+    t = np.arange(len(sigma), dtype=float) if result.t is None else result.t
+    windows = {} if summary.overlap else {name: (w.start, w.end) for name, w in (("before", summary.before), ("after", summary.after))}
+    lines: list[Any] = []
+    for i, name in enumerate(few):
+        lines.append(f"{name} over time, with its {'±' if unicode else '+/-'} 2 sigma band")
+        drawn = plot(t, result.gain[:, i], sigma[:, i], width=width, marks=windows, ink=UNICODE if unicode else ASCII)
+        lines += [_coloured(Text(line, no_wrap=True)) for line in drawn]
+    if len(few) < len(summary.names):
+        lines.append(f"{counted(len(summary.names) - len(few), 'more gain')} not drawn.")
+    return lines
+
+
+def _coloured(line: Any) -> Any:
+    line.highlight_regex("[░:]+", "blue")
+    line.highlight_regex("[\u2800-\u28ff*]+", "bold bright_cyan")
+    return line

@@ -1,0 +1,59 @@
+"""A filter of the catalogue on a record and a model file."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .. import catalogue, checks
+from ..data.record import Record
+from ..results import Estimate
+from .settings import read_settings
+
+
+class Run(NamedTuple):
+    """What ran: the name of the filter, the algorithm, where the record and the model came from, and the estimate."""
+
+    filter: str
+    algorithm: Any
+    record: Record
+    result: Estimate
+    record_path: Path
+    model_path: Path
+
+
+def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """How to read a record: what the model file says, and what was given instead (not None).
+
+    A step given replaces the file's time column, and a time column given the file's step: either says when.
+
+    >>> record_options({"time": "t", "hold": "zero_order"}, {"time": None, "dt": 0.1, "hold": None})
+    {'hold': 'zero_order', 'dt': 0.1}
+    """
+    given = {name: value for name, value in given.items() if value is not None}
+    replaced = {"time", "dt"} if given.keys() & {"time", "dt"} else set()
+    return {name: value for name, value in section.items() if name not in replaced} | given
+
+
+def run_filter(
+    name: str, record: Path, model: Path, *, settings: Iterable[str] = (), reading: dict[str, Any] | None = None
+) -> Run:
+    """Read a model file and a record, and run the filter `name` of the catalogue.
+
+    `settings`: texts name=value. `reading`: arguments of `read_record` instead of those in the model file.
+
+    Raises `InputError` for what is wrong with the files and settings, `RunError` where the numbers fail.
+    """
+    from ..data.reading import read_record
+    from ..models.files import read_model
+    from ..run.estimate import estimate
+
+    if catalogue.entry(name).kind != "filter":
+        checks.refuse(f"{name} is no filter. There are {checks.listed(e.name for e in catalogue.ENTRIES if e.kind == 'filter')}.")
+    chosen = read_settings(settings)
+    file = read_model(model)
+    algorithm = catalogue.build(name, file, **chosen)
+    options = record_options(file.record, reading or {})
+    if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
+        options["dt"] = file.model.dt
+    measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
+    return Run(name, algorithm, measured, estimate(algorithm, measured, prior=file.prior), record, model)

@@ -1,0 +1,72 @@
+"""Where output goes: data to stdout, as text or as JSON; notes and progress to stderr."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import typer
+
+from .. import checks
+
+
+def front_page(context: typer.Context, version: bool, machine: bool) -> None:
+    """What `estimable` alone says: its version, or its help."""
+    if version:
+        data("version", {"outcome": {"code": 0, "sentence": ""}}) if machine else print(f"estimable {_version()}")
+    elif machine:
+        checks.refuse("a command is needed before --json: see estimable --help.")
+    else:
+        print(context.get_help())
+
+
+def data(command: str, found: dict[str, Any]) -> None:
+    """One JSON object on stdout: the command, the version, and what was found."""
+    print(json.dumps(plain({"command": command, "version": _version(), **found}), indent=2, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON holds it; what is not a finite number is None.
+
+    >>> plain({"a": float("nan"), "b": (1, float("inf"))})
+    {'a': None, 'b': [1, None]}
+    """
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def text(write: Callable[[Any], Iterable[Any]]) -> None:
+    """Lines, tables and plots on stdout; `write(console)` makes them as wide as the terminal."""
+    from rich.console import Console
+
+    console = Console(highlight=False, markup=False, emoji=False)
+    for line in write(console):
+        console.print(line)
+
+
+def notes(*sentences: str) -> None:
+    """Sentences on stderr."""
+    sys.stdout.flush()
+    for sentence in sentences:
+        print(sentence, file=sys.stderr)
+
+
+def working(sentence: str) -> AbstractContextManager[Any]:
+    """A spinner on stderr while something runs, where stderr is a terminal."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    return console.status(sentence) if console.is_terminal else nullcontext()
+
+
+def _version() -> str:
+    from .. import __version__
+
+    return __version__

@@ -1,0 +1,156 @@
+"""A curve and its band, drawn with characters."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+BRAILLE = 0x2800
+DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # of a braille character, by column and then by row
+STEPS = (1.0, 2.0, 5.0, 10.0)  # of a power of ten, between two labels
+
+
+class Ink(NamedTuple):
+    """The characters of a plot."""
+
+    band: str
+    side: str
+    tick: str
+    corner: str
+    floor: str
+    mark: str
+    dotted: bool
+
+
+UNICODE = Ink("░", "│", "┤", "└", "─", "┬", True)
+ASCII = Ink(":", "|", "+", "+", "-", "+", False)
+
+
+class Frame(NamedTuple):
+    """The cells of a plot, and the times and values at its edges."""
+
+    width: int
+    height: int
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
+def plot(
+    t: np.ndarray,
+    middle: np.ndarray,
+    sigma: np.ndarray,
+    *,
+    width: int,
+    height: int = 10,
+    marks: dict[str, tuple[float, float]] | None = None,
+    ink: Ink = UNICODE,
+) -> list[str]:
+    """Lines of text, at most `width` long: the curve, its ± 2 sigma band, values at the left, seconds below.
+
+    `marks` names spans of time, which are shown under the axis. Where sigma is infinite nothing is drawn but the band.
+    """
+    lower, upper = middle - 2 * sigma, middle + 2 * sigma
+    bottom, top = value_range(middle, lower, upper)
+    labels = ticks(bottom, top, max(2, height // 3))
+    margin = max(len(label) for label in labels.values()) + 1
+    left, right = (float(t[0]), float(t[-1])) if len(t) > 1 else (float(t[0]) - 0.5, float(t[0]) + 0.5)
+    frame = Frame(max(width - margin - 2, 10), height, left, right, bottom, top)
+    cells = _band(frame, t, np.clip(lower, bottom, top), np.clip(upper, bottom, top), ink)
+    _curve(cells, frame, t, np.where(np.isfinite(sigma), middle, np.nan), ink)
+    rows = {_row(frame, value): label for value, label in labels.items()}
+    lines = [
+        f"{rows.get(i, ''):>{margin}}{ink.tick if i in rows else ink.side}{''.join(row)}".rstrip() for i, row in enumerate(cells)
+    ]
+    return [*lines, *_time_axis(frame, margin, ink), *_spans(frame, margin, marks or {}, ink)]
+
+
+def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
+    """From where to where the values are drawn: all but the widest tenth of the band, which a vague prior makes."""
+    known = np.isfinite(lower) & np.isfinite(upper)
+    if not known.any():
+        return -1.0, 1.0
+    low = min(np.quantile(lower[known], 0.1), np.quantile(middle[known], 0.02))
+    high = max(np.quantile(upper[known], 0.9), np.quantile(middle[known], 0.98))
+    room = 0.05 * (high - low) or 0.1 * max(abs(high), 1e-12)
+    return float(low - room), float(high + room)
+
+
+def ticks(low: float, high: float, count: int) -> dict[float, str]:
+    """About `count` round values between two, each with its label.
+
+    >>> list(ticks(0.0, 12.0, 6).values())
+    ['0', '2', '4', '6', '8', '10', '12']
+    """
+    raw = (high - low) / count
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = power * next(s for s in STEPS if s * power >= raw * (1 - 1e-9))
+    digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    return {i * step: f"{i * step + 0.0:.{digits}f}" for i in range(first, last + 1)}
+
+
+def _row(frame: Frame, value: float) -> int:
+    share = (frame.top - value) / (frame.top - frame.bottom)
+    return min(max(int(share * frame.height), 0), frame.height - 1)
+
+
+def _column(frame: Frame, time: float) -> int:
+    share = (time - frame.left) / (frame.right - frame.left)
+    return min(max(int(share * frame.width), 0), frame.width - 1)
+
+
+def _band(frame: Frame, t: np.ndarray, lower: np.ndarray, upper: np.ndarray, ink: Ink) -> list[list[str]]:
+    """Cells whose centre lies in the band."""
+    times = frame.left + (np.arange(frame.width) + 0.5) / frame.width * (frame.right - frame.left)
+    values = frame.top - (np.arange(frame.height) + 0.5) / frame.height * (frame.top - frame.bottom)
+    inside = (values[:, None] >= np.interp(times, t, lower)) & (values[:, None] <= np.interp(times, t, upper))
+    return [[ink.band if cell else " " for cell in row] for row in inside]
+
+
+def _curve(cells: list[list[str]], frame: Frame, t: np.ndarray, middle: np.ndarray, ink: Ink) -> None:
+    """Draw the curve over the band, at two by four dots a cell where the characters allow it."""
+    across, down = (2, 4) if ink.dotted else (1, 1)
+    times = frame.left + (np.arange(frame.width * across) + 0.5) / (frame.width * across) * (frame.right - frame.left)
+    share = (frame.top - np.interp(times, t, middle)) / (frame.top - frame.bottom)
+    dots: dict[tuple[int, int], int] = {}
+    before = None
+    for x, value in enumerate(share):
+        y = None if not 0 <= value <= 1 else min(int(value * frame.height * down), frame.height * down - 1)
+        for dot in () if y is None else _stroke(before, y):
+            cell = (dot // down, x // across)
+            dots[cell] = dots.get(cell, 0) | DOTS[x % across][dot % down]
+        before = y
+    for (row, column), pattern in dots.items():
+        cells[row][column] = chr(BRAILLE | pattern) if ink.dotted else "*"
+
+
+def _stroke(before: int | None, y: int) -> range:
+    """The dots of one column: from beside the last one to this one."""
+    if before is None or abs(before - y) <= 1:
+        return range(y, y + 1)
+    return range(y, before) if y < before else range(before + 1, y + 1)
+
+
+def _time_axis(frame: Frame, margin: int, ink: Ink) -> list[str]:
+    """The axis, and the seconds under it."""
+    labels = ticks(frame.left, frame.right, max(2, min(8, frame.width // 8)))
+    line, words = [ink.floor] * frame.width, [" "] * (frame.width + margin)
+    for value, label in labels.items():
+        column = _column(frame, value)
+        line[column] = ink.mark
+        start = min(max(margin + 1 + column - len(label) // 2, 0), len(words))
+        words[start:start + len(label)] = label
+    return [" " * margin + ink.corner + "".join(line), "".join(words).rstrip() + " s"]
+
+
+def _spans(frame: Frame, margin: int, marks: dict[str, tuple[float, float]], ink: Ink) -> list[str]:
+    """One line with the named spans of time; a name that has no room is left out."""
+    line = [" "] * frame.width
+    for name, (start, end) in marks.items():
+        first, last = _column(frame, start), _column(frame, end)
+        span = f"{name:{ink.floor}^{last - first + 1}}"
+        free = set(line[first:last + 1]) == {" "}
+        if free and len(span) <= last - first + 1 and len(span) >= len(name) + 2:
+            line[first:last + 1] = ["|", *span[1:-1], "|"]
+    return [(" " * (margin + 1) + "".join(line)).rstrip()] if set(line) != {" "} else []
