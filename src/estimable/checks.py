@@ -1,8 +1,11 @@
 """The only place that inspects what the user gave. Faults are collected and raised together, in the user's words."""
 
 import difflib
+import math
 import numbers
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence, Set
+from pathlib import Path
 from typing import Any, NoReturn
 
 import jax
@@ -12,6 +15,8 @@ from jax.core import Tracer
 from .errors import InputError
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
+VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # how far below zero it may leave a variance on the diagonal
+LISTED = 40       # names that a sentence shows at most
 
 
 class Faults:
@@ -21,7 +26,7 @@ class Faults:
     >>> A = faults.array("A", [[1.0, 0.0], [0.0, 1.0]], "n n")
     >>> C = faults.array("C", [[1.0, 0.0, 0.0]], "p n")
     >>> faults.sentences
-    ['`C` must be (p, n) = (1, 2): `A` is 2 × 2. Got (1, 3).']
+    ['`C` must be (p, n) = (p, 2): `A` is 2 × 2. Got (1, 3).']
     """
 
     def __init__(self):
@@ -44,11 +49,14 @@ class Faults:
         self.sources.setdefault(axis, source)
 
     def array(self, name: str, value: Any, axes: str, *, leading: str | None = None, nan: bool = False) -> Any:
-        """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; NaN where it is not a number array.
+        """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; None where it is at fault.
 
-        Values that are being traced by JAX pass unchecked.
+        Booleans count as 1 and 0; nothing else is converted. Of values that are being traced by JAX nothing is checked,
+        but their sizes are learnt.
         """
         if isinstance(value, Tracer):
+            if value.ndim >= len(axes.split()):
+                self._learn_from(name, axes.split(), value.shape[value.ndim - len(axes.split()) :])
             return value
         number_array = self._numbers(name, value, nan)
         if number_array is None:
@@ -56,13 +64,18 @@ class Faults:
         return number_array if self._fits(name, number_array, axes.split(), leading) else None
 
     def _numbers(self, name: str, value: Any, nan: bool) -> np.ndarray | None:
+        if np.ma.is_masked(value):
+            hint = f": pass {name}.filled(np.nan), where NaN means not known" if nan else ""
+            self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
+            return None
         try:
             given = np.asarray(value)
             if given.dtype.kind not in "fiub":
                 raise ValueError
-            array = given.astype(np.float64)
+            with np.errstate(over="ignore"):
+                array = given.astype(np.float64)
         except (ValueError, TypeError):
-            self.add(f"`{name}` must be an array of numbers. Got {short(value)}.")
+            self.add(f"`{name}` must be an array of real numbers. Got {short(value)}.")
             return None
         if not nan and np.isnan(array).any():
             self.add(f"`{name}` must not hold NaN. First at index {first_index(np.isnan(array))}.")
@@ -75,23 +88,26 @@ class Faults:
     def _fits(self, name: str, array: np.ndarray, axes: list[str], leading: str | None) -> bool:
         core = array.shape
         if leading is not None and array.ndim == len(axes) + 1:
-            core = array.shape[1:]
-            axes_given = array.shape[0]
-            if self.sizes.get(leading, axes_given) != axes_given:
-                self.add(f"`{name}` has {axes_given} rows in time; {self.sources[leading]}.")
+            core, rows = array.shape[1:], array.shape[0]
+            if rows == 0:
+                self.add(f"`{name}` must have at least one row in time. Got {array.shape}.")
                 return False
-            self.learn(leading, axes_given, f"`{name}` has {axes_given} rows in time")
+            if self.sizes.get(leading, rows) != rows:
+                self.add(f"`{name}` must have {self.sizes[leading]} rows in time: {self.sources[leading]}. Got {rows}.")
+                return False
+            self.learn(leading, rows, f"`{name}` has {rows}")
         wanted = tuple(self.sizes.get(axis, int(axis) if axis.isdigit() else None) for axis in axes)
         if len(core) == len(axes) and all(w is None or w == g for w, g in zip(wanted, core, strict=True)):
             repeated = {axis: {g for a, g in zip(axes, core, strict=True) if a == axis} for axis in axes}
             if all(len(sizes) == 1 for sizes in repeated.values()):
-                self._learn_from(name, array, axes, core)
+                self._learn_from(name, axes, core)
                 return True
         self.add(self._shape_fault(name, array.shape, axes, wanted, core))
         return False
 
-    def _learn_from(self, name: str, array: np.ndarray, axes: list[str], core: tuple[int, ...]) -> None:
-        shown = f"`{name}` is {' × '.join(map(str, core))}" if len(core) > 1 else f"`{name}` has {core[0]} entries"
+    def _learn_from(self, name: str, axes: list[str], core: tuple[int, ...]) -> None:
+        size = " × ".join(map(str, core))
+        shown = f"`{name}` has {counted(int(size), 'entry')}" if len(core) == 1 else f"`{name}` is {size}"
         for axis, size in zip(axes, core, strict=True):
             if not axis.isdigit():
                 self.learn(axis, size, shown)
@@ -102,59 +118,63 @@ class Faults:
         sizes += "," if len(axes) == 1 else ""
         because = "; ".join(dict.fromkeys(self.sources[a] for a in axes if a in self.sources))
         known = f" = ({sizes})" if sizes != symbols else ""
-        sentence = f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}."
-        turned = core[::-1]
-        if len(core) == 2 and turned != core and all(w is None or w == g for w, g in zip(wanted, turned, strict=True)):
-            sentence += f" Did you mean `{name}.T`?"
-        elif len(core) < len(axes):
-            sentence += f" A {'matrix' if len(axes) == 2 else 'stack of matrices'} is needed: write nested lists, as in [[1.0]]."
-        return sentence
+        remedy = _remedy(name, shape, axes, wanted, core)
+        return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
 
     def covariance(self, name: str, value: Any, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
         P = self.array(name, value, axes, leading=leading)
         if P is None or isinstance(P, Tracer) or P.size == 0:
             return P
-        turned = np.swapaxes(P, -1, -2)
-        size = np.abs(P).max() or 1.0
-        skew = np.abs(P - turned).max()
-        if skew > ROUNDING * size:
+        turned, n = np.swapaxes(P, -1, -2), P.shape[-1]
+        largest = np.abs(P).max(axis=(-1, -2))
+        size = np.where(largest > 0, largest, 1.0)
+        skew = np.atleast_1d(np.abs(P - turned).max(axis=(-1, -2)))
+        if np.any(wrong := skew > ROUNDING * size):
+            at = np.argmax(wrong)
             self.add(
-                f"`{name}` must be symmetric: it differs from its transpose by {skew:.3g}. "
-                f"If that is rounding, pass ({name} + {name}.T) / 2."
+                f"`{name}` must be symmetric: {f'at row {at} ' if P.ndim == 3 else ''}it differs from its transpose by "
+                f"{skew[at]:.3g}. If that is rounding, pass ({name} + {name}.T) / 2."
             )
             return None
-        smallest = np.linalg.eigvalsh((P + turned) / 2).min()
-        if smallest < -ROUNDING * size * P.shape[-1]:
-            self.add(f"`{name}` must be positive semidefinite: its smallest eigenvalue is {smallest:.6g}.")
+        symmetric = P + (turned - P) / 2
+        smallest = np.atleast_1d(np.linalg.eigvalsh(symmetric / size[..., None, None])[..., 0] * size)
+        variance = np.atleast_1d(np.diagonal(symmetric, axis1=-2, axis2=-1).min(axis=-1))
+        if np.any(wrong := (smallest < -ROUNDING * size * n) | (variance < -VARIANCE_ROUNDING * size * n)):
+            at = np.argmax(wrong)
+            self.add(
+                f"`{name}` must be positive semidefinite: {f'at row {at} ' if P.ndim == 3 else ''}its smallest "
+                f"eigenvalue is {min(smallest[at], variance[at]):.6g}."
+            )
             return None
-        return (P + turned) / 2
+        return symmetric
 
     def number(self, name: str, value: Any, *, lower: float | None = None, above: float | None = None,
                upper: float | None = None, unit: str = "") -> Any:
         """`value` as a float between bounds (`lower`, `upper` included; `above` excluded)."""
         if isinstance(value, Tracer):
             return value
-        if isinstance(value, np.ndarray) and value.shape == ():
+        if isinstance(value, np.ndarray | jax.Array) and value.shape == ():
             value = value.item()
-        if isinstance(value, bool) or not isinstance(value, numbers.Real) or not np.isfinite(float(value)):
+        if not _is_finite_number(value):
             self.add(f"`{name}` must be a finite number{unit and ' of ' + unit}. Got {short(value)}.")
             return None
         given = float(value)
-        for wrong, words in (
-            (lower is not None and given < lower, f"at least {lower}"),
-            (above is not None and given <= above, f"greater than {above}"),
-            (upper is not None and given > upper, f"at most {upper}"),
+        for wrong, words, bound in (
+            (lower is not None and given < lower, "at least", lower),
+            (above is not None and given <= above, "greater than", above),
+            (upper is not None and given > upper, "at most", upper),
         ):
             if wrong:
-                self.add(f"`{name}` must be {words}{unit and ' ' + unit}. Got {given:g}.")
+                self.add(f"`{name}` must be {words} {bound:g}{unit and ' ' + unit}. Got {given:g}.")
                 return None
         return given
 
     def choice(self, name: str, value: Any, options: Sequence[str]) -> None:
         """`value` must be one of `options`."""
-        if value not in options:
-            self.add(f"`{name}` must be one of {listed(options)}. Got {short(value)}.{suggestion(value, options)}")
+        if not isinstance(value, str) or value not in options:
+            words = f"{'one of ' if len(options) > 1 else ''}{listed(options)}"
+            self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
 
     def names(self, argument: str, given: Iterable[str] | None, axis: str, default: str) -> tuple[str, ...]:
         """Channel names: as many as the axis is long, each one a text, each one once."""
@@ -164,15 +184,20 @@ class Faults:
         if isinstance(given, str):
             self.add(f"`{argument}` must be a list of names. Got the text {given!r}: did you mean [{given!r}]?")
             return ()
-        found = tuple(given)
-        if not all(isinstance(name, str) for name in found):
-            self.add(f"`{argument}` must be names (texts). Got {short(found)}.")
+        if not isinstance(given, Iterable) or isinstance(given, Set | Mapping):
+            self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()
+        found = tuple(given)
+        if not all(isinstance(name, str) and name.strip() for name in found):
+            self.add(f"`{argument}` must be names (texts, not empty). Got {short(found)}.")
+            return ()
+        found = tuple(str(name) for name in found)
         twice = sorted({name for name in found if found.count(name) > 1})
         if twice:
             self.add(f"`{argument}` names a channel twice: {listed(twice)}.")
         if size is not None and len(found) != size:
-            self.add(f"`{argument}` must hold {axis} = {size} names: {self.sources[axis]}. Got {len(found)}: {listed(found)}.")
+            got = f"Got {len(found)}: {listed(found)}."
+            self.add(f"`{argument}` must hold {axis} = {size} names: {self.sources[axis]}. {got}")
         return found
 
 
@@ -181,9 +206,27 @@ def refuse(*sentences: str) -> NoReturn:
     raise InputError(*sentences)
 
 
+def existing_file(path: Any) -> Path:
+    """`path` as the path of a file that is there; an `InputError` otherwise."""
+    if not isinstance(path, str | os.PathLike):
+        refuse(f"`path` must be the name of a file. Got {short(path)}.")
+    found = Path(path)
+    if not found.is_file():
+        refuse(f"{path} is not there." if not found.exists() else f"{path} is not a file.")
+    return found
+
+
 def listed(names: Iterable[Any]) -> str:
     """Names as they stand in a sentence."""
-    return ", ".join(repr(name) for name in names) or "none"
+    shown = [short(str(name) if isinstance(name, str) else name) for name in names]
+    more = f" and {len(shown) - LISTED} more" if len(shown) > LISTED else ""
+    return ", ".join(shown[:LISTED]) + more or "none"
+
+
+def counted(count: int, noun: str) -> str:
+    """'1 entry', '2 entries'."""
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{count} {noun if count == 1 else plural}"
 
 
 def suggestion(wrong: Any, options: Iterable[str]) -> str:
@@ -195,6 +238,7 @@ def suggestion(wrong: Any, options: Iterable[str]) -> str:
 def short(value: Any) -> str:
     """What was given, in at most 60 characters."""
     text = f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
+    text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -207,3 +251,32 @@ def first_index(mask: np.ndarray) -> str:
 def is_traced(*values: Any) -> bool:
     """Whether JAX is tracing any of these."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
+
+
+def _is_finite_number(value: Any) -> bool:
+    """Whether it is a real number, finite as a float, and not a boolean."""
+    try:
+        return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
+def _remedy(name: str, shape: tuple, axes: list[str], wanted: tuple, core: tuple) -> str:
+    """What would make an array of a wrong shape fit, where that is likely what was meant."""
+    def fits(sizes: tuple) -> bool:
+        same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1
+        return len(sizes) == len(axes) and same and all(w in (None, g) for w, g in zip(wanted, sizes, strict=True))
+
+    if len(core) == 2 and 0 not in core and fits(core[::-1]):
+        return f" Did you mean `{f'np.swapaxes({name}, 1, 2)' if len(shape) == 3 else f'{name}.T'}`?"
+    if len(core) == 1 and len(axes) == 2 and axes[0] == axes[1] and 0 not in core and fits(core * 2):
+        return f" Did you mean `np.diag({name})`?"
+    if len(axes) == 1 and len(core) == 2 and 1 in core and fits((max(core),)):
+        return f" Did you mean `np.ravel({name})`?"
+    if len(core) >= len(axes):
+        return ""
+    return (
+        " A list is needed, as in [1.0].",
+        " A matrix is needed: write nested lists, as in [[1.0]].",
+        " A stack of matrices is needed: write nested lists, as in [[[1.0]]].",
+    )[len(axes) - 1]

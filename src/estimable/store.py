@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import jax
 import numpy as np
@@ -37,8 +36,11 @@ def save(path: str | Path, thing: Any) -> None:
     """
     arrays: dict[str, np.ndarray] = {}
     header = {"estimable": FORMAT, "thing": _encode(thing, "thing", arrays)}
-    with Path(path).open("wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    try:
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    except (OSError, TypeError) as error:
+        checks.refuse(f"{path} could not be written: {error}.")
 
 
 def load(path: str | Path) -> Any:
@@ -46,17 +48,16 @@ def load(path: str | Path) -> Any:
 
     Raises `InputError` where the file is not there or was not written by `save`.
     """
-    if not Path(path).is_file():
-        checks.refuse(f"{path} is not there.")
+    found = checks.existing_file(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with found.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
             if header["estimable"] != FORMAT:
                 checks.refuse(f"{path} has format {header['estimable']}; this version reads format {FORMAT}.")
             return _decode(header["thing"], file)
-    except (KeyError, ValueError, OSError, BadZipFile, TypeError, AttributeError) as error:
-        if isinstance(error, checks.InputError):
-            raise
+    except checks.InputError:
+        raise
+    except Exception as error:  # a damaged file may fail anywhere: in its zip, an array, the header or a record
         checks.refuse(f"{path} was not written by estimable.save, or is damaged: {type(error).__name__}.")
 
 

@@ -1,15 +1,20 @@
 """Records from files and tables."""
 
+import csv
+import warnings
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .. import checks
-from .record import Record
+from .record import REMEDY, Record
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
+SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces", ",": "commas"}
+BEGINNING = 8192  # bytes of a file that are looked at before it is read as text
 
 
 def read_record(
@@ -25,13 +30,15 @@ def read_record(
 ) -> Record:
     """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
 
-    `time` names the column of seconds (or timestamps); without it give `dt` in seconds. An empty cell is NaN: not seen.
-    A .mat file holds one variable a channel, of one length. Parquet needs the extra `parquet`.
+    `time` names the column of seconds or of timestamps (ISO 8601); without it give `dt` in seconds. An empty cell is
+    NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector a channel, of one length.
+    Parquet needs the extra `parquet`.
 
     Raises `InputError` where the file is not there or not readable, a column is missing, or a cell is not a number.
     """
-    frame = _read_frame(Path(path), [*outputs, *inputs])
+    found = checks.existing_file(path)
     try:
+        frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
         return from_frame(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=()
         )
@@ -39,58 +46,159 @@ def read_record(
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None
 
 
+def _wanted(*arguments: Any) -> list[str]:
+    """Every name among the arguments; what is not a name is refused later, with the rest."""
+    lists = [[given] if isinstance(given, str) else given for given in arguments if isinstance(given, str | Sequence)]
+    return [name for names in lists for name in names if isinstance(name, str)]
+
+
 def _read_frame(path: Path, wanted: list[str]):
     """The file as a table."""
     import pandas as pd
 
-    if not path.is_file():
-        checks.refuse(f"{path} is not there." if not path.exists() else f"{path} is not a file.")
     kind = path.suffix.lower()
     if kind not in READERS:
-        checks.refuse(f"{path}: a record is read from {checks.listed(READERS)}. Got {kind!r}.")
+        checks.refuse(f"a record is read from {checks.listed(READERS)}. Got {kind!r}.")
     try:
         if kind == ".mat":
-            return _read_mat(path)
+            return _read_mat(path, wanted)
         if kind == ".parquet":
             return pd.read_parquet(path)
-        return pd.read_csv(path, sep="\t" if kind == ".tsv" else ",", skipinitialspace=True)
-    except pd.errors.EmptyDataError:
-        checks.refuse(f"{path} is empty: it has no header and no row.")
+        return _read_csv(path, "\t" if kind == ".tsv" else ",", wanted)
     except ImportError:
-        checks.refuse(f"{path}: Parquet needs pyarrow: pip install 'estimable[parquet]'.")
-    except (ValueError, OSError, NotImplementedError, TypeError) as error:
+        checks.refuse("Parquet needs pyarrow: pip install 'estimable[parquet]'.")
+    except NotImplementedError:
+        checks.refuse("it was saved by MATLAB in its format 7.3: save it again with save(..., '-v7').")
+    except checks.InputError:
+        raise
+    except Exception as error:  # whatever a reader of another package raises at a file that it cannot read
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        checks.refuse(f"{path} could not be read as {kind[1:]}: {first}")
+        checks.refuse(f"it could not be read as {kind[1:]}: {first}")
 
 
-def _read_mat(path: Path):
+def _read_csv(path: Path, separator: str, wanted: list[str]):
+    import pandas as pd
+
+    names = _header(path, separator, wanted)
+    options = {"sep": separator, "skipinitialspace": True, "skip_blank_lines": len(names) > 1, "index_col": False}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            frame = pd.read_csv(path, **options)
+    except pd.errors.ParserWarning:
+        checks.refuse(
+            f"its rows hold more cells than its header has names: {checks.listed(names)}. Is a name missing there?"
+        )
+    if len(frame) and len(names) > 1 and frame.iloc[:, -1].isna().any():
+        _check_cells(path, separator, len(names))
+    return frame
+
+
+def _header(path: Path, separator: str, wanted: list[str]) -> list[str]:
+    """The names in the first line of a text file."""
+    with path.open("rb") as file:
+        beginning = file.read(BEGINNING)
+    if b"\0" in beginning:
+        checks.refuse("it is not a text file, or not in UTF-8: it holds zero bytes.")
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = csv.reader(file, delimiter=separator, skipinitialspace=True)
+        names = next((line for line in lines if line), None)
+    if names is None:
+        checks.refuse("it is empty: it has no header and no row.")
+    twice = [name for name in dict.fromkeys(wanted) if names.count(name) > 1]
+    if twice:
+        checks.refuse(*(f"there is more than one column {name!r}." for name in twice))
+    if not set(wanted) & set(names):
+        _check_header(names, separator)
+    return names
+
+
+def _check_header(names: list[str], separator: str) -> None:
+    """What is likely wrong with a header that has none of the names wanted."""
+    other = next((mark for mark in SEPARATORS if len(names) == 1 and mark in names[0].strip()), None)
+    if other is not None:
+        checks.refuse(
+            f"its header is one name, {checks.short(names[0])}. Are its cells separated by {SEPARATORS[other]}? "
+            f"They must be separated by {SEPARATORS[separator]}. Or read it with pandas.read_csv(path, sep={other!r}), "
+            "then use Record.from_pandas."
+        )
+    if all(_is_number(name) for name in names):
+        checks.refuse(f"it has no header: its first line must name the columns, and holds {checks.listed(names)}.")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _check_cells(path: Path, separator: str, columns: int) -> None:
+    """No row may be shorter than the header: it is cut off, which is not the same as an empty cell."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = (line for line in csv.reader(file, delimiter=separator) if "".join(line).strip())
+        for number, row in enumerate(islice(rows, 1, None), start=1):
+            if len(row) < columns:
+                cells = checks.counted(len(row), "cell")
+                checks.refuse(f"row {number} below the header has {cells}, the header {columns}: is the line cut off?")
+
+
+def _read_mat(path: Path, wanted: list[str]):
     import pandas as pd
     from scipy.io import loadmat
 
-    found = {name: np.squeeze(value) for name, value in loadmat(path).items() if not name.startswith("__")}
-    channels = {name: np.atleast_1d(value) for name, value in found.items() if value.ndim <= 1}
-    lengths = {name: len(value) for name, value in channels.items()}
-    longest = max(lengths.values(), default=0)
-    return pd.DataFrame({name: value for name, value in channels.items() if lengths[name] == longest})
+    found = {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
+    faults = checks.Faults()
+    for name in dict.fromkeys(wanted):
+        if name in found and not _is_vector(found[name]):
+            kind = _kind(found[name])
+            faults.add(f"variable {name!r} must be a vector of numbers, one for each channel. It is {kind}.")
+    faults.finish()
+    vectors = {name: np.ravel(value) for name, value in found.items() if _is_vector(value)}
+    lengths = {name: len(vectors[name]) for name in dict.fromkeys(wanted) if name in vectors}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name!r} has {length}" for name, length in lengths.items())
+        checks.refuse(f"the variables must have one length: {told}.")
+    length = next(iter(lengths.values()), max(map(len, vectors.values()), default=0))
+    return pd.DataFrame({name: value for name, value in vectors.items() if len(value) == length})
+
+
+def _is_vector(value: Any) -> bool:
+    numeric = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+    return numeric and value.size in (0, max(value.shape, default=1))
+
+
+def _kind(value: Any) -> str:
+    """What a MATLAB variable is, in words."""
+    if not isinstance(value, np.ndarray):
+        return "sparse"
+    words = {"O": "a cell array", "U": "a text", "V": "a structure", "c": "complex"}
+    return words.get(value.dtype.kind, " × ".join(map(str, value.shape)))
 
 
 def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units) -> Record:
     """See `Record.from_pandas`."""
+    import pandas as pd
+
+    if not isinstance(frame, pd.DataFrame):
+        checks.refuse(f"`frame` must be a pandas DataFrame. Got {type(frame).__name__}.")
     faults = checks.Faults()
-    outputs, inputs = _names("outputs", outputs, faults), _names("inputs", inputs, faults)
-    if not outputs:
+    outputs, inputs = faults.names("outputs", outputs, "", ""), faults.names("inputs", inputs, "", "")
+    if not outputs and not faults.sentences:
         faults.add("`outputs` must name at least one column.")
-    arrivals = [arrived] if isinstance(arrived, str) else list(arrived or ())
+    arrivals = faults.names("arrived", [arrived] if isinstance(arrived, str) else arrived, "", "")
     if arrivals and len(arrivals) not in (1, len(inputs)):
-        faults.add(f"`arrived` must name one column, or one an input ({len(inputs)}). Got {checks.listed(arrivals)}.")
+        told = checks.listed(arrivals)
+        faults.add(f"`arrived` must name one column for all inputs, or one for each of the {len(inputs)}. Got {told}.")
     columns = {name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals])}
-    t = _time(frame, time, dt, faults)
     if len(frame) == 0:
         faults.add("there is no row below the header.")
+    t = _time(frame, time, dt, outputs, faults)
     faults.finish()
 
     def together(names):
-        return np.stack([columns[name] for name in names], axis=1) if names else np.zeros((len(frame), 0))
+        return np.stack([np.asarray(columns[name]) for name in names], axis=1) if names else np.zeros((len(frame), 0))
 
     repeated = arrivals * len(inputs) if len(arrivals) == 1 else arrivals
     return Record(
@@ -99,57 +207,91 @@ def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units) 
     )  # fmt: skip
 
 
-def _names(argument: str, given: Any, faults: checks.Faults) -> tuple[str, ...]:
-    if isinstance(given, str):
-        faults.add(f"`{argument}` must be a list of names. Got the text {given!r}: did you mean [{given!r}]?")
-        return ()
-    return tuple(given)
-
-
-def _numbers(frame, name: str, faults: checks.Faults):
-    """A column as float64; empty cells are NaN."""
-    import pandas as pd
-
+def _column(frame, name: str, faults: checks.Faults):
+    """The column of a name, or None."""
     if name not in frame.columns:
         columns = [str(column) for column in frame.columns]
-        faults.add(f"there is no column {name!r}. The columns are {checks.listed(columns)}.{checks.suggestion(name, columns)}")
+        near = checks.suggestion(name, columns)
+        faults.add(f"there is no column {name!r}. The columns are {checks.listed(columns)}.{near}")
         return None
     column = frame[name]
     if getattr(column, "ndim", 1) != 1:
         faults.add(f"there is more than one column {name!r}.")
         return None
-    numbers = pd.to_numeric(column, errors="coerce").astype(float).to_numpy()
+    return column
+
+
+def _numbers(frame, name: str, faults: checks.Faults) -> np.ndarray | None:
+    """A column as float64; empty cells are NaN."""
+    column = _column(frame, name, faults)
+    return None if column is None else _as_numbers(column, f"column {name!r}", "numbers", faults)
+
+
+def _as_numbers(column, label: str, wanted: str, faults: checks.Faults) -> np.ndarray | None:
+    import pandas as pd
+
+    if getattr(column.dtype, "kind", "O") in "mMc" or isinstance(column.dtype, pd.PeriodDtype):
+        faults.add(f"{label} must hold {wanted}. It holds {column.dtype}.")
+        return None
+    try:
+        numbers = pd.Series(pd.to_numeric(column, errors="coerce")).astype(float).to_numpy()
+    except (OverflowError, TypeError, ValueError) as error:
+        faults.add(f"{label} must hold {wanted}: {error}.")
+        return None
     wrong = np.isnan(numbers) & column.notna().to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
-        faults.add(f"column {name!r} must hold numbers. Row {row + 1} below the header holds {column.iloc[row]!r}.")
+        held = checks.short(column.iloc[row])
+        faults.add(f"{label} must hold {wanted}. Row {row + 1} below the header holds {held}.")
         return None
     if np.isinf(numbers).any():
-        faults.add(f"column {name!r} must be finite. Row {int(np.argmax(np.isinf(numbers))) + 1} below the header is not.")
+        faults.add(f"{label} must be finite. Row {int(np.argmax(np.isinf(numbers))) + 1} below the header is not.")
         return None
     return numbers
 
 
-def _time(frame, time: str | None, dt: float | None, faults: checks.Faults):
-    """Seconds from a column of numbers or timestamps, or from the index; None where `dt` counts."""
+def _time(frame, time: Any, dt: Any, outputs: tuple[str, ...], faults: checks.Faults) -> np.ndarray | None:
+    """Seconds from a column, or from the index; None where `dt` counts, or something is at fault."""
     import pandas as pd
 
+    index = frame.index
     if time is None:
-        timed = isinstance(frame.index, pd.DatetimeIndex) or frame.index.name == "time"
-        return _seconds(frame.index.to_series()) if timed and dt is None else None
-    if time in frame.columns and pd.api.types.is_datetime64_any_dtype(frame[time]):
-        return _seconds(frame[time])
-    t = _numbers(frame, time, faults)
-    if t is not None and np.isnan(t).any():
-        faults.add(f"the time column {time!r} must not be empty or NaN. Row {int(np.argmax(np.isnan(t))) + 1} below the header is.")
+        timed = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex) or index.name == "time"
+        return _seconds(index.to_series(), "the index", faults) if timed and dt is None else None
+    if not isinstance(time, str):
+        faults.add(f"`time` must be the name of one column. Got {checks.short(time)}.")
+        return None
+    if time in outputs:
+        faults.add(f"`time` names {time!r}, which is an output too.")
+        return None
+    if time == index.name and time not in frame.columns:
+        return _seconds(index.to_series(), "the index", faults)
+    column = _column(frame, time, faults)
+    return None if column is None else _seconds(column, f"the time column {time!r}", faults)
+
+
+def _seconds(column, label: str, faults: checks.Faults) -> np.ndarray | None:
+    """Timestamps as seconds after the first; durations and numbers as they are."""
+    import pandas as pd
+
+    if len(column) == 0:
+        return None
+    if column.isna().any():
+        faults.add(f"{label} must not be empty or NaN. Row {int(np.argmax(column.isna())) + 1} below the header is.")
+        return None
+    if column.dtype.kind not in "mMfiub":
+        stamps = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
+        column = stamps if stamps.notna().all() else column
+    if column.dtype.kind in "mM":
+        since = column - column.iloc[0] if column.dtype.kind == "M" else column
+        t = since.dt.total_seconds().to_numpy(float)
+    else:
+        t = _as_numbers(column, label, "seconds, or timestamps like 2026-01-31 12:00:00.5", faults)
+    if t is not None and np.any(back := np.diff(t) <= 0):
+        row = int(np.argmax(back)) + 1
+        faults.add(
+            f"{label} must increase. From row {row} to row {row + 1} below the header it goes from {float(t[row - 1])} "
+            f"to {float(t[row])} s: {REMEDY}."
+        )
         return None
     return t
-
-
-def _seconds(series) -> np.ndarray:
-    """Timestamps as seconds after the first; numbers as they are."""
-    import pandas as pd
-
-    if pd.api.types.is_datetime64_any_dtype(series):
-        return (series - series.iloc[0]).dt.total_seconds().to_numpy(float)
-    return series.to_numpy(float)

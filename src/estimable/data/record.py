@@ -1,6 +1,7 @@
 """What was measured, when, and what of the inputs arrived."""
 
-from dataclasses import KW_ONLY
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, field
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
 
 LOST = ("zero", "hold")
-UNIFORM = 1e-6  # relative scatter of the time steps up to which sampling counts as regular: what rounding in a file leaves
+REMEDY = "sort the rows, and drop repeated ones"
+UNIFORM = 1e-6  # relative scatter of time steps up to which sampling counts as regular: what rounding in a file leaves
 
 
 @frozen
@@ -19,11 +21,11 @@ class Record:
     """Measured outputs and logged inputs, row by row.
 
     Row k: `y[k]` was measured at `t[k]`; `u[k]` was applied from `t[k]` to `t[k+1]`: constant (`hold="zero_order"`) or
-    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, channel by channel. `u` (T, m): what
-    was sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing; neither,
-    and the record takes the step of a discrete model. `arrived` (T, m): 1 the input was applied, 0 the network lost it
-    (the actuator then does what `lost` says: "zero" or "hold"), NaN nobody knows. `outputs` and `inputs` name the
-    channels (default y1.., u1..): models are matched by name. `units`: {name: unit}, for tables and figures.
+    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, channel by channel. `u` (T, m):
+    what was sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing;
+    neither, and the record takes the step of a discrete model. `arrived` (T, m): 1 the input was applied, 0 the network
+    lost it (the actuator then does what `lost` says: "zero" or "hold"), NaN nobody knows. `outputs` and `inputs` name
+    the channels (default y1.., u1..): models are matched by name. `units`: {name: unit}, for tables and figures.
 
     Raises `InputError` with every fault at once.
 
@@ -43,6 +45,7 @@ class Record:
     lost: str = static(default="zero")
     hold: str = static(default="zero_order")
     units: Any = static(default=())
+    held: Any = field(default=None, init=False)  # (m,) what the actuator held before row 0, where rows were cut off
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -53,6 +56,8 @@ class Record:
         u = None if u is None else faults.array("u", _column(u), "T m", nan=True)
         if y is not None and len(y) == 0:
             faults.add("the record is empty: `y` has no row.")
+        elif y is not None and y.shape[1] == 0:
+            faults.add("`y` has no column: a record needs an output.")
         faults.choice("hold", self.hold, HOLDS)
         faults.choice("lost", self.lost, LOST)
         arrived = None if self.arrived is None else _read_arrived(self.arrived, self.hold, faults)
@@ -61,10 +66,7 @@ class Record:
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
         }
-        units = tuple(sorted(dict(self.units).items()))
-        unknown = [name for name, _ in units if name not in names["outputs"] + names["inputs"]]
-        if unknown:
-            faults.add(f"`units` names channels that the record does not have: {checks.listed(unknown)}.")
+        units = _read_units(self.units, names["outputs"] + names["inputs"], faults)
         faults.finish()
         set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, units=units, **names)
 
@@ -90,19 +92,28 @@ class Record:
 
     def __getitem__(self, rows: slice) -> "Record":
         """Some consecutive rows, as a record."""
-        if not isinstance(rows, slice) or rows.step not in (None, 1):
+        if not isinstance(rows, slice) or rows.step not in (None, 1) or not _is_whole(rows.start, rows.stop):
             checks.refuse("a record is cut by a slice of consecutive rows, as in record[100:200].")
+        first, stop, _ = rows.indices(len(self))
+        if stop <= first:
+            begin, end = ("" if bound is None else bound for bound in (rows.start, rows.stop))
+            checks.refuse(f"record[{begin}:{end}] holds no row: the record has {len(self)}.")
         cut = {name: None if (a := getattr(self, name)) is None else a[rows] for name in ("y", "u", "t", "arrived")}
-        if len(cut["y"]) == 0:
-            checks.refuse(f"rows {rows.start}:{rows.stop} of a record of {len(self)} are none.")
+        if self.lost == "hold" and self.arrived is not None and first > 0:
+            cut["held"] = self.applied()[first - 1]
+        if self.dt is None and self.t is not None:
+            cut["dt"] = _regular_step(self.t[rows])
         return replace(self, **cut)
 
     def split(self, fraction: float) -> tuple["Record", "Record"]:
         """The first `fraction` of the rows, and the others."""
         faults = checks.Faults()
-        faults.number("fraction", fraction, above=0.0, upper=1.0)
+        fraction = faults.number("fraction", fraction, above=0.0, upper=1.0)
+        cut = 1 if fraction is None else round(fraction * len(self))
+        if fraction is not None and not 0 < cut < len(self):
+            rows = checks.counted(len(self), "row")
+            faults.add(f"`fraction` must leave rows on both sides. {fraction:g} of {rows} is {cut}.")
         faults.finish()
-        cut = round(fraction * len(self))
         return self[:cut], self[cut:]
 
     @property
@@ -121,7 +132,7 @@ class Record:
         if regular is not None or self.t is None or len(self) == 1:
             return Clock.every(1.0 if regular is None else regular, self.hold)
         steps = np.diff(self.t)
-        grid = np.median(steps) * UNIFORM
+        grid = _scatter(self.t, np.median(steps))
         _, first, rows = np.unique(np.round(steps / grid), return_index=True, return_inverse=True)
         return Clock(steps[first], np.append(rows, rows[-1]), self.hold)
 
@@ -131,7 +142,7 @@ class Record:
             return self.u
         applied = np.where(self.arrived == 1, self.u, np.where(self.arrived == 0, 0.0, np.nan))
         if self.lost == "hold":
-            held = np.zeros_like(applied[..., 0, :])
+            held = np.zeros_like(applied[..., 0, :]) if self.held is None else self.held
             for k in range(applied.shape[-2]):
                 held = np.where(self.arrived[..., k, :] == 0, held, applied[..., k, :])
                 applied[..., k, :] = held
@@ -147,7 +158,31 @@ def _column(value: Any) -> Any:
     return array[:, None] if array.ndim == 1 and array.dtype.kind in "fiub" else value
 
 
+def _is_whole(*bounds: Any) -> bool:
+    """Whether each is a whole number or None."""
+    return all(bound is None or isinstance(bound, int | np.integer) for bound in bounds)
+
+
+def _read_units(units: Any, channels: tuple[str, ...], faults: checks.Faults) -> tuple[tuple[str, str], ...]:
+    """(name, unit) of each channel that has one."""
+    pairs = tuple(units.items()) if isinstance(units, Mapping) else units
+    texts = isinstance(pairs, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair) for pair in pairs
+    )
+    if not texts:
+        faults.add(f"`units` must be a mapping of names to units, as in {{'speed': 'm/s'}}. Got {checks.short(units)}.")
+        return ()
+    unknown = [name for name, _ in pairs if name not in channels]
+    if unknown:
+        near = checks.suggestion(unknown[0], channels)
+        faults.add(f"`units` names channels that the record does not have: {checks.listed(unknown)}.{near}")
+    return tuple(sorted(pairs))
+
+
 def _read_arrived(arrived: Any, hold: str, faults: checks.Faults) -> np.ndarray | None:
+    if faults.sizes.get("m") == 0:
+        faults.add("`arrived` says which inputs were applied, but the record has no input: give `u`.")
+        return None
     read = faults.array("arrived", _column(arrived), "T m", nan=True)
     if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
         faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows).")
@@ -163,21 +198,36 @@ def _read_time(dt: Any, t: Any, rows: int, faults: checks.Faults) -> tuple[float
     if t is None:
         return dt, None if dt is None else np.arange(rows) * dt
     faults.learn("T", rows, f"`y` has {rows} rows")
+    if np.asarray(t).dtype.kind in "mM":
+        faults.add("`t` must be seconds, not dates. Did you mean `(t - t[0]) / np.timedelta64(1, 's')`?")
+        return dt, None
     t = faults.array("t", t, "T")
     if t is None or rows == 0:
         return dt, None
-    steps = np.diff(t)
-    if np.any(steps <= 0):
-        k = int(np.argmax(steps <= 0))
-        faults.add(f"`t` must increase. At row {k + 1} it goes from {t[k]:g} to {t[k + 1]:g} s: sort the rows, drop repeats.")
+    if np.any(back := np.diff(t) <= 0):
+        k = int(np.argmax(back))
+        faults.add(f"`t` must increase. At row {k + 1} it goes from {float(t[k])} to {float(t[k + 1])} s: {REMEDY}.")
         return dt, None
     if rows == 1:
         return dt, t
-    mean = float((t[-1] - t[0]) / (rows - 1))
-    regular = bool(np.all(np.abs(steps - mean) <= UNIFORM * mean))
-    if dt is not None and not (regular and abs(dt - mean) <= UNIFORM * mean):
-        faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{'' if regular else ', not regular'}. Give one.")
-    return mean if regular else None, t
+    mean, regular = float((t[-1] - t[0]) / (rows - 1)), _regular_step(t)
+    if dt is not None and (regular is None or abs(dt - mean) > _scatter(t, mean)):
+        scattered = ", not regular" if regular is None else ""
+        faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{scattered}. Give one.")
+    return regular, t
+
+
+def _regular_step(t: np.ndarray) -> float | None:
+    """The step of regular times; None where they are not regular, or there is one only."""
+    if len(t) == 1:
+        return None
+    mean = float((t[-1] - t[0]) / (len(t) - 1))
+    return mean if np.all(np.abs(np.diff(t) - mean) <= _scatter(t, mean)) else None
+
+
+def _scatter(t: np.ndarray, step: float) -> float:
+    """How far rounding may put a step from `step`: the rounding of a file, and that of large times in float64."""
+    return UNIFORM * step + 4 * np.finfo(float).eps * np.abs(t).max()
 
 
 def match(names: tuple[str, ...], defaults: bool, record_names: tuple[str, ...], what: str, faults: checks.Faults):
@@ -188,7 +238,6 @@ def match(names: tuple[str, ...], defaults: bool, record_names: tuple[str, ...],
         return list(range(len(names)))
     missing = [name for name in names if name not in record_names]
     near = "".join(dict.fromkeys(checks.suggestion(name, record_names) for name in missing))
-    faults.add(
-        f"the record has no {what} named {checks.listed(missing)}: its {what}s are {checks.listed(record_names)}.{near}"
-    )
+    there = f"its {what}s are {checks.listed(record_names)}" if record_names else f"it has no {what}s"
+    faults.add(f"the record has no {what} named {checks.listed(missing)}: {there}.{near}")
     return []

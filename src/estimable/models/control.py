@@ -6,6 +6,9 @@ from .state_space import StateSpace
 
 def from_control(system, *, Q=None, R=None, G=None, S=None) -> StateSpace:
     """A model from a `control.StateSpace`, with the noises that it does not carry."""
+    if not all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt", "state_labels")):
+        kind = type(system).__name__
+        checks.refuse(f"`system` must be a control.StateSpace: control.ss(system) makes one. Got {kind}.")
     dt = system.dt
     if dt is None or dt is True:
         checks.refuse(f"the system's dt is {dt}: give it a sampling time in seconds, or 0 for continuous time.")
@@ -23,9 +26,11 @@ def to_control(model: StateSpace):
         checks.refuse("python-control is not installed: pip install 'estimable[control]'.")
     faults = checks.Faults()
     if model.varying:
-        faults.add(f"python-control has no time-varying models: {checks.listed(model.varying)} vary in time.")
+        faults.add(f"python-control has no time-varying models. Varying here: {checks.listed(model.varying)}.")
     if model.B_end is not None:
         faults.add("python-control has no first-order hold: `B_end` would be lost. Convert the continuous model.")
+    if model.m == 0:
+        faults.add("python-control needs an input: this model has none.")
     faults.finish()
     return control.StateSpace(
         model.A, model.B, model.C, model.D, model.dt, states=model.states, inputs=model.inputs, outputs=model.outputs

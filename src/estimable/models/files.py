@@ -2,12 +2,14 @@
 
 import runpy
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
+from .discretisation import HOLDS
 from .prior import Prior
 from .state_space import StateSpace
 
@@ -20,7 +22,13 @@ KEYS = {
     "record": ("time", "dt", "hold", "lost"),
     "unknown": ("inputs",),
 }
-REQUIRED = {"model": ("dt", "states", "outputs", "A", "C", "R"), "prior": ("mean", "covariance"), "gain": ("mean", "covariance")}
+SETTINGS = KEYS["gain"][2:]
+REQUIRED = {
+    "model": ("dt", "states", "outputs", "A", "C", "R"),
+    "prior": ("mean", "covariance"),
+    "gain": ("mean", "covariance"),
+}
+LOST = ("zero", "hold")
 
 
 class GainSection(NamedTuple):
@@ -31,7 +39,7 @@ class GainSection(NamedTuple):
 
 
 class ModelFile(NamedTuple):
-    """What a model file holds. `gain` is None where it says nothing of one; `record` holds arguments of `read_record`."""
+    """What a model file holds. `gain`: None where it says nothing of one; `record`: arguments of `read_record`."""
 
     model: StateSpace
     prior: Prior
@@ -43,35 +51,42 @@ class ModelFile(NamedTuple):
 def read_model(path: str | Path) -> ModelFile:
     """The model, prior, gain, unknown inputs and record options in a model file.
 
-    TOML: sections [model] (dt, states, outputs, A, C, R; also inputs, B, D, Q, G, S) and [prior] (mean, covariance; also
-    diffuse) are required; [operating_point], [gain], [record] and [unknown] are optional. A `.py` file defines `model`
-    and `prior`, and may define `gain` (a `GainSection`), `unknown` and `record`; it is run.
+    TOML: sections [model] (dt, states, outputs, A, C, R; also inputs, B, D, Q, G, S) and [prior] (mean, covariance;
+    also diffuse) are required; [operating_point], [gain], [record] and [unknown] are optional. A `.py` file defines
+    `model` and `prior`, and may define `gain` (a `GainSection`), `unknown` and `record`; it is run.
 
-    Raises `InputError` where the file is not there, is not TOML, or a key is missing, unknown or of a wrong shape.
+    Raises `InputError` where the file is not there, is not TOML, a key is missing, unknown or of a wrong shape, or the
+    Python in it fails.
     """
-    path = Path(path)
-    if not path.is_file():
-        checks.refuse(f"the model file {path} is not there.")
+    found = checks.existing_file(path)
     try:
-        if path.suffix == ".py":
-            return _from_python(path)
-        with path.open("rb") as file:
+        if found.suffix == ".py":
+            return _from_python(found)
+        with found.open("rb") as file:
             return _from_sections(tomllib.load(file))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         checks.refuse(f"{path} is not TOML: {error}.")
     except checks.InputError as error:
-        raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None
+        raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from error.__cause__
 
 
 def _from_python(path: Path) -> ModelFile:
-    found = runpy.run_path(str(path))
+    try:
+        found = runpy.run_path(str(path))
+    except checks.InputError:
+        raise
+    except Exception as error:  # whatever the user's own code raises
+        raise checks.InputError(f"its Python failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
     for name, kind in (("model", StateSpace), ("prior", Prior)):
         if not isinstance(found.get(name), kind):
             faults.add(f"a Python model file must define `{name}`, a {kind.__name__}.")
     faults.finish()
     optional = {name: found[name] for name in ("gain", "unknown", "record") if name in found}
-    return ModelFile(found["model"], found["prior"], **optional)
+    file = ModelFile(found["model"], found["prior"], **optional)
+    _check_file(file, faults)
+    faults.finish()
+    return file._replace(unknown=tuple(file.unknown))
 
 
 def _from_sections(sections: dict[str, Any]) -> ModelFile:
@@ -87,16 +102,16 @@ def _from_sections(sections: dict[str, Any]) -> ModelFile:
     prior = _prior("prior", sections["prior"], faults)
     gain = sections.get("gain")
     gain_prior = None if gain is None else _prior("gain", gain, faults)
-    unknown = tuple(sections.get("unknown", {}).get("inputs", ()))
-    _check_unknown(unknown, model, faults)
-    faults.finish()
-    assert model is not None and prior is not None
-    if prior.size != model.n:
-        checks.refuse(f"[prior] must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.size}.")
+    unknown, record = sections.get("unknown", {}).get("inputs", ()), dict(sections.get("record", {}))
+    if model is None or prior is None:
+        raise checks.InputError(*faults.sentences)
     section = None
     if gain is not None and gain_prior is not None:
-        section = GainSection(gain_prior, {key: gain[key] for key in KEYS["gain"][2:] if key in gain})
-    return ModelFile(model, prior, section, unknown, dict(sections.get("record", {})))
+        section = GainSection(gain_prior, {key: gain[key] for key in SETTINGS if key in gain})
+    file = ModelFile(model, prior, section, unknown, record)
+    _check_file(file, faults)
+    faults.finish()
+    return file._replace(unknown=tuple(unknown))
 
 
 def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
@@ -106,9 +121,7 @@ def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
         elif not isinstance(section, dict):
             faults.add(f"{name!r} must be a section [{name}] with keys {checks.listed(KEYS[name])}.")
         else:
-            for key in section:
-                if key not in KEYS[name]:
-                    faults.add(f"[{name}] has no key {key!r}. Its keys are {checks.listed(KEYS[name])}.{checks.suggestion(key, KEYS[name])}")
+            _check_names(name, section, KEYS[name], faults)
     for name in ("model", "prior"):
         if name not in sections:
             faults.add(f"the section [{name}] is missing.")
@@ -119,6 +132,13 @@ def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
             faults.add(f"[{name}] needs {checks.listed(missing)}.")
 
 
+def _check_names(section: str, given: Iterable[str], keys: tuple[str, ...], faults: checks.Faults) -> None:
+    for key in given:
+        if key not in keys:
+            near = checks.suggestion(key, keys)
+            faults.add(f"[{section}] has no key {key!r}. Its keys are {checks.listed(keys)}.{near}")
+
+
 def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior | None:
     try:
         return Prior(given["mean"], given["covariance"], diffuse=given.get("diffuse"))
@@ -127,10 +147,34 @@ def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior 
         return None
 
 
-def _check_unknown(unknown: tuple[str, ...], model: StateSpace | None, faults: checks.Faults) -> None:
-    for name in unknown if model is not None else ():
+def _check_file(file: ModelFile, faults: checks.Faults) -> None:
+    """What is said of the model must fit it."""
+    model, prior, gain, unknown, record = file
+    if prior.size != model.n:
+        faults.add(f"[prior] must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.size}.")
+    for name in faults.names("[unknown] inputs", unknown, "", ""):
         if name not in model.inputs:
-            faults.add(f"[unknown] names {name!r}, which is no input of the model: {checks.listed(model.inputs)}.")
+            near = checks.suggestion(name, model.inputs)
+            inputs = checks.listed(model.inputs)
+            faults.add(f"[unknown] names {name!r}, which is no input of the model: {inputs}.{near}")
+    if gain is not None and not isinstance(gain, GainSection):
+        faults.add(f"`gain` must be a GainSection(prior, settings). Got {type(gain).__name__}.")
+    elif gain is not None:
+        _check_names("gain", gain.settings, SETTINGS, faults)
+    _check_record(record, faults)
+
+
+def _check_record(record: Any, faults: checks.Faults) -> None:
+    if not isinstance(record, dict):
+        faults.add(f"[record] must hold {checks.listed(KEYS['record'])}. Got {checks.short(record)}.")
+        return
+    _check_names("record", record, KEYS["record"], faults)
+    faults.choice("[record] hold", record.get("hold", HOLDS[0]), HOLDS)
+    faults.choice("[record] lost", record.get("lost", LOST[0]), LOST)
+    if "dt" in record:
+        faults.number("[record] dt", record["dt"], above=0.0, unit="seconds")
+    if not isinstance(record.get("time", ""), str):
+        faults.add(f"`[record] time` must be the name of a column. Got {checks.short(record['time'])}.")
 
 
 def write_model(
@@ -144,20 +188,17 @@ def write_model(
 ) -> None:
     """Write a TOML model file that `read_model` reads back to the last bit.
 
-    Raises `InputError` where the model varies in time, or has a `B_end`: such a model has no place in a file.
+    Raises `InputError` with every fault of the call. A model that varies in time, or has a `B_end`, has no place in a
+    file: `save` it.
     """
     import tomli_w
 
-    if model.varying or model.B_end is not None:
-        checks.refuse("a model file holds a constant model without `B_end`: use save(path, model) for this one.")
-    S = {} if model.S is None else {"S": model.S}
-    if model.R is None:
-        checks.refuse("a model file needs `R`, the covariance of the measurement noise.")
+    _check_writable(ModelFile(model, prior, gain, unknown, record or {}))
+    keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
-        "model": {"dt": model.dt, "states": model.states, "inputs": model.inputs, "outputs": model.outputs, "A": model.A,
-                  "B": model.B, "C": model.C, "D": model.D, "G": model.G, "Q": model.Q, "R": model.R, **S},
+        "model": {key: getattr(model, key) for key in keys},
         "prior": _prior_section(prior),
-    }  # fmt: skip
+    }
     if model.operating_point is not None:
         point = model.operating_point
         sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}
@@ -167,7 +208,26 @@ def write_model(
         sections["record"] = record
     if unknown:
         sections["unknown"] = {"inputs": unknown}
-    Path(path).write_text(tomli_w.dumps(_plain(sections)))
+    text = tomli_w.dumps(_plain(sections))
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except (OSError, TypeError) as error:
+        checks.refuse(f"{path} could not be written: {error}.")
+
+
+def _check_writable(file: ModelFile) -> None:
+    faults = checks.Faults()
+    for name, kind in (("model", StateSpace), ("prior", Prior)):
+        thing = getattr(file, name)
+        if not isinstance(thing, kind):
+            faults.add(f"`{name}` must be a {kind.__name__}. Got {type(thing).__name__}.")
+    faults.finish()
+    if file.model.varying or file.model.B_end is not None:
+        faults.add("a model file holds a constant model without `B_end`: use save(path, model) for this one.")
+    if file.model.R is None:
+        faults.add("a model file needs `R`, the covariance of the measurement noise.")
+    _check_file(file, faults)
+    faults.finish()
 
 
 def _prior_section(prior: Prior) -> dict[str, Any]:
@@ -179,6 +239,8 @@ def _plain(value: Any) -> Any:
     """Arrays as lists, for TOML."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if item is not None}
-    if isinstance(value, np.ndarray | tuple | list):
-        return [_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
     return value

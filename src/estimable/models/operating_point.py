@@ -8,6 +8,8 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen
 
+PARTS = ("states", "inputs", "outputs")
+
 
 @frozen
 class OperatingPoint:
@@ -19,13 +21,14 @@ class OperatingPoint:
 
     @staticmethod
     def of(given: Any, C: np.ndarray, D: np.ndarray, faults: checks.Faults) -> "OperatingPoint | None":
-        """Read what the user gave: a mapping or an `OperatingPoint`; outputs not given are C states + D inputs."""
+        """A mapping or an `OperatingPoint`, read: what is not given is zero, and outputs are C states + D inputs."""
         if given is None:
             return None
         if isinstance(given, Mapping):
-            unknown = sorted(set(given) - {"states", "inputs", "outputs"})
+            unknown = [key for key in given if key not in PARTS]
             if unknown:
-                faults.add(f"`operating_point` has states, inputs and outputs. Got {checks.listed(unknown)}.")
+                near = checks.suggestion(unknown[0], PARTS)
+                faults.add(f"`operating_point` has states, inputs and outputs. Got {checks.listed(unknown)}.{near}")
             parts = given
         elif isinstance(given, OperatingPoint):
             parts = {"states": given.states, "inputs": given.inputs, "outputs": given.outputs}
@@ -36,11 +39,11 @@ class OperatingPoint:
             )
             return None
         n, m = C.shape[-1], D.shape[-1]
-        states = faults.array("operating_point states", parts.get("states", np.zeros(n)), "n")
-        inputs = faults.array("operating_point inputs", parts.get("inputs", np.zeros(m)), "m")
+        states, inputs, outputs = (parts.get(part) for part in PARTS)
+        states = faults.array("operating_point states", np.zeros(n) if states is None else states, "n")
+        inputs = faults.array("operating_point inputs", np.zeros(m) if inputs is None else inputs, "m")
         if states is None or inputs is None:
             return None
-        outputs = parts.get("outputs")
         if outputs is None and C.ndim + D.ndim > 4:
             faults.add("`operating_point` must give outputs where C or D varies in time.")
             return None

@@ -33,11 +33,17 @@ class Prior:
         faults = checks.Faults()
         mean = faults.array("mean", self.mean, "n")
         covariance = faults.covariance("covariance", self.covariance, "n n")
+        if faults.sizes.get("n") == 0:
+            faults.add("`mean` must have at least one entry.")
         diffuse = None if self.diffuse is None else faults.array("diffuse", self.diffuse, "n r")
+        if diffuse is not None and diffuse.shape[1] == 0:
+            diffuse = None
         if diffuse is not None and not checks.is_traced(diffuse):
-            rank = np.linalg.matrix_rank(diffuse) if diffuse.size else 0
+            lengths = np.linalg.norm(diffuse, axis=0)
+            rank = np.linalg.matrix_rank(diffuse / np.where(lengths > 0, lengths, 1.0))
             if rank < diffuse.shape[1]:
-                faults.add(f"`diffuse` must have independent columns. Got {diffuse.shape[1]} columns of rank {rank}.")
+                columns = checks.counted(diffuse.shape[1], "column")
+                faults.add(f"`diffuse` must have independent columns. Got {columns} of rank {rank}.")
         faults.finish()
         set_field(self, mean=mean, covariance=covariance, diffuse=diffuse)
 
@@ -47,12 +53,15 @@ class Prior:
         return self.mean.shape[-1]
 
     def in_basis(self, T) -> "Prior":
-        """The same belief about T x.
+        """The same belief about T x, T (k, n). Raises `InputError` for a T of another shape.
 
         >>> Prior([1.0], [[2.0]]).in_basis([[3.0]]).covariance
         array([[18.]])
         """
-        T = np.asarray(T, float)
+        faults = checks.Faults()
+        faults.learn("n", self.size, f"`mean` has {checks.counted(self.size, 'entry')}")
+        T = faults.array("T", T, "k n")
+        faults.finish()
         diffuse = None if self.diffuse is None else T @ self.diffuse
         return Prior(T @ self.mean, T @ self.covariance @ T.T, diffuse=diffuse)
 

@@ -10,13 +10,14 @@ from ..frozen import frozen, set_field, static
 from .operating_point import OperatingPoint
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S", "B_end")
+SINGULAR = 1e14  # condition number from which a change of basis leaves no digit that can be trusted
 
 
 @frozen
 class StateSpace:
     """A linear model with noise, discrete (dt > 0) or continuous (dt = 0), constant or varying in time.
 
-    Discrete: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], with cov w = Q, cov v = R, cov(w, v) = S.
+    Discrete: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k]; cov w = Q, cov v = R, cov(w, v) = S.
     Continuous: dx/dt = A x + B u + G w with Q a density (per second); y[k] is a sample, and R its covariance (a density
     in the continuous Riccati and estimability functions).
 
@@ -110,12 +111,17 @@ class StateSpace:
         return discretise(self, dt, hold=hold)
 
     def in_basis(self, T) -> "StateSpace":
-        """The same model in the states T x; they are named x1.. again.
+        """The same model in the states T x; they are named x1.. again. Raises `InputError` where T (n, n) is singular.
 
         >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
         array([[0.5]])
         """
-        T = np.asarray(T, float)
+        faults = checks.Faults()
+        faults.learn("n", self.n, f"the model has {checks.counted(self.n, 'state')}")
+        T = np.asarray(faults.array("T", T, "n n"))
+        faults.finish()
+        if (condition := _condition(T)) > SINGULAR:
+            checks.refuse(f"`T` must be invertible: with rows and columns scaled, its condition is {condition:.3g}.")
         back = np.linalg.inv(T)
         point = self.operating_point
         return StateSpace(
@@ -141,20 +147,34 @@ class StateSpace:
         return to_control(self)
 
 
+def _condition(T: np.ndarray) -> float:
+    """The condition number after scaling rows and columns, that is, with the units of the states taken out."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scaled = T / np.abs(T).max(axis=1, keepdims=True)
+        scaled = scaled / np.abs(scaled).max(axis=0)
+    return float(np.linalg.cond(scaled)) if np.all(np.isfinite(scaled)) else np.inf
+
+
 def _read_matrices(model: StateSpace, faults: checks.Faults) -> dict:
     """Each matrix checked against those before it; None where not given or at fault."""
     read = {"A": faults.array("A", model.A, "n n", leading="T")}
     for name, axes in (("B", "n m"), ("C", "p n"), ("D", "p m"), ("G", "n q"), ("B_end", "n m")):
         value = getattr(model, name)
-        if name == "C" and value is None:
-            faults.learn("p", faults.sizes.get("n", 0), "every state is an output")
-        if name == "G" and value is None:
-            faults.learn("q", faults.sizes.get("n", 0), "`G` is the identity")
+        if name == "C" and value is None and "n" in faults.sizes:
+            faults.learn("p", faults.sizes["n"], "without `C`, every state is an output")
+        if name == "G" and value is None and "n" in faults.sizes:
+            faults.learn("q", faults.sizes["n"], "without `G`, noise enters every state")
         read[name] = None if value is None else faults.array(name, value, axes, leading="T")
     for name, axes in (("Q", "q q"), ("R", "p p")):
         value = getattr(model, name)
         read[name] = None if value is None else faults.covariance(name, value, axes, leading="T")
     read["S"] = None if model.S is None else faults.array("S", model.S, "q p", leading="T")
+    if faults.sizes.get("n") == 0:
+        faults.add("`A` must be at least 1 × 1: a model needs a state.")
+    elif faults.sizes.get("p") == 0:
+        faults.add("`C` must have at least one row: a model needs an output.")
+    elif faults.sizes.get("q") == 0:
+        faults.add("`G` must have at least one column: leave it out, and Q zero, where no noise enters the state.")
     return read
 
 
@@ -162,7 +182,7 @@ def _complete(given: dict) -> dict:
     """Fill in what was not given: a zero B or D, an identity C or G, a zero Q."""
     n = given["A"].shape[-1]
     p = n if given["C"] is None else given["C"].shape[-2]
-    inputs = next((given[name].shape[-1] for name in ("B", "D") if given[name] is not None), 0)
+    inputs = next((given[name].shape[-1] for name in ("B", "D", "B_end") if given[name] is not None), 0)
     noises = n if given["G"] is None else given["G"].shape[-1]
     defaults = {
         "B": np.zeros((n, inputs)), "C": np.eye(n), "D": np.zeros((p, inputs)),
@@ -174,11 +194,13 @@ def _complete(given: dict) -> dict:
 def _check_noise(matrices: dict, dt: float | None, faults: checks.Faults) -> None:
     """What only the noises together can get wrong."""
     faults.learn("m", matrices["B"].shape[-1], "neither `B` nor `D` has a column")
+    if dt == 0 and matrices["B_end"] is not None:
+        faults.add("`B_end` belongs to a discrete model, and dt = 0: discretise(dt, hold='first_order') makes both.")
     Q, R, S = (matrices[name] for name in ("Q", "R", "S"))
     if S is None or checks.is_traced(Q, R, S):
         return
     if dt == 0:
-        faults.add("`S` is between noises of the same sample: a continuous model (dt = 0) has none. Discretise it first.")
+        faults.add("`S` is between noises of one sample: a continuous model (dt = 0) has none. Discretise it first.")
     elif R is None:
         faults.add("`S` needs `R`, the covariance of the measurement noise.")
     else:
