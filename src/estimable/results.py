@@ -58,11 +58,9 @@ OUTCOMES = {
 }
 
 
-def outcome_code(contradicted, *arrays):
-    """The code of a step: 1 where an array is not finite, else 2 where a datum was contradicted, else 0."""
-    finite = jnp.array(True)
-    for array in arrays:
-        finite &= jnp.all(jnp.isfinite(array))
+def outcome_code(contradicted, mean, factor):
+    """The code of a step: 1 where mean (n,) or factor (n, k) is not finite, else 2 where a datum was contradicted."""
+    finite = jnp.isfinite(jnp.sum(jnp.concatenate([mean[:, None], factor], axis=1)))
     return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
 
 

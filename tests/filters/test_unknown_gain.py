@@ -9,32 +9,12 @@ import pytest
 from cases import case, covariance
 from numpy.testing import assert_allclose
 from oracles import textbook
+from oracles.augmented import augmented, together
 
 from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate
 from estimable.kernels.batch_gain import batch_gain
 
 ANSWERS = json.loads((Path(__file__).parents[1] / "answers" / "loop-gain.json").read_text())
-
-
-def augmented(model, gain, directions, fixed, feedthrough, walk, u):
-    """(x, θ) as a time-varying model, with no unknown left: what the library does not do."""
-    n, p, T = model.n, gain.size, len(u)
-    A, C = np.zeros((T, n + p, n + p)), np.zeros((T, model.p, n + p))
-    for k in range(T):
-        A[k] = np.block([[model.A, (directions @ u[k]).T], [np.zeros((p, n)), np.eye(p)]])
-        C[k] = np.hstack([model.C, (feedthrough @ u[k]).T])
-    G = np.block([[model.G, np.zeros((n, p))], [np.zeros((p, model.G.shape[1])), np.eye(p)]])
-    q = model.Q.shape[0]
-    Q = np.block([[model.Q, np.zeros((q, p))], [np.zeros((p, q)), walk]])
-    S = None if model.S is None else np.vstack([model.S, np.zeros((p, model.p))])
-    B = np.vstack([fixed, np.zeros((p, model.m))])
-    return StateSpace(A, B, C, model.D, Q=Q, G=G, R=model.R, S=S, dt=model.dt)
-
-
-def together(prior, gain):
-    n, p = prior.size, gain.size
-    P = np.block([[prior.covariance, np.zeros((n, p))], [np.zeros((p, n)), gain.covariance]])
-    return Prior(np.concatenate([prior.mean, gain.mean]), P)
 
 
 @pytest.mark.parametrize("cross", [False, True])
@@ -230,3 +210,14 @@ def test_a_continuous_model_is_discretised_block_by_block(hold):
     plain = estimate(Kalman(replace(model, B=model.B * known)), record, prior=prior)
     assert_allclose(ours.mean, plain.mean, rtol=1e-10, atol=1e-12)
     assert_allclose(ours.log_likelihood, plain.log_likelihood, rtol=1e-12)
+
+
+def test_a_model_discretised_beforehand_for_a_moving_input_gives_the_same():
+    rng = np.random.default_rng(1)
+    model = StateSpace([[-1.0, 0.3], [0.2, -0.5]], rng.normal(size=(2, 2)), Q=np.eye(2), R=np.eye(2), dt=0)
+    record = Record(rng.normal(size=(15, 2)), rng.normal(size=(15, 2)), dt=0.1, hold="first_order")
+    gain, prior = Prior([1.0, 1.0], np.eye(2)), Prior([0.0, 0.0], np.eye(2))
+    continuous = estimate(UnknownGain(model, gain, directions="per_input"), record, prior=prior)
+    discrete = model.discretise(0.1, hold="first_order")
+    beforehand = estimate(UnknownGain(discrete, gain, directions="per_input"), record, prior=prior)
+    assert_allclose(beforehand.gain, continuous.gain, rtol=1e-12)

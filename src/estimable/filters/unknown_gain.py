@@ -36,7 +36,8 @@ class UnknownGain:
     Settings: `model`; `gain`, the `Prior` of θ; `directions`: None or "one" (one θ on all of B), "per_input" (one θ an
     actuator), "every_entry" (θ is B, row by row), or (p, n, m); `fixed` (n, m), the part of B known to act besides
     (default zero); `feedthrough`: None (D is known), "scaled" (θ acts on D as on B; for "one" and "per_input") or
-    (p, outputs, m); `walk`: variance per second of each θ, (p,) or one number, or covariance (p, p) per second;
+    (p, outputs, m); `walk`: variance per second of each θ, (p,) or one number, or covariance (p, p) per second: θ is
+    constant over a step and walks at its end;
     `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D, D = diag(I, λ^-1/2 I).
 
     Cost: that of `Kalman` with n + p states.
@@ -75,6 +76,11 @@ class UnknownGain:
         feedthrough = self._read_feedthrough(faults)
         fixed = None if self.fixed is None else faults.array("fixed", self.fixed, "n m")
         walk = self._read_walk(faults)
+        if self.model.B_end is not None and (fixed is not None or not _is_word(directions)):
+            faults.add(
+                "the model was discretised for an input that moves between samples (it has `B_end`), where `fixed` and "
+                "`directions` as matrices have no meaning: give the continuous model (dt = 0)."
+            )
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
         faults.finish()
         set_field(
@@ -101,7 +107,7 @@ class UnknownGain:
         if given is None or not isinstance(given, str):
             return None if given is None else faults.array("feedthrough", given, "p outputs m")
         faults.choice("feedthrough", given, ("scaled",))
-        if self.directions not in (None, "one", "per_input"):
+        if self.directions is not None and not _is_word(self.directions):
             faults.add('`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).')
         return given
 
@@ -200,19 +206,25 @@ class UnknownGain:
         return replace(state, factor=D * state.factor, diffuse=D * state.diffuse)
 
 
+def _is_word(directions: Any) -> bool:
+    """Whether the directions are those of the model's own B."""
+    return isinstance(directions, str) and directions in ("one", "per_input")
+
+
 def _in_blocks(algorithm: UnknownGain) -> StateSpace:
     """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
     model, gain, given = algorithm.model, algorithm.gain, algorithm.directions
-    p, m, n = gain.mean.shape[-1], model.B.shape[-1], model.A.shape[-1]
-    leading = model.B.shape[:-2]
-    fixed = np.zeros((n, m)) if algorithm.fixed is None else algorithm.fixed
-    B = _side_by_side(_spread(fixed, leading, 2), *_blocks(given, model.B, p))
-    D = _side_by_side(model.D, *[np.zeros_like(model.D)] * p)
+    p = gain.mean.shape[-1]
+    fixed = 0 * model.B if algorithm.fixed is None else algorithm.fixed + 0 * model.B
+    B, B_end = _side_by_side([fixed, *_blocks(given, model.B, p)]), model.B_end
+    if B_end is not None:
+        B_end = _side_by_side([0 * B_end, *_blocks(given, B_end, p)])
+    D = [model.D, *[0 * model.D] * p]
     if isinstance(algorithm.feedthrough, str):
-        D = _side_by_side(np.zeros_like(model.D), *_blocks(given, model.D, p))
+        D = [0 * model.D, *_blocks(given, model.D, p)]
     elif algorithm.feedthrough is not None:
-        D = _side_by_side(model.D, *_blocks(algorithm.feedthrough, model.D, p))
-    return replace(model, B=B, D=D, operating_point=point_of(model))
+        D = [model.D, *_blocks(algorithm.feedthrough, model.D, p)]
+    return replace(model, B=B, B_end=B_end, D=_side_by_side(D), operating_point=point_of(model))
 
 
 def _blocks(directions: Any, M, p: int) -> list:
@@ -224,13 +236,8 @@ def _blocks(directions: Any, M, p: int) -> list:
         if directions == "per_input":
             return [M * (np.arange(m) == i) for i in range(m)]
         directions = np.eye(n * m).reshape(n * m, n, m)
-    return [_spread(directions[..., i, :, :], M.shape[:-2], 2) for i in range(p)]
+    return [directions[..., i, :, :] + 0 * M for i in range(p)]
 
 
-def _spread(M, leading: tuple[int, ...], core: int):
-    """M with the leading axes wanted, where it has none yet."""
-    return jnp.broadcast_to(M, (*leading, *M.shape[-core:]))
-
-
-def _side_by_side(*blocks):
-    return np.concatenate(blocks, axis=-1) if not checks.is_traced(blocks) else jnp.concatenate(blocks, axis=-1)
+def _side_by_side(blocks: list):
+    return jnp.concatenate(blocks, axis=-1) if checks.is_traced(blocks) else np.concatenate(blocks, axis=-1)

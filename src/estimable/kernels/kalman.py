@@ -40,11 +40,13 @@ class Posterior(NamedTuple):
 
 
 class _Array(NamedTuple):
-    finite: Real           # rows: outputs, states, drifts; columns: unit white variables
+    finite: Real           # rows: outputs, states, drifts; columns: unit white variables, and last the residual, which
+                           # is datum minus mean for an output, minus the increment of the mean for a state or drift
     diffuse: Real          # the same rows on the variables of infinite variance
-    residual: Real         # of outputs: datum minus mean; of states and drifts: minus the increment of the mean
-    log_likelihood: Real
-    contradicted: Real
+    variance: Real         # of each output when its turn came (of its diffuse part where that opened)
+    error: Real            # its residual then
+    opened: Real           # whether it determined a diffuse direction
+    informed: Real         # whether it told something of what was known with finite variance
 
 
 def correct(
@@ -59,58 +61,64 @@ def correct(
     seen: Bool[Real, " p"],
 ) -> Posterior:
     """Condition the belief on the entries of y that were seen. Cost: about 2 p (p + n) (p + k) multiplications."""
-    p, n = C.shape
-    k, r = Z.shape[1], X.shape[1]
+    (p, n), k = C.shape, Z.shape[1]
     e = jnp.where(seen, y - apply(C, m) - d, 0.0)
     Y = jnp.concatenate([product(C, Z), V], axis=1)                        # outputs on (x's variables, e)
-    finite = [Y, jnp.concatenate([Z, jnp.zeros((n, p))], axis=1)]
+    finite = [jnp.concatenate([Y, e[:, None]], axis=1), jnp.concatenate([Z, jnp.zeros((n, p + 1))], axis=1)]
     diffuse = [product(C, X), X]
     if Ω is not None:
-        finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω], axis=1))
-        diffuse.append(jnp.zeros((n, r)))
-    C2 = C * C
-    known = KNOWN * (apply(C2, jnp.sum(Z * Z, axis=1)) + jnp.sum(V * V, axis=1))
-    determined = DETERMINED * apply(C2, jnp.sum(X * X, axis=1))
-    slack = CONTRADICTION * (jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), jnp.abs(m)))
+        finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω, jnp.zeros((n, 1))], axis=1))
+        diffuse.append(jnp.zeros_like(X))
+    known = KNOWN * (_terms(C, Z) + jnp.sum(V * V, axis=1))
+    determined = DETERMINED * _terms(C, X)
 
-    rows = p + n * (len(finite) - 1)
-    array = _Array(
-        jnp.concatenate(finite), jnp.concatenate(diffuse), jnp.zeros(rows).at[:p].set(e), jnp.zeros(()), jnp.zeros((), bool)
-    )
-    array = repeat(p, lambda j, a: _take(a, j, seen[j], known[j], determined[j], slack[j]), array)
+    blank = jnp.zeros(p, bool)
+    array = _Array(jnp.concatenate(finite), jnp.concatenate(diffuse), jnp.ones(p), e, blank, blank)
+    array = repeat(p, lambda j, a: _take(a, j, seen[j], known[j], determined[j]), array)
+    slack = CONTRADICTION * (jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), jnp.abs(m)))
+    ignored = seen & ~array.opened & ~array.informed
+    density = jnp.log(2 * jnp.pi * array.variance) + jnp.where(array.opened, 0.0, array.error**2 / array.variance)
+    states, drifts = array.finite[p : p + n], array.finite[p + n :]
     return Posterior(
-        m=m - array.residual[p : p + n],
-        Z=array.finite[p : p + n],
+        m=m - states[:, -1],
+        Z=states[:, :-1],
         X=array.diffuse[p : p + n],
-        drift=None if Ω is None else -array.residual[p + n :],
-        Z_drift=None if Ω is None else array.finite[p + n :],
+        drift=None if Ω is None else -drifts[:, -1],
+        Z_drift=None if Ω is None else drifts[:, :-1],
         innovation=jnp.where(seen, e, jnp.nan),
         innovation_covariance=gram(Y),
-        log_likelihood=array.log_likelihood,
-        contradicted=array.contradicted,
+        log_likelihood=-jnp.sum(jnp.where(array.opened | array.informed, density, 0.0)) / 2,
+        contradicted=jnp.any(ignored & (jnp.abs(array.error) > slack)),
     )
 
 
-def _take(a: _Array, j, seen, known, determined, slack) -> _Array:
+def _terms(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, " p"]:
+    """Sum of the squares of all the terms in C Z: what its rows' size would be if nothing cancelled."""
+    return jnp.sum((C * C)[:, :, None] * (Z * Z)[None, :, :], axis=(1, 2))
+
+
+def _take(a: _Array, j, seen, known, determined) -> _Array:
     """Condition every row on row j having its datum.
 
     In the limit κ -> infinity the gain on a datum with a diffuse part β is X β / β β', and what it leaves,
     Z - k g and X (I - β' β / β β'), is exact: the covariance is stationary in the gain (Durbin & Koopman §5.2).
     """
-    g, β, e = a.finite[j], a.diffuse[j], a.residual[j]
-    f, f_diffuse = jnp.sum(g * g), jnp.sum(β * β)                          # variance: f + κ f_diffuse
+    row, β, k = a.finite[j], a.diffuse[j], a.finite.shape[1] - 1
+    g = jnp.where(jnp.arange(k + 1) < k, row, 0.0)                         # without the residual
+    covariance, covariance_diffuse = apply(a.finite, g), apply(a.diffuse, β)
+    f, f_diffuse = covariance[j], covariance_diffuse[j]                    # variance: f + κ f_diffuse
     opens = seen & (f_diffuse > determined)
     informs = seen & ~opens & (f > known)
-    f_safe, f_diffuse_safe = jnp.where(informs, f, 1.0), jnp.where(opens, f_diffuse, 1.0)
-    gain = jnp.where(informs, apply(a.finite, g) / f_safe, 0.0)
-    gain = jnp.where(opens, apply(a.diffuse, β) / f_diffuse_safe, gain)
-    density = jnp.log(2 * jnp.pi * jnp.where(opens, f_diffuse_safe, f_safe)) + jnp.where(opens, 0.0, e * e / f_safe)
+    variance = jnp.where(opens, f_diffuse, jnp.where(informs, f, 1.0))
+    gain = jnp.where(opens, covariance_diffuse, jnp.where(informs, covariance, 0.0)) / variance
+    at_j = jnp.arange(a.error.shape[0]) == j
     return _Array(
-        finite=a.finite - gain[:, None] * g[None, :],
+        finite=a.finite - gain[:, None] * row[None, :],
         diffuse=jnp.where(opens, _without(a.diffuse, β), a.diffuse),
-        residual=a.residual - gain * e,
-        log_likelihood=a.log_likelihood - jnp.where(opens | informs, density / 2, 0.0),
-        contradicted=a.contradicted | (seen & ~opens & ~informs & (jnp.abs(e) > slack)),
+        variance=jnp.where(at_j, variance, a.variance),
+        error=jnp.where(at_j, row[k], a.error),
+        opened=a.opened | (at_j & opens),
+        informed=a.informed | (at_j & informs),
     )
 
 

@@ -57,12 +57,10 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
     def orthogonalise(j, carry):
         N, L = carry
         g = N[j]
-        norm = jnp.sum(g * g)
-        independent = norm > 0
-        scale = jnp.sqrt(jnp.where(independent, norm, 1.0))
-        q = g / scale                                                  # unit row, or zero
-        l = jnp.where(jnp.arange(n) >= j, apply(N, q), 0.0)            # what the later rows have in common with it
-        N = N - l[:, None] * q[None, :]
+        h = apply(N, g)                                                # h_j = |g|²
+        norm = jnp.where(h[j] > 0, h[j], 1.0)
+        l = jnp.where(jnp.arange(n) >= j, h, 0.0) / jnp.sqrt(norm)     # what the later rows have in common with g / |g|
+        N = N - (h / norm)[:, None] * g[None, :]
         return N, jnp.where(jnp.arange(n)[None, :] == j, l[:, None], L)
 
     return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]

@@ -85,8 +85,12 @@ def point_of(model: StateSpace) -> OperatingPoint:
     """Where the model is linear; zero where it does not say."""
     if model.operating_point is not None:
         return model.operating_point
-    batch = model.A.shape[: model.A.ndim - 2 - ("A" in model.varying)]
-    return OperatingPoint(*(np.zeros((*batch, size)) for size in (model.n, model.m, model.p)))
+    return OperatingPoint(*(np.zeros((*_batch(model), size)) for size in (model.n, model.m, model.p)))
+
+
+def _batch(model: StateSpace) -> tuple[int, ...]:
+    """The leading axes of a stacked model: (B,), or none."""
+    return model.A.shape[: model.A.ndim - 2 - ("A" in model.varying)]
 
 
 def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray | None]:
@@ -94,6 +98,7 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
     lengths, rows = np.atleast_1d(clock.lengths), clock.rows
     if model.varying and rows is not None:
         lengths, rows = lengths[rows], None
+    rows = None if rows is None else np.broadcast_to(rows, (*_batch(model), len(rows)))
 
     def timed(name):
         M = getattr(model, name)
@@ -101,20 +106,19 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
 
     G = timed("G")
     Φ, B, B_end, Q = over(timed("A"), timed("B"), G @ timed("Q") @ np.swapaxes(G, -1, -2), lengths, hold=clock.hold)
-    n = model.n
     changed = {"A": Φ, "B": B, "B_end": B_end, "Q": Q}
     fixed = {name for name, M in changed.items() if M is not None and M.shape[-3] == 1}
     changed = {name: M[..., 0, :, :] if name in fixed else M for name, M in changed.items()}
     varying = {name for name, M in changed.items() if M is not None} - fixed
     kept = {name for name in model.varying if name in ("C", "D", "R")}
-    G = np.broadcast_to(np.eye(n), (*model.A.shape[: model.A.ndim - 2 - ("A" in model.varying)], n, n))
-    return replace(model, **changed, G=G, dt=float(np.mean(lengths)), varying=tuple(sorted(varying | kept))), rows
+    return replace(model, **changed, G=np.broadcast_to(np.eye(model.n), Φ[..., 0, :, :].shape), dt=float(np.mean(lengths)), varying=tuple(sorted(varying | kept))), rows
 
 
 def _white(model: StateSpace):
     """V, Ω, W: the factor of the joint covariance of (v, G w)."""
     if model.S is None:
-        return factors(model.R), None, model.G @ factors(model.Q)
+        Q, G = _together(model, ("Q", "G"))
+        return factors(model.R), None, G @ factors(Q)
     Q, R, S, G = _together(model, ("Q", "R", "S", "G"))
     p = model.p
     joint = jnp.concatenate(

@@ -1,0 +1,1 @@
+"""Speed beside accuracy: `python -m benchmarks` (see `--help`)."""

@@ -1,0 +1,159 @@
+"""What every algorithm of the catalogue must do, none excepted."""
+
+import inspect
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import estimable
+from estimable import Record, catalogue, estimate, estimate_bank, load, log_likelihood, online, packaged, read_model, save, stack
+from estimable.engines import xla
+from estimable.frozen import leaf_fields
+from estimable.models.sampled import Clock
+from estimable.results import Info, Interval, Sample
+
+FILE = read_model(packaged.path("f16-model.toml"))
+RNG = np.random.default_rng(0)
+ENTRIES = pytest.mark.parametrize("name", [entry.name for entry in catalogue.ENTRIES])
+DOCS = Path(__file__).parents[2] / "docs" / "methods"
+
+
+def record(seed=0, rows=15, missing=0.3):
+    rng = np.random.default_rng(seed)
+    y = rng.normal(size=(rows, 2))
+    y[rng.random((rows, 2)) < missing] = np.nan
+    return Record(y, rng.normal(size=(rows, 1)), dt=0.01, hold="first_order",
+                  outputs=FILE.model.outputs, inputs=FILE.model.inputs)  # fmt: skip
+
+
+def shapes(tree):
+    return [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in jax.tree_util.tree_leaves(tree)]
+
+
+@ENTRIES
+def test_steps_take_their_arguments_by_the_same_names_in_the_same_order(name):
+    cls = catalogue.entry(name).cls
+    expected = {"init": ["prior"], "correct": ["state", "sample"], "predict": ["state", "interval"],
+                "sampled": ["clock"], "at": ["k"]}  # fmt: skip
+    for step, arguments in expected.items():
+        assert list(inspect.signature(getattr(cls, step)).parameters)[1:] == arguments
+
+
+@ENTRIES
+def test_a_step_gives_back_a_state_of_the_same_shapes(name):
+    algorithm = catalogue.build(name, FILE).sampled(Clock.every(0.01, "first_order"))
+    state = algorithm.init(FILE.prior)
+    corrected, info = algorithm.correct(state, Sample(np.ones(2), np.array([True, False]), np.zeros(1)))
+    after = algorithm.predict(corrected, Interval(np.ones(1), np.ones(1), None, np.asarray(0.01)))
+    assert type(after) is type(state)
+    assert shapes(after) == shapes(state)
+    assert isinstance(info, Info)
+
+
+@ENTRIES
+def test_new_numbers_do_not_compile_again(name):
+    estimate(catalogue.build(name, FILE), record(1), prior=FILE.prior)
+    before = xla.scan._cache_size()
+    other = jax.tree_util.tree_map(lambda leaf: 1.1 * leaf, catalogue.build(name, FILE))
+    estimate(other, record(2), prior=FILE.prior)
+    assert xla.scan._cache_size() == before
+
+
+@ENTRIES
+def test_a_bank_equals_a_loop(name):
+    algorithms = [catalogue.build(name, FILE), jax.tree_util.tree_map(lambda leaf: 1.1 * leaf, catalogue.build(name, FILE))]
+    records = [record(1), record(2)]
+    bank = estimate_bank(stack(algorithms), stack(records), prior=FILE.prior)
+    for i in range(2):
+        alone = estimate(algorithms[i], records[i], prior=FILE.prior)
+        for field in leaf_fields(Info):
+            if field not in ("extra",) and getattr(alone.info, field) is not None:
+                assert_allclose(getattr(bank[i].info, field), getattr(alone.info, field), rtol=1e-10, atol=1e-12)
+
+
+@ENTRIES
+def test_online_equals_offline_and_resumes(name, tmp_path):
+    data, algorithm = record(3), catalogue.build(name, FILE)
+    whole = estimate(algorithm, data, prior=FILE.prior)
+    running = online(algorithm, prior=FILE.prior, hold="first_order")
+    for k in range(len(data) - 1):
+        if k == 7:
+            running.save(tmp_path / "half.npz")
+            running = load(tmp_path / "half.npz")
+        info = running.correct(data.y[k])
+        assert_allclose(info.mean, whole.mean[k], rtol=1e-12, atol=1e-12)
+        running.predict(data.u[k], u_end=data.u[k + 1], dt=0.01)
+
+
+@ENTRIES
+def test_settings_survive_a_file(name, tmp_path):
+    algorithm = catalogue.build(name, FILE)
+    save(tmp_path / "algorithm.npz", algorithm)
+    back = load(tmp_path / "algorithm.npz")
+    assert jax.tree_util.tree_structure(back) == jax.tree_util.tree_structure(algorithm)
+    assert all(map(np.array_equal, jax.tree_util.tree_leaves(back), jax.tree_util.tree_leaves(algorithm)))
+
+
+@ENTRIES
+def test_gradients_are_finite_with_missing_data(name):
+    from dataclasses import replace
+
+    discrete = FILE._replace(model=FILE.model.discretise(0.01, hold="first_order"))
+    algorithm = catalogue.build(name, discrete)
+    y = record(4).y.copy()
+    y[3] = np.nan
+    data = replace(record(4), y=y)
+    slope = jax.grad(lambda a: log_likelihood(a, data, prior=FILE.prior))(algorithm)
+    leaves = jax.tree_util.tree_leaves(slope.model)
+    assert all(np.all(np.isfinite(leaf)) for leaf in leaves)
+    assert np.any(slope.model.R != 0)
+    h = 1e-6
+    up, down = (replace_R(algorithm, algorithm.model.R * (1 + sign * h)) for sign in (1, -1))
+    difference = (log_likelihood(up, data, prior=FILE.prior) - log_likelihood(down, data, prior=FILE.prior)) / (2 * h)
+    assert_allclose(np.sum(slope.model.R * algorithm.model.R), difference, rtol=1e-5)
+
+
+def replace_R(algorithm, R):
+    from estimable.frozen import replace
+
+    return replace(algorithm, model=replace(algorithm.model, R=R))
+
+
+@ENTRIES
+def test_no_sample_seen_leaves_the_prior(name):
+    blind = Record(np.full((3, 2), np.nan), np.full((3, 1), FILE.model.operating_point.inputs[0]), dt=0.01,
+                   hold="first_order", outputs=FILE.model.outputs, inputs=FILE.model.inputs)  # fmt: skip
+    result = estimate(catalogue.build(name, FILE), blind, prior=FILE.prior)
+    assert_allclose(result.mean, np.broadcast_to(FILE.prior.mean, (3, 2)), atol=1e-15)
+    assert result.log_likelihood == 0.0
+
+
+@ENTRIES
+@pytest.mark.parametrize("keep", ["means", "last", "likelihood"])
+def test_keeping_less_changes_nothing_that_is_kept(name, keep):
+    whole = estimate(catalogue.build(name, FILE), record(5), prior=FILE.prior)
+    less = estimate(catalogue.build(name, FILE), record(5), prior=FILE.prior, keep=keep)
+    assert_allclose(less.log_likelihood, whole.log_likelihood, rtol=1e-13)
+    assert less.outcome == whole.outcome
+    if keep == "means":
+        assert_allclose(less.mean, whole.mean, rtol=1e-13)
+        assert less.covariance is None
+    if keep == "last":
+        assert_allclose(less.covariance, whole.covariance[-1:], rtol=1e-12)
+    if keep == "likelihood":
+        assert less.mean is None
+
+
+@ENTRIES
+def test_is_documented_with_everything_a_user_needs(name):
+    entry = catalogue.entry(name)
+    text = inspect.getdoc(entry.cls) or ""
+    for part in ("Model:", "Assumes", "Settings:", "Cost:", "Reference:", ">>>"):
+        assert part in text, f"{entry.cls.__name__} lacks {part}"
+    assert entry.cls.__name__ in estimable.__all__
+    assert (DOCS / f"{name}.md").is_file()
+    assert entry.reference
+    assert entry.assumes
