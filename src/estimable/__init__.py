@@ -1,7 +1,7 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
 from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
-from . import catalogue, diagnostics, plants
+from . import catalogue, diagnostics, packaged, plants
 from .data.reading import read_record
 from .data.record import Record
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
@@ -51,6 +51,7 @@ __all__ = [
     "load",
     "log_likelihood",
     "online",
+    "packaged",
     "plants",
     "read_model",
     "read_record",
