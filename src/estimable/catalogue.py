@@ -38,7 +38,7 @@ def entry(name: str) -> Entry:
     return ENTRIES[names.index(name)]
 
 
-def build(name: str, file: ModelFile, **settings: Any) -> Any:
+def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     """The algorithm `name` on the model of a file, with the file's settings and then those given here."""
     cls = entry(name).cls
     faults = checks.Faults()

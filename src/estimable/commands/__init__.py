@@ -5,6 +5,7 @@ Exit codes: 0; 2 for a wrong call, file or option; 1 for any other error of ours
 """
 
 import sys
+from io import TextIOWrapper
 
 import typer
 
@@ -26,7 +27,7 @@ def estimable(
     version: options.Version = False,
     machine: options.Machine = False,
 ) -> None:
-    """Estimation when part of the loop is unknown: which part of an input's effect is left, and since when.
+    """Estimation when part of the loop is unknown, as an actuator's effect.
 
     \b
     Example:
@@ -45,6 +46,6 @@ app.command("estimate")(estimate)
 def main() -> None:
     """Run the command line of this process."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
+        if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a name that the terminal cannot show is no reason to stop
     app()

@@ -4,11 +4,14 @@ from . import options, show
 from .gain import present
 from .run_filter import run_filter
 
+NEXT = ("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", "A model file to start from:")
 STORY = "A simulated F-16 at Mach 0.9, 20,000 ft. At 4.5 s its elevator loses half its effectiveness.\n"
 
 
 def demo(machine: options.Machine = False) -> None:
-    """Estimate the loop gain of the example flight that comes with estimable.
+    """Estimate the gain of the example flight.
+
+    The flight comes with estimable: an F-16 whose elevator loses half its effectiveness.
 
     \b
     Example:
@@ -23,4 +26,4 @@ def demo(machine: options.Machine = False) -> None:
         show.text(lambda _: [STORY])
     present("demo", run, machine)
     if not machine:
-        show.notes("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", f"A model file to start from:\n  {run.model_path}")
+        show.notes(*NEXT, f"  {run.model_path}")

@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 from ..errors import EstimableError, InputError
 
-UsageError = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
 WRONG_CALL, OTHER, INTERRUPTED = 2, 1, 130
 
 
@@ -26,7 +26,8 @@ class Edge(TyperGroup):
         except UsageError as error:
             code = _refuse(given, InputError.__name__, _usage(error), WRONG_CALL)
         except EstimableError as error:
-            code = _refuse(given, type(error).__name__, str(error), WRONG_CALL if isinstance(error, InputError) else OTHER)
+            wrong = isinstance(error, InputError)
+            code = _refuse(given, type(error).__name__, str(error), WRONG_CALL if wrong else OTHER)
         except typer.Abort:
             code = INTERRUPTED
         except BrokenPipeError:
@@ -38,8 +39,9 @@ class Edge(TyperGroup):
 def _usage(error: Any) -> str:
     """What was wrong with the options, and where to read about them."""
     message = " ".join(error.format_message().split())
+    message += "" if message.endswith((".", "?")) else "."
     context = getattr(error, "ctx", None)
-    return message if context is None else f"{message} Try: {context.command_path} --help"
+    return message if context is None else f"{message} Try: {context.command_path} --help."
 
 
 def _refuse(given: list[str], name: str, message: str, code: int) -> int:

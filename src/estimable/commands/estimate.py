@@ -17,7 +17,9 @@ def estimate(
     arrived: options.Arrived = None,
     machine: options.Machine = False,
 ) -> None:
-    """Estimate the states of a record with a filter, and show the last estimate of each.
+    """Estimate the states of a record.
+
+    Any filter of the catalogue runs over the record. The last estimate of each state is shown; --out writes them all.
 
     \b
     Example:

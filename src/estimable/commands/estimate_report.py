@@ -63,15 +63,17 @@ def check_destination(out: Path | None, record: Path) -> None:
     faults = checks.Faults()
     if out.suffix.lower() != ".csv":
         faults.add(f"--out must end in .csv. Got {str(out)!r}.")
-    elif out.is_dir() or not out.absolute().parent.is_dir():
-        faults.add(f"--out {out}: " + ("that is a folder." if out.is_dir() else f"there is no folder {out.absolute().parent}."))
+    elif out.is_dir():
+        faults.add(f"--out {out} is a folder.")
+    elif not out.absolute().parent.is_dir():
+        faults.add(f"--out {out}: there is no folder {out.absolute().parent}.")
     elif out.exists() and record.exists() and out.samefile(record):
         faults.add(f"--out {out} is the record itself: give another name.")
     faults.finish()
 
 
 def write_table(run: Run, out: Path) -> str:
-    """Write every sample's estimate; the sentence that says so. Raises `InputError` where the file cannot be written."""
+    """Write every sample's estimate; the sentence that says so. Raises `InputError` where `out` cannot be written."""
     frame = run.result.to_pandas()
     try:
         frame.to_csv(out, index_label=frame.index.name or "sample")

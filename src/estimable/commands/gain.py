@@ -16,7 +16,7 @@ def gain(
     arrived: options.Arrived = None,
     machine: options.Machine = False,
 ) -> None:
-    """How much of the input's effect is left: the loop gain of a record, before and after.
+    """Find how much of an input's effect is left.
 
     The model file says how the plant moves and, in its section [gain], what is believed of the gain. The gain is
     estimated together with the state, sample by sample. Compared are the 2 s up to one third of the record, and its

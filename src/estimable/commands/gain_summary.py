@@ -6,6 +6,7 @@ import numpy as np
 
 from ..figures.bands import standard_deviation
 from ..filters.unknown_gain import UnknownGain
+from .numbers import decimals
 
 WINDOW = 2.0  # seconds over which the gain is averaged
 SIGMAS = 2.0  # a difference below this many standard deviations is no change
@@ -44,18 +45,19 @@ class GainSummary(NamedTuple):
             return f"{name}: the record is too short to compare before and after."
         if not np.isfinite(spread):
             return f"{name}: the record does not say what it is."
+        was, now, chance = (f"{value:.{decimals(spread)}f}" for value in (before, after, spread))
         if abs(after - before) <= spread:
-            return f"{name}: no change is shown; before and after differ by {abs(after - before):.2g}, within 2 sigma ({spread:.2g})."
-        word = "fell" if abs(after) < abs(before) else "rose"
-        return f"{name} {word} from {before:.2g} to {after:.2g}, beyond 2 sigma ({spread:.2g})."
+            return f"{name}: no change is shown; {was} and {now} differ by less than 2 sigma ({chance})."
+        word = "changed" if (before < 0) != (after < 0) else "fell" if abs(after) < abs(before) else "rose"
+        return f"{name} {word} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
 
 
 def gain_summary(result: Any) -> GainSummary:
     """The gains over the 2 s that end at one third of a record, and over its last 2 s.
 
-    The mean is that of the estimates in the window, the standard deviation that of the last of them: it holds all that the
-    window's samples say. The errors of the two windows are taken as independent; a constant gain makes them alike, and
-    the comparison careful. A window without a sample has the last one before its end.
+    The mean is that of the estimates in the window, the standard deviation that of the last of them, which has seen
+    every sample before it. `findings` takes the errors of the two windows as independent: those of a constant gain are
+    alike, and the comparison is then careful. A window without a sample has the last one before its end.
     """
     t = np.zeros(len(result.gain)) if result.t is None else np.asarray(result.t)
     sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))

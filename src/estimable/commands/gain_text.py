@@ -101,7 +101,7 @@ def _plots(run: Run, summary: GainSummary, width: int, unicode: bool) -> list[An
     result, few = run.result, summary.names[:PLOTS]
     sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
     t = np.arange(len(sigma), dtype=float) if result.t is None else result.t
-    windows = {} if summary.overlap else {name: (w.start, w.end) for name, w in (("before", summary.before), ("after", summary.after))}
+    windows = {} if summary.overlap else {"before": summary.before[:2], "after": summary.after[:2]}
     lines: list[Any] = []
     for i, name in enumerate(few):
         lines.append(f"{name} over time, with its {'±' if unicode else '+/-'} 2 sigma band")

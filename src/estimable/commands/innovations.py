@@ -12,8 +12,8 @@ NOTHING = "no innovation to judge by: no output was seen with noise"
 def innovation_check(result: Any) -> Consistency | None:
     """The normalised innovations squared of a result; None where there is nothing to judge by.
 
-    Samples predicted from a state or gain of which nothing was known yet (a diffuse prior) are left out: their innovation
-    has no finite covariance.
+    Samples predicted from a state or gain of which nothing was known yet (a diffuse prior) are left out: their
+    innovations have no finite covariance.
     """
     if result.innovation is None or result.innovation_covariance is None:
         return None

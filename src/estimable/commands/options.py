@@ -1,9 +1,13 @@
 """The options that commands share: each with its type and a sentence of help."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+
+def _option(name: str, metavar: str | None, help: str, **more: Any) -> Any:
+    return typer.Option(name, metavar=metavar, help=help, show_default=False, **more)
 
 
 def _at_either_end(context: typer.Context, value: bool) -> bool:
@@ -11,46 +15,27 @@ def _at_either_end(context: typer.Context, value: bool) -> bool:
     return value or bool(context.find_root().params.get("machine"))
 
 
-Record = Annotated[
-    Path, typer.Argument(metavar="RECORD", help="The measured record: .csv, .txt, .tsv, .mat or .parquet.", show_default=False)
-]
-Model = Annotated[
-    Path, typer.Option("--model", metavar="PATH", help="The model file, TOML or Python: model, prior and gain.", show_default=False)
-]
-Filter = Annotated[
-    str, typer.Option("--filter", metavar="NAME", help="The filter to run: kalman, unknown-gain, ...", show_default=False)
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A setting of the filter, as walk=0.02. May be repeated.", show_default=False),
-]
-Time = Annotated[
-    str | None, typer.Option("--time", metavar="NAME", help="The column of seconds, instead of the model file's.", show_default=False)
-]
-Step = Annotated[
-    float | None,
-    typer.Option("--dt", metavar="SECONDS", help="The step of a record without a time column.", show_default=False),
-]
-Hold = Annotated[
-    str | None,
-    typer.Option("--hold", metavar="HOW", help="How the input moves between samples: zero_order or first_order.", show_default=False),
-]
-Lost = Annotated[
-    str | None,
-    typer.Option("--lost", metavar="WHAT", help="What the actuator does when a packet is lost: zero or hold.", show_default=False),
-]
-Arrived = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--arrived", metavar="NAME", show_default=False,
-        help="A column that says whether the input arrived (1) or not (0). Repeat it for one an input.",
-    ),
-]  # fmt: skip
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="PATH", help="Write every sample's estimate to this .csv file.", show_default=False),
-]
-Machine = Annotated[
-    bool, typer.Option("--json", help="Write JSON to stdout, for machines.", callback=_at_either_end, show_default=False)
-]
-Version = Annotated[bool, typer.Option("--version", help="Show the version and stop.", show_default=False)]
+RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
+MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
+FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
+SET_HELP = "A setting of the filter, as walk=0.02. May be repeated."
+TIME_HELP = "The column of seconds, instead of the model file's."
+STEP_HELP = "The step of a record without a time column."
+HOLD_HELP = "How the input moves between samples: zero_order or first_order."
+LOST_HELP = "What the actuator does when a packet is lost: zero or hold."
+ARRIVED_HELP = "A column that says whether the input arrived (1) or not (0). Repeat it for one an input."
+OUT_HELP = "Write every sample's estimate to this .csv file."
+JSON_HELP = "Write JSON to stdout, for machines."
+
+Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
+Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
+Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
+Set = Annotated[list[str] | None, _option("--set", "NAME=VALUE", SET_HELP)]
+Time = Annotated[str | None, _option("--time", "NAME", TIME_HELP)]
+Step = Annotated[float | None, _option("--dt", "SECONDS", STEP_HELP)]
+Hold = Annotated[str | None, _option("--hold", "HOW", HOLD_HELP)]
+Lost = Annotated[str | None, _option("--lost", "WHAT", LOST_HELP)]
+Arrived = Annotated[list[str] | None, _option("--arrived", "NAME", ARRIVED_HELP)]
+Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
+Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
+Version = Annotated[bool, _option("--version", None, "Show the version and stop.")]

@@ -48,7 +48,8 @@ def run_filter(
     from ..run.estimate import estimate
 
     if catalogue.entry(name).kind != "filter":
-        checks.refuse(f"{name} is no filter. There are {checks.listed(e.name for e in catalogue.ENTRIES if e.kind == 'filter')}.")
+        filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
+        checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
     chosen = read_settings(settings)
     file = read_model(model)
     algorithm = catalogue.build(name, file, **chosen)

@@ -4,8 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..figures.bands import value_range
+
 BRAILLE = 0x2800
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # of a braille character, by column and then by row
+ENOUGH = 0.35  # of a cell that the band must fill to be drawn there
 STEPS = (1.0, 2.0, 5.0, 10.0)  # of a power of ten, between two labels
 
 
@@ -42,7 +45,7 @@ def plot(
     sigma: np.ndarray,
     *,
     width: int,
-    height: int = 10,
+    height: int = 12,
     marks: dict[str, tuple[float, float]] | None = None,
     ink: Ink = UNICODE,
 ) -> list[str]:
@@ -59,21 +62,9 @@ def plot(
     cells = _band(frame, t, np.clip(lower, bottom, top), np.clip(upper, bottom, top), ink)
     _curve(cells, frame, t, np.where(np.isfinite(sigma), middle, np.nan), ink)
     rows = {_row(frame, value): label for value, label in labels.items()}
-    lines = [
-        f"{rows.get(i, ''):>{margin}}{ink.tick if i in rows else ink.side}{''.join(row)}".rstrip() for i, row in enumerate(cells)
-    ]
+    sides = [f"{rows.get(i, ''):>{margin}}{ink.tick if i in rows else ink.side}" for i in range(height)]
+    lines = [(side + "".join(row)).rstrip() for side, row in zip(sides, cells, strict=True)]
     return [*lines, *_time_axis(frame, margin, ink), *_spans(frame, margin, marks or {}, ink)]
-
-
-def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
-    """From where to where the values are drawn: all but the widest tenth of the band, which a vague prior makes."""
-    known = np.isfinite(lower) & np.isfinite(upper)
-    if not known.any():
-        return -1.0, 1.0
-    low = min(np.quantile(lower[known], 0.1), np.quantile(middle[known], 0.02))
-    high = max(np.quantile(upper[known], 0.9), np.quantile(middle[known], 0.98))
-    room = 0.05 * (high - low) or 0.1 * max(abs(high), 1e-12)
-    return float(low - room), float(high + room)
 
 
 def ticks(low: float, high: float, count: int) -> dict[float, str]:
@@ -101,11 +92,12 @@ def _column(frame: Frame, time: float) -> int:
 
 
 def _band(frame: Frame, t: np.ndarray, lower: np.ndarray, upper: np.ndarray, ink: Ink) -> list[list[str]]:
-    """Cells whose centre lies in the band."""
+    """Cells of which the band fills enough."""
     times = frame.left + (np.arange(frame.width) + 0.5) / frame.width * (frame.right - frame.left)
-    values = frame.top - (np.arange(frame.height) + 0.5) / frame.height * (frame.top - frame.bottom)
-    inside = (values[:, None] >= np.interp(times, t, lower)) & (values[:, None] <= np.interp(times, t, upper))
-    return [[ink.band if cell else " " for cell in row] for row in inside]
+    cell = (frame.top - frame.bottom) / frame.height
+    ceiling = (frame.top - np.arange(frame.height) * cell)[:, None]
+    filled = np.minimum(ceiling, np.interp(times, t, upper)) - np.maximum(ceiling - cell, np.interp(times, t, lower))
+    return [[ink.band if share >= ENOUGH else " " for share in row] for row in filled / cell]
 
 
 def _curve(cells: list[list[str]], frame: Frame, t: np.ndarray, middle: np.ndarray, ink: Ink) -> None:
@@ -133,15 +125,15 @@ def _stroke(before: int | None, y: int) -> range:
 
 
 def _time_axis(frame: Frame, margin: int, ink: Ink) -> list[str]:
-    """The axis, and the seconds under it."""
+    """The axis, and the time under it; "s", the unit, stands below the values."""
     labels = ticks(frame.left, frame.right, max(2, min(8, frame.width // 8)))
-    line, words = [ink.floor] * frame.width, [" "] * (frame.width + margin)
+    line, words = [ink.floor] * frame.width, list(f"{'s':>{margin}} {'':{frame.width}}")
     for value, label in labels.items():
         column = _column(frame, value)
         line[column] = ink.mark
-        start = min(max(margin + 1 + column - len(label) // 2, 0), len(words))
+        start = min(margin + 1 + max(column - len(label) // 2, 0), len(words) - len(label))
         words[start:start + len(label)] = label
-    return [" " * margin + ink.corner + "".join(line), "".join(words).rstrip() + " s"]
+    return [" " * margin + ink.corner + "".join(line), "".join(words).rstrip()]
 
 
 def _spans(frame: Frame, margin: int, marks: dict[str, tuple[float, float]], ink: Ink) -> list[str]:

@@ -30,6 +30,22 @@ def standard_deviation(covariance: Any, diffuse: Any = None) -> np.ndarray:
     return np.where(unknown > NEGLIGIBLE * largest, np.inf, sigma)
 
 
+def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
+    """From where to where values are worth drawing: all but the widest tenth of the band, which a vague prior makes.
+
+    >>> low, high = value_range(np.zeros(40), np.array([-100.0] + 39 * [-1.0]), np.ones(40))
+    >>> bool(-1.2 < low < -1 and 1 < high < 1.2)
+    True
+    """
+    known = np.isfinite(lower) & np.isfinite(upper)
+    if not known.any():
+        return -1.0, 1.0
+    low = min(np.quantile(lower[known], 0.1), np.quantile(middle[known], 0.02))
+    high = max(np.quantile(upper[known], 0.9), np.quantile(middle[known], 0.98))
+    room = 0.05 * (high - low) or 0.1 * max(abs(high), 1e-12)
+    return float(low - room), float(high + room)
+
+
 def bands(result: Any) -> list[Band]:
     """The states and gains of a result, then its innovations."""
     gain_diffuse = result.extra.get("gain_diffuse_covariance")
@@ -44,9 +60,8 @@ def _of(kind: str, names: tuple[str, ...], values: Any, covariance: Any, diffuse
     if values is None:
         return []
     sigma = None if covariance is None else standard_deviation(covariance, diffuse)
-    return [
-        Band(name, kind, np.asarray(values)[:, i], None if sigma is None else sigma[:, i]) for i, name in enumerate(names)
-    ]
+    columns = np.asarray(values).T
+    return [Band(name, kind, columns[i], None if sigma is None else sigma[:, i]) for i, name in enumerate(names)]
 
 
 def _diagonal(matrices: Any) -> np.ndarray:

@@ -7,20 +7,21 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from .. import checks
-from .bands import Band, bands
+from .bands import Band, bands, value_range
 
 LINES = {"state": "#0072B2", "gain": "#D55E00", "innovation": "#555555"}  # told apart by colour-blind eyes too
 FILLS = {"state": "rgba(0,114,178,0.2)", "gain": "rgba(213,94,0,0.2)"}
 ROW = 170  # pixels
 GAP = 48  # pixels between two rows: a title and air
+MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
 EDGES = 130  # pixels above the first row and below the last
 
 
 def plot_estimate(result: Any) -> go.Figure:
-    """States and gains with their 2 sigma bands, and innovations with their ±2 sigma bounds: one row each, one time axis.
+    """States and gains with their 2 sigma bands, innovations with their ±2 sigma bounds: one row each, one time axis.
 
-    What was not kept is left out; where nothing is known of a quantity (a diffuse prior) its line has a gap. A result of
-    one row is drawn as points with error bars.
+    What was not kept is left out; where nothing is known of a quantity (a diffuse prior) its line has a gap. A result
+    of one row is drawn as points with error bars.
 
     Raises `InputError` where the result has no row.
     """
@@ -34,8 +35,9 @@ def plot_estimate(result: Any) -> go.Figure:
         vertical_spacing=GAP / (height - EDGES),
     )  # fmt: skip
     for row, panel in enumerate(panels, start=1):
-        traces = _points(t, panel) if len(t) == 1 else [*_spread(t, panel), _line(t, panel)]
+        traces = _points(t, panel) if len(t) == 1 else _curves(t, panel)
         figure.add_traces(traces, rows=row, cols=1)
+        figure.update_yaxes(range=_cropped(panel), row=row, col=1)
     figure.update_xaxes(title_text=axis, row=len(panels), col=1)
     return _laid_out(figure, height)
 
@@ -51,6 +53,27 @@ def _title(panel: Band) -> str:
     return titles[panel.kind] + ("" if panel.sigma is None else spread[panel.kind])
 
 
+def _curves(t: np.ndarray, panel: Band) -> list[go.Scatter]:
+    """The quantity above its band; an innovation below its bounds."""
+    line, spread = _line(t, panel), _spread(t, panel)
+    return [line, *spread] if panel.kind == "innovation" else [*spread, line]
+
+
+def _cropped(panel: Band) -> tuple[float, float] | None:
+    """The range of an axis on which a vague prior would flatten all the rest; None where all fits."""
+    if panel.sigma is None:
+        return None
+    seen = np.isfinite(panel.sigma) & ~np.isnan(panel.middle)
+    if not seen.any():
+        return None
+    middle, spread = panel.middle[seen], 2 * panel.sigma[seen]
+    centre = 0.0 * middle if panel.kind == "innovation" else middle
+    lower, upper = centre - spread, centre + spread
+    low, high = value_range(middle, lower, upper)
+    low, high = min(low, middle.min()), max(high, middle.max())
+    return (float(low), float(high)) if upper.max() - lower.min() > MOST_FLAT * (high - low) else None
+
+
 def _line(t: np.ndarray, panel: Band) -> go.Scatter:
     """The quantity itself."""
     known = panel.middle if panel.sigma is None else np.where(np.isinf(panel.sigma), np.nan, panel.middle)
@@ -64,8 +87,9 @@ def _spread(t: np.ndarray, panel: Band) -> list[go.Scatter]:
         return []
     sigma = np.where(np.isinf(panel.sigma), np.nan, panel.sigma)
     if panel.kind == "innovation":
-        dashed = {"color": "#CC79A7", "width": 1.2, "dash": "dash"}
-        return [_edge(t, bound, f"{panel.name} {sign}2 sigma", line=dashed) for bound, sign in ((2 * sigma, "+"), (-2 * sigma, "-"))]
+        dashed = {"color": "#CC79A7", "width": 1.5, "dash": "dash"}
+        bounds = {"+": 2 * sigma, "-": -2 * sigma}
+        return [_edge(t, bound, f"{panel.name} {sign}2 sigma", line=dashed) for sign, bound in bounds.items()]
     fill = {"fill": "tonexty", "fillcolor": FILLS[panel.kind]}
     bare = {"width": 0}
     return [
@@ -83,9 +107,8 @@ def _points(t: np.ndarray, panel: Band) -> list[go.Scatter]:
     bar = None
     if panel.sigma is not None and np.all(np.isfinite(panel.sigma)):
         bar = {"type": "data", "array": 2 * panel.sigma, "color": LINES[panel.kind]}
-    return [
-        go.Scatter(x=t, y=panel.middle, mode="markers", marker={"color": LINES[panel.kind], "size": 8}, error_y=bar, name=panel.name)
-    ]
+    marker = {"color": LINES[panel.kind], "size": 8}
+    return [go.Scatter(x=t, y=panel.middle, mode="markers", marker=marker, error_y=bar, name=panel.name)]
 
 
 def _laid_out(figure: go.Figure, height: int) -> go.Figure:

@@ -1,0 +1,84 @@
+"""`estimable estimate`."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from estimable import Kalman, estimate, read_model, read_record
+
+CALL = ("estimate", "flight.csv", "--model", "model.toml", "--filter")
+
+
+def directly():
+    file = read_model("model.toml")
+    record = read_record("flight.csv", outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
+    return estimate(Kalman(file.model), record, prior=file.prior)
+
+
+def test_the_last_estimates_by_name(run):
+    said, result = run(*CALL, "kalman", "--json").json, directly()
+    assert said["command"] == "estimate"
+    assert said["outcome"] == {"code": 0, "sentence": ""}
+    assert said["mean"] == pytest.approx(dict(zip(["alpha", "pitch_rate"], result.mean[-1], strict=True)), rel=1e-12)
+    sigma = np.sqrt(np.diag(result.covariance[-1]))
+    assert said["mean_sigma"] == pytest.approx(dict(zip(["alpha", "pitch_rate"], sigma, strict=True)), rel=1e-12)
+    assert (said["gain"], said["gain_sigma"]) == (None, None)
+    assert said["log_likelihood"] == pytest.approx(result.log_likelihood, rel=1e-12)
+    assert (said["samples"], said["seconds"], said["engine"]) == (19, 0.18, result.engine)
+    assert said["nis"]["degrees"] == 38
+
+
+def test_a_filter_with_a_gain_says_it_too(run):
+    said = run(*CALL, "unknown-gain", "--set", "walk=0.5", "--json").json
+    assert list(said["gain"]) == list(said["gain_sigma"]) == ["gain"]
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_estimates_for_people(run, width):
+    answer = run(*CALL, "unknown-gain", width=width)
+    assert (answer.code, answer.stderr) == (0, "")
+    assert all(len(line.rstrip()) <= width for line in answer.stdout.splitlines())
+    for word in ("last sample, t = 0.18 s", "alpha", "pitch_rate", "gain", "sigma", "Log-likelihood: ", "(NIS): "):
+        assert word in answer.stdout
+
+
+def test_the_table_is_that_of_the_result(run, tmp_path):
+    answer = run(*CALL, "kalman", "--out", "table.csv")
+    assert answer.code == 0
+    assert answer.stderr == "Wrote 19 rows of 9 columns to table.csv.\n"
+    table = pd.read_csv(tmp_path / "table.csv", index_col="time")
+    pd.testing.assert_frame_equal(table, directly().to_pandas(), check_exact=False, rtol=1e-12)
+    assert run(*CALL, "kalman", "--out", "table.csv", "--json").json["out"] == "table.csv"
+
+
+def test_a_state_of_which_nothing_is_known_is_null(run, change_model, write_record):
+    covariance = "covariance = [[0.1, 0.0], [0.0, 1.0]]"
+    change_model(covariance, f"{covariance}\ndiffuse = [[0.0], [1.0]]")
+    write_record("0.0,0.31,,-1.28", "0.1,,,-1.28")
+    said = run(*CALL, "kalman", "--json").json
+    assert said["mean_sigma"] == {"alpha": None, "pitch_rate": None}
+    assert "not known" in run(*CALL, "kalman").stdout
+
+
+@pytest.mark.parametrize(
+    ("out", "sentence"),
+    [
+        ("table.txt", "--out must end in .csv. Got 'table.txt'."),
+        ("none/table.csv", "--out none/table.csv: there is no folder "),
+        ("./flight.csv", "--out flight.csv is the record itself: give another name."),
+        ("folder.csv", "--out folder.csv is a folder."),
+    ],
+)
+def test_a_destination_that_cannot_be(run, tmp_path, out, sentence):
+    (tmp_path / "folder.csv").mkdir()
+    record = (tmp_path / "flight.csv").read_bytes()
+    answer = run(*CALL, "kalman", "--out", out)
+    assert answer.code == 2
+    assert answer.stderr.startswith(f"Error: {sentence}")
+    assert (tmp_path / "flight.csv").read_bytes() == record
+
+
+def test_a_destination_that_fills_up(run, tmp_path):
+    (tmp_path / "full.csv").symlink_to("/dev/full")
+    answer = run(*CALL, "kalman", "--out", "full.csv")
+    assert (answer.code, answer.stderr) == (2, "Error: --out full.csv could not be written: No space left on device.\n")

@@ -1,0 +1,157 @@
+"""`estimable gain` and `estimable demo`."""
+
+import numpy as np
+import pytest
+
+from estimable import catalogue, estimate, read_model, read_record
+from estimable.packaged import path
+
+CALL = ("gain", "flight.csv", "--model", "model.toml")
+KEYS = {
+    "command", "version", "outcome", "record", "model", "filter", "engine", "samples", "seconds", "outputs", "inputs",
+    "gains", "failure_time_s", "detected_at_s", "gain_before", "gain_before_sigma", "before_s",
+    "gain_after", "gain_after_sigma",
+    "after_s", "findings", "log_likelihood", "nis",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flight():
+    file = read_model(path("f16-model.toml"))
+    record = read_record(path("f16-flight.csv"), outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
+    return estimate(catalogue.build("unknown-gain", file), record, prior=file.prior)
+
+
+def test_demo_is_gain_on_the_packaged_flight(run):
+    demo = run("demo", "--json")
+    gain = run("gain", path("f16-flight.csv"), "--model", path("f16-model.toml"), "--json")
+    assert (demo.code, demo.stderr) == (0, "")
+    assert demo.json.pop("command") == "demo"
+    assert set(demo.json) == KEYS
+    assert {**demo.json, "command": "gain"} == gain.json
+
+
+def test_demo_says_what_the_estimate_says(run, flight):
+    said = run("demo", "--json").json
+    assert said["outcome"] == {"code": 0, "sentence": ""}
+    assert (said["samples"], said["seconds"]) == (1201, 12.0)
+    assert (said["failure_time_s"], said["detected_at_s"]) == (None, None)
+    assert said["gain_after"] == pytest.approx(flight.gain[flight.t > 10, 0].mean(), rel=1e-12)
+    assert said["gain_after_sigma"] == pytest.approx(np.sqrt(flight.gain_covariance[-1, 0, 0]), rel=1e-12)
+    before = (flight.t > 2) & (flight.t <= 4)
+    assert said["gain_before"] == pytest.approx(flight.gain[before, 0].mean(), rel=1e-12)
+    assert said["gain_before_sigma"] == pytest.approx(np.sqrt(flight.gain_covariance[before][-1, 0, 0]), rel=1e-12)
+    assert said["log_likelihood"] == pytest.approx(flight.log_likelihood, rel=1e-12)
+    assert 0.48 < said["gain_after"] < 0.50
+    assert 1.95 < said["nis"]["mean"] < 1.97
+    assert said["nis"]["lower"] < said["nis"]["mean"] < said["nis"]["upper"]
+    assert said["nis"]["consistent"] is True
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_demo_for_people(run, width):
+    answer = run("demo", width=width)
+    assert answer.code == 0
+    assert all(len(line.rstrip()) <= width for line in answer.stdout.splitlines())
+    words = " ".join(answer.stdout.split())
+    assert "f16-flight.csv: 1,201 samples over 12 s; outputs alpha_deg, pitch_rate_deg_s; input elevator_deg" in words
+    assert "before 2 to 4 0.93 ± 0.36 7 % ± 36 %" in words
+    assert "after 10 to 12 0.49 ± 0.22 51 % ± 22 %" in words
+    assert "The gain fell from 0.93 to 0.49" in words
+    assert "Innovation check (NIS): 1.96, expected 2.00 (1.82 to 2.20): the covariances are right." in words
+    assert "░" in answer.stdout
+    assert "before" in answer.stdout.splitlines()[-4]
+    assert "estimable gain YOUR.csv --model YOUR.toml" in answer.stderr
+    assert str(path("f16-model.toml")) in answer.stderr
+
+
+def test_gain_for_people_says_what_to_do_next(run):
+    answer = run(*CALL)
+    assert answer.code == 0
+    assert "estimable estimate flight.csv --model model.toml --filter unknown-gain --out gain.csv" in answer.stderr
+    assert "too short to compare before and after" in answer.stdout
+    assert "\x1b" not in answer.stdout
+
+
+def test_a_setting_reaches_the_filter(run):
+    faster = run(*CALL, "--set", "walk=[2.0]", "--json").json
+    assert faster["gain_after_sigma"] > run(*CALL, "--json").json["gain_after_sigma"]
+
+
+def test_the_options_of_the_record_replace_those_of_the_model_file(run, write_record):
+    write_record(*(f"{k},0.31,0.0,-1.28" for k in range(4)), header="tick,alpha_deg,pitch_rate_deg_s,elevator_deg")
+    assert "no column 'time_s'" in run(*CALL).stderr
+    assert run(*CALL, "--time", "tick", "--json").json["seconds"] == 3.0
+    assert run(*CALL, "--dt", "0.5", "--json").json["seconds"] == 1.5
+    assert "`hold` must be one of" in run(*CALL, "--time", "tick", "--hold", "second_order").stderr
+    assert "`lost` must be one of" in run(*CALL, "--time", "tick", "--lost", "found").stderr
+
+
+def test_a_lost_input_does_nothing(run, write_record):
+    rows = [f"{0.1 * k:.1f},{0.31},{0.0},{-1.28 + k},{{}}" for k in range(8)]
+    header = "time_s,alpha_deg,pitch_rate_deg_s,elevator_deg,got"
+    answers = {}
+    for got in (1, 0):
+        write_record(*(row.format(got) for row in rows), header=header)
+        answers[got] = run(*CALL, "--hold", "zero_order", "--arrived", "got", "--json").json
+    assert answers[1]["log_likelihood"] != answers[0]["log_likelihood"]
+    assert "no column 'gone'" in run(*CALL, "--hold", "zero_order", "--arrived", "gone").stderr
+
+
+def test_several_gains_have_names(run, change_model):
+    change_model("mean = [1.0]\ncovariance = [[0.25]]", "mean = [0.05, -17.5]\ncovariance = [[0.01, 0.0], [0.0, 30.0]]")
+    said = run(*CALL, "--set", "directions=every_entry", "--json").json
+    assert said["gains"] == ["B_alpha_elevator_deg", "B_pitch_rate_elevator_deg"]
+    for key in ("gain_before", "gain_before_sigma", "gain_after", "gain_after_sigma"):
+        assert list(said[key]) == said["gains"]
+    people = run(*CALL, "--set", "directions=every_entry").stdout
+    assert "lost" not in people  # an entry of B is no share of the effect
+    assert people.count("over time, with its") == 2
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_record_of_few_samples(run, write_record, rows):
+    write_record(*(f"{k / 100},0.31,0.0,-1.28" for k in range(rows)))
+    said = run(*CALL, "--json").json
+    assert (said["samples"], said["seconds"]) == (rows, (rows - 1) / 100)
+    assert said["gain_after"] == pytest.approx(1.0)
+    people = run(*CALL)
+    assert people.code == 0
+    assert f"{rows} sample{'s' if rows > 1 else ''} over" in people.stdout
+
+
+def test_outputs_that_were_never_seen_leave_the_prior_and_no_check(run, write_record):
+    write_record(*(f"{k / 10},,,-1.28" for k in range(60)))
+    said = run(*CALL, "--json").json
+    assert said["nis"] is None
+    assert said["gain_after"] == pytest.approx(1.0)
+    assert said["gain_after_sigma"] == pytest.approx(np.sqrt(0.25 + 0.02 * 5.9))
+    words = " ".join(run(*CALL).stdout.split())
+    assert "no output was seen with noise" in words
+    assert "no change is shown" in words
+
+
+def test_a_gain_of_which_nothing_is_known_is_null(run, tmp_path, write_record):
+    (tmp_path / "model.py").write_text(
+        "from estimable import *\n"
+        "file = read_model('model.toml')\n"
+        "model, prior, record = file.model, file.prior, file.record\n"
+        "gain = GainSection(Prior([0.0], [[0.0]], diffuse=[[1.0]]), {'walk': 0.02})\n"
+    )
+    write_record(*(f"{k / 10},,,{k}" for k in range(60)))
+    call = ("gain", "flight.csv", "--model", "model.py")
+    said = run(*call, "--json").json
+    assert [said[key] for key in ("gain_before", "gain_before_sigma", "gain_after", "gain_after_sigma")] == [None] * 4
+    people = run(*call)
+    assert people.code == 0
+    assert "not known" in people.stdout
+
+
+def test_a_discrete_model_gives_a_record_without_time_its_step(run, tmp_path):
+    (tmp_path / "model.toml").write_text(
+        '[model]\ndt = 0.5\nstates = ["x"]\ninputs = ["u"]\noutputs = ["y"]\nA = [[0.9]]\nB = [[1.0]]\nC = [[1.0]]\n'
+        "Q = [[0.01]]\nR = [[0.01]]\n[prior]\nmean = [0.0]\ncovariance = [[1.0]]\n"
+        "[gain]\nmean = [1.0]\ncovariance = [[1.0]]\n"
+    )
+    (tmp_path / "flight.csv").write_text("y,u\n0,1\n1,1\n1.9,1\n")
+    assert run(*CALL, "--json").json["seconds"] == 1.0
