@@ -184,7 +184,8 @@ class Faults:
         if isinstance(given, str):
             self.add(f"`{argument}` must be a list of names. Got the text {given!r}: did you mean [{given!r}]?")
             return ()
-        if not isinstance(given, Iterable) or isinstance(given, Set | Mapping):
+        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray) and given.ndim != 1)
+        if not isinstance(given, Iterable) or unordered:
             self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()
         found = tuple(given)

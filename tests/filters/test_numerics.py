@@ -6,7 +6,7 @@ import pytest
 from cases import case
 from numpy.testing import assert_allclose
 
-from estimable import Kalman, Prior, Record, StateSpace, estimate, simulate
+from estimable import Kalman, Prior, Record, StateSpace, estimate, estimate_bank, simulate
 
 
 @pytest.mark.parametrize("R", [[1e-9, 1.0], [0.0, 1e-6], [0.0, 0.0]], ids=str)
@@ -23,6 +23,21 @@ def test_covariances_stay_positive_semidefinite_over_a_million_steps(R):
     assert np.array_equal(P, np.swapaxes(P, 1, 2))
     size = np.abs(P).max(axis=(1, 2))
     assert np.all(np.linalg.eigvalsh(P / size[:, None, None])[:, 0] >= -1e-15)
+
+
+def test_covariances_stay_positive_semidefinite_where_joseph_s_form_does_not():
+    """A noise-free sensor, one process noise and a large prior: Joseph's form fails on four of five of these models."""
+    rng, models = np.random.default_rng(0), []
+    for _ in range(300):
+        A = rng.normal(size=(4, 4))
+        A /= np.abs(np.linalg.eigvals(A)).max()
+        C, G = rng.normal(size=(2, 4)), rng.normal(size=(4, 1))
+        R = np.diag([0.0, 10.0 ** rng.integers(-9, 0)])
+        models.append(Kalman(StateSpace(A, C=C, G=G, Q=[[1e-4]], R=R, dt=1)))
+    prior = Prior(np.zeros(4), 1e6 * np.eye(4))
+    P = estimate_bank(models, Record(np.zeros((60, 2)), dt=1), prior=prior).covariance
+    size = np.abs(P).max(axis=(2, 3))
+    assert np.all(np.linalg.eigvalsh(P / size[..., None, None])[..., 0] >= -1e-15)
 
 
 def exact(model, prior, y):

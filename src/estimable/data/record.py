@@ -198,7 +198,7 @@ def _read_time(dt: Any, t: Any, rows: int, faults: checks.Faults) -> tuple[float
     if t is None:
         return dt, None if dt is None else np.arange(rows) * dt
     faults.learn("T", rows, f"`y` has {rows} rows")
-    if np.asarray(t).dtype.kind in "mM":
+    if getattr(getattr(t, "dtype", None), "kind", "f") in "mM":
         faults.add("`t` must be seconds, not dates. Did you mean `(t - t[0]) / np.timedelta64(1, 's')`?")
         return dt, None
     t = faults.array("t", t, "T")
