@@ -1,0 +1,18 @@
+"""How the tests of errors ask for the sentences of a refused call."""
+
+import pytest
+
+from estimable import InputError
+
+
+@pytest.fixture
+def refused():
+    """The sentences with which a call is refused."""
+
+    def sentences(call):
+        with pytest.raises(InputError) as caught:
+            call()
+        assert str(caught.value) == "\n".join(caught.value.faults)
+        return list(caught.value.faults)
+
+    return sentences
