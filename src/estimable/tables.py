@@ -33,18 +33,17 @@ def to_pandas(result):
 
 
 def to_xarray(result):
-    """Named dimensions time, state, gain, output, and a second of each for covariances."""
+    """Named dimensions time, states, gains, outputs, and a second of each (states_2, ..) for covariances."""
     try:
         import xarray as xr
     except ImportError:
         checks.refuse("xarray is not installed: pip install 'estimable[xarray]'.")
     names = result.names
-    axes = {"states": "state", "gains": "gain", "outputs": "output"}
-    coordinates = {axis: list(getattr(names, kind)) for kind, axis in axes.items() if getattr(names, kind)}
-    coordinates |= {f"{axis}_2": labels for axis, labels in coordinates.items()}
+    coordinates = {kind: list(getattr(names, kind)) for kind in ("states", "gains", "outputs") if getattr(names, kind)}
+    coordinates |= {f"{kind}_2": labels for kind, labels in coordinates.items()}
     variables = {}
     for field, covariance, kind, _ in BLOCKS:
-        for name, shape in ((field, (axes[kind],)), (covariance, (axes[kind], f"{axes[kind]}_2"))):
+        for name, shape in ((field, (kind,)), (covariance, (kind, f"{kind}_2"))):
             if getattr(result, name) is not None:
                 variables[name] = (("time", *shape), getattr(result, name))
     if result.log_likelihood_steps is not None:

@@ -6,6 +6,8 @@ import numpy as np
 
 from .. import checks
 
+KNOWN = 1e-10  # eigenvalue of a correlation matrix below which a combination counts as known exactly
+
 
 class Consistency(NamedTuple):
     """The mean of a normalised square, what a right model gives, its band, and how many degrees of freedom it has."""
@@ -35,9 +37,10 @@ class Consistency(NamedTuple):
 def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Consistency:
     """Mean normalised innovation squared e' S^-1 e over the samples with an output, in units of its outputs.
 
-    `innovation` (..., p), NaN where not seen; `innovation_covariance` (..., p, p). With a right model the sum over all
-    samples is χ² with as many degrees of freedom as outputs were seen, so the mean over samples is near p. The band holds
-    that mean with `probability`. Raises `InputError` where nothing was seen.
+    `innovation` (..., p), NaN where not seen; `innovation_covariance` (..., p, p), NaN where it is infinite (a diffuse
+    prior). With a right model the sum over all samples is χ² with as many degrees of freedom as outputs were seen, so the
+    mean over samples is near p. The band holds that mean with `probability`. Left out: what was not seen, what was
+    predicted from nothing, and combinations that were known exactly. Raises `InputError` where nothing remains.
 
     >>> import numpy as np
     >>> e = np.random.default_rng(1).normal(size=(1000, 2))
@@ -45,44 +48,44 @@ def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Con
     True
     """
     e = np.asarray(innovation, float)
-    e, S = e.reshape(-1, e.shape[-1]), np.asarray(innovation_covariance, float).reshape(-1, e.shape[-1], e.shape[-1])
-    seen = ~np.isnan(e)
-    squares = np.zeros(len(e))
-    for pattern in np.unique(seen, axis=0):
-        rows = np.flatnonzero((seen == pattern).all(axis=1))
+    p = e.shape[-1]
+    e, S = e.reshape(-1, p), np.asarray(innovation_covariance, float).reshape(-1, p, p)
+    told = ~np.isnan(e) & (np.einsum("bii->bi", S) > 0)
+    total, samples, degrees = 0.0, 0, 0
+    for pattern in np.unique(told, axis=0):
+        rows = np.flatnonzero((told == pattern).all(axis=1))
         if pattern.any():
-            squares[rows] = _squares(e[rows][:, pattern], S[rows][:, pattern][:, :, pattern])
-    samples = int(seen.any(axis=1).sum())
-    if samples == 0:
-        checks.refuse("nothing was seen: every innovation is NaN.")
-    return _against_chi_square(float(squares.sum()), samples, int(seen.sum()), probability)
+            squares, ranks = _squares(e[rows][:, pattern], S[rows][:, pattern][:, :, pattern])
+            total, samples, degrees = total + squares.sum(), samples + np.sum(ranks > 0), degrees + ranks.sum()
+    if degrees == 0:
+        checks.refuse("there is no innovation to judge by: nothing was seen that was not known exactly, or not at all.")
+    return _against_chi_square(float(total), int(samples), int(degrees), probability)
 
 
 def nees(error, covariance, *, probability: float = 0.999) -> Consistency:
     """Mean normalised estimation error squared over independent runs: error (B, n), covariance (B, n, n).
 
-    Errors of one run at different times are correlated: use one time of each run. Raises `InputError` where a covariance
-    is singular.
+    Errors of one run at different times are correlated: use one time of each run. Combinations known exactly are left
+    out; raises `InputError` where nothing remains.
 
     >>> import numpy as np
     >>> round(nees(np.ones((4, 1)), np.ones((4, 1, 1))).mean, 3)
     1.0
     """
-    error = np.asarray(error, float)
-    squares = _squares(error, np.asarray(covariance, float))
-    if not np.all(np.isfinite(squares)):
-        checks.refuse("a covariance is singular: leave out what is known exactly.")
-    return _against_chi_square(float(squares.sum()), len(error), error.size, probability)
+    squares, ranks = _squares(np.asarray(error, float), np.asarray(covariance, float))
+    if ranks.sum() == 0:
+        checks.refuse("there is no error to judge by: every covariance is zero.")
+    return _against_chi_square(float(squares.sum()), len(squares), int(ranks.sum()), probability)
 
 
-def _squares(e: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """e' S^-1 e of each row, after scaling S to a unit diagonal."""
-    scale = np.sqrt(np.einsum("bii->bi", S))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scaled, correlation = e / scale, S / (scale[:, :, None] * scale[:, None, :])
-    if not np.all(np.isfinite(correlation)):
-        return np.full(len(e), np.nan)
-    return np.einsum("bi,bi->b", scaled, np.linalg.solve(correlation, scaled[..., None])[..., 0])
+def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """e' S^+ e of each row and the rank of S, after scaling S to a unit diagonal."""
+    variance = np.einsum("bii->bi", S)
+    scale = np.sqrt(np.where(variance > 0, variance, 1.0))
+    values, vectors = np.linalg.eigh(S / (scale[:, :, None] * scale[:, None, :]))
+    along = np.einsum("bij,bi->bj", vectors, e / scale)
+    counted = values > KNOWN
+    return np.sum(np.where(counted, along**2 / np.where(counted, values, 1.0), 0.0), axis=1), counted.sum(axis=1)
 
 
 def _against_chi_square(total: float, samples: int, degrees: int, probability: float) -> Consistency:

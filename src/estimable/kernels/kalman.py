@@ -26,7 +26,10 @@ CONTRADICTION = 1e-9  # by how much of its size a datum may miss a value that is
 
 
 class Posterior(NamedTuple):
-    """What one measurement update gives; `drift` and `Z_drift` are mean and factor of ω, None where Ω is."""
+    """What one measurement update gives; `drift` and `Z_drift` are mean and factor of ω, None where Ω is.
+
+    The innovation covariance is NaN where it is infinite: of an output with a diffuse part.
+    """
 
     m: Real
     Z: Real
@@ -78,6 +81,7 @@ def correct(
     slack = CONTRADICTION * (jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), jnp.abs(m)))
     ignored = seen & ~array.opened & ~array.informed
     density = jnp.log(2 * jnp.pi * array.variance) + jnp.where(array.opened, 0.0, array.error**2 / array.variance)
+    infinite = jnp.sum(diffuse[0] ** 2, axis=1) > determined
     states, drifts = array.finite[p : p + n], array.finite[p + n :]
     return Posterior(
         m=m - states[:, -1],
@@ -86,7 +90,7 @@ def correct(
         drift=None if Ω is None else -drifts[:, -1],
         Z_drift=None if Ω is None else drifts[:, :-1],
         innovation=jnp.where(seen, e, jnp.nan),
-        innovation_covariance=gram(Y),
+        innovation_covariance=jnp.where(infinite[:, None] | infinite[None, :], jnp.nan, gram(Y)),
         log_likelihood=-jnp.sum(jnp.where(array.opened | array.informed, density, 0.0)) / 2,
         contradicted=jnp.any(ignored & (jnp.abs(array.error) > slack)),
     )

@@ -35,11 +35,18 @@ def discretise(model: StateSpace, dt, *, hold: str = "zero_order") -> StateSpace
 def over(A, B, GQG, h, *, hold):
     """Φ, B, B_end (None for a zero-order hold) and Qd over steps h; leading axes of A, B, GQG and h are broadcast."""
     h = np.asarray(h, float)
-    Φ, Γ, Γ2 = _input_integrals(A, h)
+    with np.errstate(over="ignore", invalid="ignore"):
+        Φ, Γ, Γ2 = _input_integrals(A, h)
+        Qd = _noise_integral(A, GQG, h)
+    if not (np.all(np.isfinite(Φ)) and np.all(np.isfinite(Qd))):
+        checks.refuse(
+            f"the model grows beyond any number within a step of {np.max(h):g} s: its fastest entry is "
+            f"{np.abs(A).max():.3g} per second. Are A and dt in seconds?"
+        )
     if hold == "zero_order":
-        return Φ, Γ @ B, None, _noise_integral(A, GQG, h)
+        return Φ, Γ @ B, None, Qd
     ramp = Γ2 / h[..., None, None]                       # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
-    return Φ, (Γ - ramp) @ B, ramp @ B, _noise_integral(A, GQG, h)
+    return Φ, (Γ - ramp) @ B, ramp @ B, Qd
 
 
 def _input_integrals(A, h):

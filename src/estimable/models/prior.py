@@ -39,8 +39,8 @@ class Prior:
         if diffuse is not None and diffuse.shape[1] == 0:
             diffuse = None
         if diffuse is not None and not checks.is_traced(diffuse):
-            lengths = np.linalg.norm(diffuse, axis=0)
-            rank = np.linalg.matrix_rank(diffuse / np.where(lengths > 0, lengths, 1.0))
+            largest = np.abs(diffuse).max(axis=0)  # units of the columns are of no account
+            rank = np.linalg.matrix_rank(diffuse / np.where(largest > 0, largest, 1.0))
             if rank < diffuse.shape[1]:
                 columns = checks.counted(diffuse.shape[1], "column")
                 faults.add(f"`diffuse` must have independent columns. Got {columns} of rank {rank}.")

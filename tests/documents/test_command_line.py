@@ -1,0 +1,44 @@
+"""The command-line page is what `--help` prints. To write it anew: WRITE_COMMAND_LINE=1 pytest tests/documents."""
+
+import os
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from estimable.commands import app
+
+PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"
+COMMANDS = ("", "demo", "gain", "estimate")
+HEAD = """# The command line
+
+Every command takes `--json`, which prints one object for machines on stdout: `{"command", "version", "outcome": {"code",
+"sentence"}, ...}`, null where a number is not known, and never NaN. On an error it is `{"error", "message"}`. Exit codes: 0; 2 for a
+wrong call, file or option; 1 for a run that failed. `gain` and `demo` tell
+
+| key | meaning |
+|---|---|
+| `gain_after`, `gain_after_sigma` | mean of the estimated gain over the last 2 s, and its standard deviation at the last row |
+| `gain_before`, `gain_before_sigma` | the same over the 2 s that end at a third of the record |
+| `failure_time_s`, `detected_at_s` | null: change detection is [not there yet](not-yet.md) |
+| `nis` | the normalised innovations, their band, and a sentence |
+| `samples`, `seconds` | of the record |
+
+With several gains the numbers are objects, {name: number}.
+"""
+
+
+def reference():
+    pages = [HEAD]
+    for name in COMMANDS:
+        shown = CliRunner().invoke(app, [*([name] if name else []), "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"},
+                                   prog_name="estimable")  # fmt: skip
+        assert shown.exit_code == 0
+        text = "\n".join(line.rstrip() for line in shown.output.strip().splitlines())
+        pages.append(f"## estimable {name}".rstrip() + f"\n\n```\n{text}\n```\n")
+    return "\n".join(pages)
+
+
+def test_the_page_is_what_help_prints():
+    if os.environ.get("WRITE_COMMAND_LINE"):
+        PAGE.write_text(reference())
+    assert PAGE.read_text() == reference()

@@ -1,0 +1,121 @@
+"""The package is built as it says: names, imports one way, sizes, words."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import estimable
+
+SOURCE = Path(estimable.__file__).parent
+FILES = sorted(SOURCE.rglob("*.py"))
+ROOMS = (
+    ("errors", "frozen", "precision", "checks"),
+    ("kernels",),
+    ("models", "data", "networks", "packaged"),
+    ("tables",),
+    ("results",),
+    ("diagnostics",),
+    ("analysis",),
+    ("design",),
+    ("filters",),
+    ("identifiers",),
+    ("controllers",),
+    ("engines",),
+    ("run",),
+    ("catalogue", "plants"),
+    ("store",),
+    ("figures",),
+    ("report", "reproductions"),
+    ("commands",),
+)
+LAZY = {("results", "figures"), ("run", "store")}     # .plot() and online(...).save()
+LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
+
+
+def room(path):
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def imported_rooms(path):
+    """(room, line is inside a function) of every import of ours."""
+    tree = ast.parse(path.read_text())
+    inside = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
+    depth = len(path.relative_to(SOURCE).parts) - 1
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.ImportFrom) or not node.level:
+            continue
+        if node.level == depth + 1:
+            names = [node.module.split(".")[0]] if node.module else [alias.name for alias in node.names]
+            yield from ((name, id(node) in inside) for name in names)
+
+
+@pytest.mark.parametrize("path", [f for f in FILES if f.parent != SOURCE or f.name != "__init__.py"],
+                         ids=lambda p: str(p.relative_to(SOURCE)))  # fmt: skip
+def test_imports_go_one_way(path):
+    here = room(path)
+    for other, lazy in imported_rooms(path):
+        if other in ("__version__",):
+            continue
+        assert other in LEVEL, f"{other} is no room"
+        allowed = LEVEL[other] <= LEVEL[here] or ((here, other) in LAZY and lazy)
+        assert allowed, f"{here} may not know {other}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_files_and_functions_are_short_enough_to_read(path):
+    text = path.read_text()
+    assert text.count("\n") <= 400
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef):
+            docstring = len((ast.get_docstring(node) or "").splitlines())
+            assert node.end_lineno - node.lineno - docstring <= 60, node.name
+
+
+def test_public_names_are_exactly_the_sorted_list():
+    assert estimable.__all__ == sorted(estimable.__all__)
+    assert all(hasattr(estimable, name) for name in estimable.__all__)
+    modules = {room(path) for path in FILES} | {"precision"}
+    public = {name for name in vars(estimable) if not name.startswith("_")} - modules
+    assert public <= set(estimable.__all__)
+
+
+def test_every_public_name_is_documented():
+    for name in estimable.__all__:
+        assert getattr(estimable, name).__doc__, name
+
+
+def test_importing_loads_nothing_heavy():
+    heavy = ["scipy", "pandas", "plotly", "typer", "rich", "xarray", "control", "llvmlite", "matplotlib"]
+    code = f"import sys, estimable; print([name for name in {heavy} if name in sys.modules])"
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert printed.strip() == "[]"
+
+
+def test_float64_is_enabled_and_earlier_float32_arrays_are_warned_of():
+    code = "import jax.numpy as jnp; x = jnp.ones(2); import estimable; print(jnp.ones(1).dtype)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "float64"
+    assert "float32 arrays were made before" in run.stderr
+    quiet = subprocess.run([sys.executable, "-c", "import estimable"], capture_output=True, text=True, check=True)
+    assert quiet.stderr == ""
+
+
+def forbidden_words():
+    """The synonyms in the last column of the glossary."""
+    page = SOURCE.parents[1] / "docs" / "glossary.md"
+    if not page.is_file():
+        pytest.skip("the glossary is beside the source only")
+    rows = [line.split("|") for line in page.read_text().splitlines() if line.startswith("| ")]
+    return [word for row in rows[1:] for word in re.findall(r"`([^`]+)`", row[3])]
+
+
+def test_one_idea_has_one_word():
+    words = forbidden_words()
+    assert len(words) > 5
+    for path in FILES:
+        found = [word for word in words if re.search(rf"\b{re.escape(word)}\b", path.read_text())]
+        assert not found, (path.name, found)
