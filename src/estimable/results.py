@@ -83,12 +83,18 @@ class Outcome(NamedTuple):
 
 
 class Names(NamedTuple):
-    """What the columns of a result are called."""
+    """What the columns of a result are called, and the units of the channels that have one."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     gains: tuple[str, ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+
+    def labelled(self, channel: str) -> str:
+        """The channel with its unit, as on an axis."""
+        unit = dict(self.units).get(channel)
+        return channel if unit is None else f"{channel} [{unit}]"
 
 
 class Kept:

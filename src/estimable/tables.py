@@ -52,4 +52,5 @@ def to_xarray(result):
         coordinates["time"] = result.t
     used = {dimension for dimensions, _ in variables.values() for dimension in dimensions}
     coordinates = {axis: labels for axis, labels in coordinates.items() if axis in used}
-    return xr.Dataset(variables, coords=coordinates, attrs={"log_likelihood": result.log_likelihood, "engine": result.engine})
+    attributes = {"log_likelihood": result.log_likelihood, "engine": result.engine, "units": dict(names.units)}
+    return xr.Dataset(variables, coords=coordinates, attrs=attributes)

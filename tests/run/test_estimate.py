@@ -72,3 +72,12 @@ def test_two_corrections_at_one_instant_are_one_with_both_sensors():
     assert_allclose(twice.covariance, once.covariance, rtol=1e-13)
     running.predict()
     assert_allclose(running.correct([np.nan, np.nan]).mean, 0.9 * once.mean, rtol=1e-13)
+
+
+def test_units_of_the_record_reach_figures_and_datasets():
+    model = StateSpace([[0.5]], C=[[1.0]], Q=[[1.0]], R=[[1.0]], dt=1, outputs=["level"])
+    record = Record([1.0, 2.0], dt=1, outputs=["level"], units={"level": "m"})
+    measured = estimate(Kalman(model), record, prior=Prior([0.0], [[1.0]]))
+    assert measured.to_xarray().attrs["units"] == {"level": "m"}
+    titles = [note.text for note in measured.plot().layout.annotations]
+    assert any("level [m]" in title for title in titles)

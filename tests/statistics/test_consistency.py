@@ -144,3 +144,19 @@ def test_a_stack_of_models_is_sampled_together():
     bank = estimate_bank(filters, record, prior=prior)
     for i, algorithm in enumerate(filters):
         assert_allclose(bank[i].mean, estimate(algorithm, record, prior=prior).mean, rtol=1e-12)
+
+
+def test_what_was_known_exactly_or_not_at_all_is_left_out_of_the_check():
+    model = StateSpace(0.9 * np.eye(2), C=[[1.0, 0.0], [1.0, 1.0], [0.0, 2.0]], Q=0.1 * np.eye(2), R=np.diag([0, 1, 0]), dt=1)
+    drawn = simulate_bank(model, seed=1, runs=1, steps=4000).items.record.y[0]
+    diffuse = Prior([7.0, -5.0], np.zeros((2, 2)), diffuse=np.eye(2))
+    result = estimate(Kalman(model), Record(drawn, dt=1), prior=diffuse)
+    assert np.all(np.isnan(result.innovation_covariance[0]))
+    check = nis(result.innovation, result.innovation_covariance)
+    assert check.consistent, check.sentence
+    assert check.degrees == 3 * 3999
+    twice = StateSpace([[0.9]], C=[[1.0], [2.0]], Q=[[1.0]], R=np.zeros((2, 2)), dt=1)
+    y = simulate_bank(twice, seed=2, runs=1, steps=2000, prior=Prior([0.0], [[1.0]])).items.record.y[0]
+    same = estimate(Kalman(twice), Record(y, dt=1), prior=Prior([0.0], [[1.0]]))
+    assert nis(same.innovation, same.innovation_covariance).degrees == 2000
+    assert nis(same.innovation, same.innovation_covariance).consistent

@@ -152,6 +152,6 @@ def predict(
 ) -> tuple[Float[Real, " n"], Float[Real, "n n"], Float[Real, "n r"]]:
     """The belief about x+ = F x + c + ω, its factor lower triangular. Cost: about n² (2 k + q) multiplications."""
     Z_next, m_next = product(F, Z), apply(F, m) + c
-    if drift is not None:
+    if drift is not None and Z_drift is not None:
         Z_next, m_next = Z_next + Z_drift, m_next + drift
     return m_next, triangularise(jnp.concatenate([Z_next, W], axis=1)), product(F, X)

@@ -18,11 +18,11 @@ KEYS = {
     "model": ("dt", "states", "inputs", "outputs", *MATRICES),
     "prior": ("mean", "covariance", "diffuse"),
     "operating_point": ("states", "inputs", "outputs"),
-    "gain": ("mean", "covariance", "walk", "forgetting", "directions", "fixed", "feedthrough"),
+    "gain": ("mean", "covariance", "diffuse", "walk", "forgetting", "directions", "fixed", "feedthrough"),
     "record": ("time", "dt", "hold", "lost"),
     "unknown": ("inputs",),
 }
-SETTINGS = KEYS["gain"][2:]
+SETTINGS = KEYS["gain"][3:]
 REQUIRED = {
     "model": ("dt", "states", "outputs", "A", "C", "R"),
     "prior": ("mean", "covariance"),
@@ -75,7 +75,7 @@ def _from_python(path: Path) -> ModelFile:
         found = runpy.run_path(str(path))
     except checks.InputError:
         raise
-    except Exception as error:  # whatever the user's own code raises
+    except (Exception, SystemExit) as error:  # whatever the user's own code raises
         raise checks.InputError(f"its Python failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
     for name, kind in (("model", StateSpace), ("prior", Prior)):

@@ -61,7 +61,7 @@ def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = 
     samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
-    return Bound((algorithms or algorithm).sampled(clock), samples, intervals, names, rows.t)
+    return Bound((algorithms or algorithm).sampled(clock), samples, intervals, names._replace(units=record.units), rows.t)
 
 
 def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:

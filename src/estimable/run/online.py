@@ -105,7 +105,7 @@ class Online:
         elif u_end is not None:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
         faults.finish()
-        interval = Interval(applied, end, None, np.asarray(float(dt)))
+        interval = Interval(applied, end, None, np.asarray(dt, float))
         state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
         self.progress = replace(
             self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
@@ -117,7 +117,7 @@ class Online:
 
         save(path, self)
 
-    def _step(self, dt: Any, faults: checks.Faults) -> float:
+    def _step(self, dt: Any, faults: checks.Faults) -> Any:
         model = model_of(self.algorithm)
         if dt is None:
             if model.is_continuous and self.progress.dt is None:

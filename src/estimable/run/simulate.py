@@ -83,6 +83,8 @@ def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
     faults = checks.Faults()
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s).")
+    if u is not None and steps not in (None, len(u)):
+        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
     if u is None and steps is None and t is None:
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")
     if model.is_continuous and dt is None and t is None:
@@ -91,7 +93,7 @@ def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
         faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
     faults.finish()
-    rows = steps if steps is not None else len(t) if u is None else len(u)
+    rows = steps if u is None and steps is not None else len(t if u is None else u)  # type: ignore[arg-type]
     u = np.zeros((rows, 0)) if u is None else u
     record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
     if record.u.shape[1] != model.m:
@@ -106,30 +108,30 @@ def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
 
 @jax.jit
 def _draw(model, drive: _Drive, prior: Prior | None, keys):
-    T = drive.u.shape[0]
-    p, r = model.V.shape[-1], model.W.shape[-1]
-    point = model.point
-    x_origin, u_origin, y_origin = (0.0, 0.0, 0.0) if point is None else (point.states, point.inputs, point.outputs)
+    """Outputs (B, T, p) and states (B, T, n), one run a key, in absolute units."""
+    T, n, p = drive.u.shape[0], model.A.shape[-1], model.V.shape[-1]
+    noises = p + model.W.shape[-1]
+    x_mean, x_factor = model.point.states, jnp.zeros((n, n))
+    if prior is not None:
+        x_mean, x_factor = jnp.asarray(prior.mean), factor(prior.covariance)
 
     def one(key):
         first, rows = jax.random.split(key)
-        x0 = jnp.zeros(model.A.shape[-1])
-        if prior is not None:
-            x0 = prior.mean - x_origin + apply(factor(prior.covariance), jax.random.normal(first, x0.shape))
-
-        def step(x, row):
-            k, drive, noise = row
-            now = model.at(k)
-            e, e2 = noise[:p], noise[p:]
-            u = drive.u - u_origin
-            y = apply(now.C, x) + apply(now.D, u) + y_origin + apply(now.V, e)
-            x_next = apply(now.A, x) + apply(now.B, u) + apply(now.W, e2)
-            if now.B_end is not None:
-                x_next = x_next + apply(now.B_end, drive.u_end - u_origin)
-            if now.Ω is not None:
-                x_next = x_next + apply(now.Ω, e)
-            return x_next, (y, x + x_origin)
-
-        return jax.lax.scan(step, x0, (jnp.arange(T), drive, jax.random.normal(rows, (T, p + r))))[1]
+        x0 = x_mean - model.point.states + apply(x_factor, jax.random.normal(first, (n,)))
+        noise = jax.random.normal(rows, (T, noises))
+        return jax.lax.scan(lambda x, row: _move(model, x, *row), x0, (jnp.arange(T), drive, noise))[1]
 
     return jax.vmap(one)(keys)
+
+
+def _move(model, x, k, drive: _Drive, noise):
+    """One step of the plant, about the operating point: the next state, and what is recorded of this one."""
+    now, point, p = model.at(k), model.point, model.V.shape[-1]
+    e, e_free, u = noise[:p], noise[p:], drive.u - point.inputs
+    y = point.outputs + apply(now.C, x) + apply(now.D, u) + apply(now.V, e)
+    x_next = apply(now.A, x) + apply(now.B, u) + apply(now.W, e_free)
+    if now.B_end is not None:
+        x_next = x_next + apply(now.B_end, drive.u_end - point.inputs)
+    if now.Ω is not None:
+        x_next = x_next + apply(now.Ω, e)
+    return x_next, (y, point.states + x)

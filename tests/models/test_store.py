@@ -1,0 +1,135 @@
+"""Save and load: every class that can be saved comes back to the last bit."""
+
+import jax
+import numpy as np
+import pytest
+
+from estimable import (
+    Kalman,
+    Online,
+    Outcome,
+    Prior,
+    Record,
+    StateSpace,
+    UnknownGain,
+    estimate,
+    estimate_bank,
+    load,
+    online,
+    save,
+    simulate,
+    simulate_bank,
+    stack,
+)
+from estimable import store as room
+
+MODEL = StateSpace(
+    [[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], Q=0.1 * np.eye(2), R=0.2 * np.eye(2), dt=0.1, states=["α", "q"], inputs=["δ"],
+    operating_point={"states": [1.0, 2.0], "inputs": [3.0]},
+)  # fmt: skip
+PRIOR = Prior([1 / 3, 0.1], np.eye(2) / 7, diffuse=[[1.0], [0.5]])
+U = np.linspace(-1, 1, 12)[:, None]
+RECORD = simulate(MODEL, U, seed=3).record
+GAPS = Record(
+    np.where(np.arange(24).reshape(12, 2) % 5 == 0, np.nan, RECORD.y), U, t=np.cumsum(np.linspace(0.1, 0.3, 12)),
+    arrived=np.where(np.arange(12) % 4 == 0, 0.0, 1.0), lost="hold", inputs=["δ"], units={"y1": "deg"},
+)  # fmt: skip
+GAIN = UnknownGain(MODEL, Prior([1.0], [[0.25]]), walk=0.02, forgetting=0.99, fixed=[[0.0], [0.1]])
+OVER_TIME = StateSpace(np.stack([np.eye(2)] * 3), R=np.eye(2), S=0.1 * np.eye(2), Q=np.eye(2), dt=1)
+
+
+def last_state():
+    algorithm = Kalman(MODEL)
+    running = online(algorithm, prior=PRIOR)
+    running.correct([1.0, np.nan])
+    return running.progress
+
+
+THINGS = {
+    "StateSpace": lambda: MODEL,
+    "StateSpace over time": lambda: OVER_TIME,
+    "StateSpace continuous": lambda: StateSpace([[-1.0]], dt=0).discretise(0.1, hold="first_order"),
+    "OperatingPoint": lambda: MODEL.operating_point,
+    "Prior": lambda: PRIOR,
+    "Record": lambda: RECORD,
+    "Record with gaps": lambda: GAPS,
+    "Record cut": lambda: GAPS[5:],
+    "Kalman": lambda: Kalman(MODEL),
+    "UnknownGain": lambda: GAIN,
+    "UnknownGain directions": lambda: UnknownGain(MODEL, Prior([1.0], [[1.0]]), directions=np.ones((1, 2, 1))),
+    "Estimate": lambda: estimate(GAIN, RECORD, prior=PRIOR),
+    "Estimate means": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="means"),
+    "Estimate likelihood": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood"),
+    "Info": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR).info,
+    "EstimateBank": lambda: estimate_bank(Kalman(MODEL), [RECORD, RECORD], prior=PRIOR),
+    "Simulation": lambda: simulate(MODEL, U, seed=1),
+    "Stacked": lambda: stack([PRIOR, PRIOR]),
+    "Stacked simulations": lambda: simulate_bank(MODEL, U, seed=1, runs=3),
+    "Progress": last_state,
+    "Belief": lambda: last_state().state,
+    "tuple": lambda: (MODEL, PRIOR),
+}
+
+
+@pytest.mark.parametrize("name", THINGS)
+def test_what_is_saved_comes_back_to_the_last_bit(same, tmp_path, name):
+    thing = THINGS[name]()
+    save(tmp_path / "thing.npz", thing)
+    back = load(str(tmp_path / "thing.npz"))
+    same(back, thing)
+
+
+def test_every_class_that_can_be_saved_is_tried():
+    assert {type(thing()).__name__ for thing in THINGS.values()} >= set(room.RECORDS)
+
+
+def test_fields_have_their_kinds_again(tmp_path):
+    save(tmp_path / "thing.npz", estimate(Kalman(MODEL), RECORD, prior=PRIOR))
+    back = load(tmp_path / "thing.npz")
+    assert type(back.outcome) is Outcome
+    assert type(back.log_likelihood) is float
+    assert back.names.states == ("α", "q")
+    assert hash(jax.tree_util.tree_structure(back)) is not None
+
+
+def test_names_given_as_an_array_are_texts_again(tmp_path):
+    save(tmp_path / "thing.npz", Record([1.0, 2.0], outputs=np.array(["a"])))
+    assert load(tmp_path / "thing.npz").outputs == ("a",)
+
+
+def test_what_comes_back_works_as_before(tmp_path):
+    save(tmp_path / "algorithm.npz", GAIN)
+    save(tmp_path / "record.npz", RECORD)
+    before = estimate(GAIN, RECORD, prior=PRIOR)
+    after = estimate(load(tmp_path / "algorithm.npz"), load(tmp_path / "record.npz"), prior=PRIOR)
+    np.testing.assert_array_equal(before.gain, after.gain)
+    np.testing.assert_array_equal(before.covariance, after.covariance)
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_a_run_goes_on_where_it_was_saved(tmp_path, corrected):
+    running = online(GAIN, prior=PRIOR)
+    running.correct(RECORD.y[0])
+    if not corrected:
+        running.predict(RECORD.u[0])
+    running.save(tmp_path / "run.npz")
+    resumed = load(tmp_path / "run.npz")
+    assert isinstance(resumed, Online)
+    for run in (running, resumed):
+        if corrected:
+            run.predict(RECORD.u[0])
+        run.correct(RECORD.y[1])
+    np.testing.assert_array_equal(resumed.info.mean, running.info.mean)
+    np.testing.assert_array_equal(resumed.info.gain_covariance, running.info.gain_covariance)
+
+
+def test_saving_again_writes_over_what_was_there(same, tmp_path):
+    save(tmp_path / "thing.npz", RECORD)
+    save(tmp_path / "thing.npz", PRIOR)
+    same(load(tmp_path / "thing.npz"), PRIOR)
+
+
+def test_nothing_in_a_file_is_a_pickle(tmp_path):
+    save(tmp_path / "thing.npz", GAPS)
+    with np.load(tmp_path / "thing.npz", allow_pickle=False) as file:
+        assert all(file[name].dtype != object for name in file.files)
