@@ -9,7 +9,9 @@ import pytest
 
 from estimable import GainSection, Kalman, Prior, StateSpace, load, online, read_model, save, write_model
 
-MODEL_SECTION = 'dt = 1.0\nstates = ["x"]\ninputs = ["u"]\noutputs = ["y"]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nR = [[1.0]]'
+MODEL_SECTION = (
+    'dt = 1.0\nstates = ["x"]\ninputs = ["u"]\noutputs = ["y"]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nR = [[1.0]]'
+)
 PRIOR_SECTION = "mean = [0.0]\ncovariance = [[1.0]]"
 MODEL = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"])
 PRIOR = Prior([0.0], [[1.0]])
@@ -34,20 +36,85 @@ def sections(**changed):
 FILES = {
     "no prior": (sections(prior=None), ["the section [prior] is missing."]),
     "nothing": ({}, ["the section [model] is missing.", "the section [prior] is missing."]),
-    "unknown section": (sections(priors="a = 1"), ["there is no section [priors] in a model file. Did you mean 'prior'?"]),
-    "unknown key": (sections(model=MODEL_SECTION + "\nstate = 1"), [f"[model] has no key 'state'. {KEYS} Did you mean 'states'?"]),
-    "unknown keys": (sections(gain="mean = [1.0]\ncovariance = [[1.0]]\nwolk = 1", operating_point="outputz = [1.0]"), ["[gain] has no key 'wolk'. Its keys are 'mean', 'covariance', 'diffuse', 'walk', 'forgetting', 'directions', 'fixed', 'feedthrough'. Did you mean 'walk'?", "[operating_point] has no key 'outputz'. Its keys are 'states', 'inputs', 'outputs'. Did you mean 'outputs'?"]),  # noqa: E501
-    "missing keys": (sections(model="dt = 1.0", prior="mean = [0.0]", gain="walk = 1.0"), ["[model] needs 'states', 'outputs', 'A', 'C', 'R'.", "[prior] needs 'covariance'.", "[gain] needs 'mean', 'covariance'."]),  # noqa: E501
-    "faults of all sections": (sections(model=MODEL_SECTION.replace("R = [[1.0]]", "R = [[-1.0]]"), prior="mean = 0.0\ncovariance = [[1.0]]", gain="mean = [1.0]\ncovariance = [[-1.0]]"), ["[model] `R` must be positive semidefinite: its smallest eigenvalue is -1.", "[prior] `mean` must be (n,). Got (). A list is needed, as in [1.0].", "[gain] `covariance` must be positive semidefinite: its smallest eigenvalue is -1."]),  # noqa: E501
-    "date for a step": (sections(model=MODEL_SECTION.replace("dt = 1.0", "dt = 2026-01-01")), ["[model] `dt` must be a finite number of seconds. Got datetime.date(2026, 1, 1)."]),  # noqa: E501
-    "name for names": (sections(model=MODEL_SECTION.replace('["x"]', '"x"')), ["[model] `states` must be a list of names. Got the text 'x': did you mean ['x']?"]),  # noqa: E501
-    "point": (sections(operating_point="states = [1.0, 2.0]"), ["[model] `operating_point states` must be (n,) = (1,): `A` is 1 × 1. Got (2,)."]),  # noqa: E501
-    "prior of another size": (sections(prior="mean = [0.0, 1.0]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]"), ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."]),  # noqa: E501
-    "unknown input of no such name": (sections(unknown='inputs = ["v", "u"]'), ["[unknown] names 'v', which is no input of the model: 'u'."]),  # noqa: E501
-    "unknown input one text": (sections(unknown='inputs = "elevator"'), ["`[unknown] inputs` must be a list of names. Got the text 'elevator': did you mean ['elevator']?"]),  # noqa: E501
-    "unknown input a number": (sections(unknown="inputs = 3"), ["`[unknown] inputs` must be a list of names, in order. Got 3."]),
-    "record options": (sections(record='time = 3\ndt = -1\nhold = "zoh"\nlost = "keep"'), ["`[record] hold` must be one of 'zero_order', 'first_order'. Got 'zoh'.", "`[record] lost` must be one of 'zero', 'hold'. Got 'keep'.", "`[record] dt` must be greater than 0 seconds. Got -1.", "`[record] time` must be the name of a column. Got 3."]),  # noqa: E501
-}  # fmt: skip
+    "unknown section": (
+        sections(priors="a = 1"),
+        ["there is no section [priors] in a model file. Did you mean 'prior'?"],
+    ),
+    "unknown key": (
+        sections(model=MODEL_SECTION + "\nstate = 1"),
+        [f"[model] has no key 'state'. {KEYS} Did you mean 'states'?"],
+    ),
+    "unknown keys": (
+        sections(gain="mean = [1.0]\ncovariance = [[1.0]]\nwolk = 1", operating_point="outputz = [1.0]"),
+        [
+            (
+                "[gain] has no key 'wolk'. Its keys are 'mean', 'covariance', 'diffuse', 'walk', 'forgetting', "
+                "'directions', 'fixed', 'feedthrough'. Did you mean 'walk'?"
+            ),
+            (
+                "[operating_point] has no key 'outputz'. Its keys are 'states', 'inputs', 'outputs'. Did you "
+                "mean 'outputs'?"
+            ),
+        ],
+    ),
+    "missing keys": (
+        sections(model="dt = 1.0", prior="mean = [0.0]", gain="walk = 1.0"),
+        [
+            "[model] needs 'states', 'outputs', 'A', 'C', 'R'.",
+            "[prior] needs 'covariance'.",
+            "[gain] needs 'mean', 'covariance'.",
+        ],
+    ),
+    "faults of all sections": (
+        sections(
+            model=MODEL_SECTION.replace("R = [[1.0]]", "R = [[-1.0]]"),
+            prior="mean = 0.0\ncovariance = [[1.0]]",
+            gain="mean = [1.0]\ncovariance = [[-1.0]]",
+        ),
+        [
+            "[model] `R` must be positive semidefinite: its smallest eigenvalue is -1.",
+            "[prior] `mean` must be (n,). Got (). A list is needed, as in [1.0].",
+            ("[gain] `covariance` must be positive semidefinite: its smallest eigenvalue is -1."),
+        ],
+    ),
+    "date for a step": (
+        sections(model=MODEL_SECTION.replace("dt = 1.0", "dt = 2026-01-01")),
+        [("[model] `dt` must be a finite number of seconds. Got datetime.date(2026, 1, 1).")],
+    ),
+    "name for names": (
+        sections(model=MODEL_SECTION.replace('["x"]', '"x"')),
+        [("[model] `states` must be a list of names. Got the text 'x': did you mean ['x']?")],
+    ),
+    "point": (
+        sections(operating_point="states = [1.0, 2.0]"),
+        ["[model] `operating_point states` must be (n,) = (1,): `A` is 1 × 1. Got (2,)."],
+    ),
+    "prior of another size": (
+        sections(prior="mean = [0.0, 1.0]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]"),
+        ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."],
+    ),
+    "unknown input of no such name": (
+        sections(unknown='inputs = ["v", "u"]'),
+        ["[unknown] names 'v', which is no input of the model: 'u'."],
+    ),
+    "unknown input one text": (
+        sections(unknown='inputs = "elevator"'),
+        [("`[unknown] inputs` must be a list of names. Got the text 'elevator': did you mean ['elevator']?")],
+    ),
+    "unknown input a number": (
+        sections(unknown="inputs = 3"),
+        ["`[unknown] inputs` must be a list of names, in order. Got 3."],
+    ),
+    "record options": (
+        sections(record='time = 3\ndt = -1\nhold = "zoh"\nlost = "keep"'),
+        [
+            "`[record] hold` must be one of 'zero_order', 'first_order'. Got 'zoh'.",
+            "`[record] lost` must be one of 'zero', 'hold'. Got 'keep'.",
+            "`[record] dt` must be greater than 0 seconds. Got -1.",
+            "`[record] time` must be the name of a column. Got 3.",
+        ],
+    ),
+}
 
 
 @pytest.mark.parametrize(("given", "sentences"), FILES.values(), ids=FILES)
@@ -65,10 +132,12 @@ def test_a_value_where_a_section_should_be_is_refused(refused, written):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("[model\n", "is not TOML: Expected ']' at the end of a table declaration (at line 1, column 7)."),
-     ("t,y\n0,1\n", "is not TOML: Expected '=' after a key in a key/value pair (at line 1, column 2)."),
-     ("a = 1\na = 2\n", "is not TOML: Cannot overwrite a value (at line 2, column 6).")],
-)  # fmt: skip
+    [
+        ("[model\n", "is not TOML: Expected ']' at the end of a table declaration (at line 1, column 7)."),
+        ("t,y\n0,1\n", "is not TOML: Expected '=' after a key in a key/value pair (at line 1, column 2)."),
+        ("a = 1\na = 2\n", "is not TOML: Cannot overwrite a value (at line 2, column 6)."),
+    ],
+)
 def test_what_is_not_toml_is_refused_with_its_line(refused, written, text, words):
     path = written(text=text)
     assert refused(lambda: read_model(path)) == [f"{path} {words}"]
@@ -91,16 +160,36 @@ def test_a_path_must_be_of_a_file_that_is_there(refused, tmp_path, read):
 IMPORTS = "from estimable import GainSection, Prior, StateSpace\n"
 GOOD_PYTHON = IMPORTS + "model = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1)\nprior = Prior([0.0], [[1.0]])\n"
 PYTHON = {
-    "defines nothing": (IMPORTS, ["a Python model file must define `model`, a StateSpace.", "a Python model file must define `prior`, a Prior."]),  # noqa: E501
+    "defines nothing": (
+        IMPORTS,
+        ["a Python model file must define `model`, a StateSpace.", "a Python model file must define `prior`, a Prior."],
+    ),
     "syntax": ("model = (", ["its Python failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
     "a mistake": ("model = mode", ["its Python failed: NameError: name 'mode' is not defined."]),
-    "a wrong call": (IMPORTS + "model = StateSpace([1.0], dt=1)", ["`A` must be (n, n). Got (1,). Did you mean `np.diag(A)`?"]),
-    "prior of another size": (GOOD_PYTHON + "prior = Prior([0.0, 1.0], [[1.0, 0.0], [0.0, 1.0]])", ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."]),  # noqa: E501
+    "a wrong call": (
+        IMPORTS + "model = StateSpace([1.0], dt=1)",
+        ["`A` must be (n, n). Got (1,). Did you mean `np.diag(A)`?"],
+    ),
+    "prior of another size": (
+        GOOD_PYTHON + "prior = Prior([0.0, 1.0], [[1.0, 0.0], [0.0, 1.0]])",
+        ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."],
+    ),
     "gain a prior": (GOOD_PYTHON + "gain = prior", ["`gain` must be a GainSection(prior, settings). Got Prior."]),
-    "unknown setting": (GOOD_PYTHON + "gain = GainSection(prior, {'wolk': 1.0})", ["[gain] has no key 'wolk'. Its keys are 'walk', 'forgetting', 'directions', 'fixed', 'feedthrough'. Did you mean 'walk'?"]),  # noqa: E501
-    "one unknown, no list": (GOOD_PYTHON + "unknown = 'u1'", ["`[unknown] inputs` must be a list of names. Got the text 'u1': did you mean ['u1']?"]),  # noqa: E501
+    "unknown setting": (
+        GOOD_PYTHON + "gain = GainSection(prior, {'wolk': 1.0})",
+        [
+            (
+                "[gain] has no key 'wolk'. Its keys are 'walk', 'forgetting', 'directions', 'fixed', "
+                "'feedthrough'. Did you mean 'walk'?"
+            )
+        ],
+    ),
+    "one unknown, no list": (
+        GOOD_PYTHON + "unknown = 'u1'",
+        [("`[unknown] inputs` must be a list of names. Got the text 'u1': did you mean ['u1']?")],
+    ),
     "record no mapping": (GOOD_PYTHON + "record = 3", ["[record] must hold 'time', 'dt', 'hold', 'lost'. Got 3."]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("text", "sentences"), PYTHON.values(), ids=PYTHON)
@@ -119,16 +208,53 @@ def test_a_failure_of_the_users_python_keeps_its_traceback(written):
 CONTINUOUS = StateSpace([[-0.5]], [[1.0]], R=[[1.0]], dt=0)
 WRITING = {
     "not a model": ((Kalman(MODEL), PRIOR), {}, ["`model` must be a StateSpace. Got Kalman."]),
-    "neither": ((None, None), {}, ["`model` must be a StateSpace. Got NoneType.", "`prior` must be a Prior. Got NoneType."]),
-    "varies": ((StateSpace(np.ones((2, 1, 1)), R=[[1.0]], dt=1), PRIOR), {}, ["a model file holds a constant model without `B_end`: use save(path, model) for this one."]),  # noqa: E501
-    "B_end": ((CONTINUOUS.discretise(0.1, hold="first_order"), PRIOR), {}, ["a model file holds a constant model without `B_end`: use save(path, model) for this one."]),  # noqa: E501
-    "no R": ((StateSpace([[0.5]], dt=1), PRIOR), {}, ["a model file needs `R`, the covariance of the measurement noise."]),
-    "prior of another size": ((MODEL, Prior([0.0, 0.0], np.eye(2))), {}, ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."]),  # noqa: E501
+    "neither": (
+        (None, None),
+        {},
+        ["`model` must be a StateSpace. Got NoneType.", "`prior` must be a Prior. Got NoneType."],
+    ),
+    "varies": (
+        (StateSpace(np.ones((2, 1, 1)), R=[[1.0]], dt=1), PRIOR),
+        {},
+        [("a model file holds a constant model without `B_end`: use save(path, model) for this one.")],
+    ),
+    "B_end": (
+        (CONTINUOUS.discretise(0.1, hold="first_order"), PRIOR),
+        {},
+        [("a model file holds a constant model without `B_end`: use save(path, model) for this one.")],
+    ),
+    "no R": (
+        (StateSpace([[0.5]], dt=1), PRIOR),
+        {},
+        ["a model file needs `R`, the covariance of the measurement noise."],
+    ),
+    "prior of another size": (
+        (MODEL, Prior([0.0, 0.0], np.eye(2))),
+        {},
+        ["[prior] must describe n = 1 states: `A` is 1 × 1. Got 2."],
+    ),
     "gain a prior": ((MODEL, PRIOR), dict(gain=PRIOR), ["`gain` must be a GainSection(prior, settings). Got Prior."]),
-    "unknown setting": ((MODEL, PRIOR), dict(gain=GainSection(PRIOR, {"wolk": 1})), ["[gain] has no key 'wolk'. Its keys are 'walk', 'forgetting', 'directions', 'fixed', 'feedthrough'. Did you mean 'walk'?"]),  # noqa: E501
-    "unknown input": ((MODEL, PRIOR), dict(unknown=("v",)), ["[unknown] names 'v', which is no input of the model: 'u'."]),
-    "unknown record option": ((MODEL, PRIOR), dict(record={"step": 1}), ["[record] has no key 'step'. Its keys are 'time', 'dt', 'hold', 'lost'."]),  # noqa: E501
-}  # fmt: skip
+    "unknown setting": (
+        (MODEL, PRIOR),
+        dict(gain=GainSection(PRIOR, {"wolk": 1})),
+        [
+            (
+                "[gain] has no key 'wolk'. Its keys are 'walk', 'forgetting', 'directions', 'fixed', "
+                "'feedthrough'. Did you mean 'walk'?"
+            )
+        ],
+    ),
+    "unknown input": (
+        (MODEL, PRIOR),
+        dict(unknown=("v",)),
+        ["[unknown] names 'v', which is no input of the model: 'u'."],
+    ),
+    "unknown record option": (
+        (MODEL, PRIOR),
+        dict(record={"step": 1}),
+        ["[record] has no key 'step'. Its keys are 'time', 'dt', 'hold', 'lost'."],
+    ),
+}
 
 
 @pytest.mark.parametrize(("things", "more", "sentences"), WRITING.values(), ids=WRITING)
@@ -146,7 +272,9 @@ def test_a_file_that_cannot_be_written_is_told(refused, tmp_path, write):
     assert "No such file or directory" in sentence
 
 
-@pytest.mark.parametrize("thing", [object(), [MODEL], {1.0}, np.array, Prior], ids=["object", "list", "set", "function", "class"])
+@pytest.mark.parametrize(
+    "thing", [object(), [MODEL], {1.0}, np.array, Prior], ids=["object", "list", "set", "function", "class"]
+)
 def test_only_things_of_estimable_are_saved(refused, tmp_path, thing):
     path = tmp_path / "thing.npz"
     (sentence,) = refused(lambda: save(path, thing))
@@ -218,10 +346,22 @@ def test_a_running_online_is_saved_but_what_it_holds_must_be_ours(refused, tmp_p
 
 SYSTEMS = {
     "nothing": (lambda: None, "`system` must be a control.StateSpace: control.ss(system) makes one. Got NoneType."),
-    "transfer function": (lambda: control.tf([1.0], [1.0, 1.0]), "`system` must be a control.StateSpace: control.ss(system) makes one. Got TransferFunction."),  # noqa: E501
-    "no dt": (lambda: control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]], None), "the system's dt is None: give it a sampling time in seconds, or 0 for continuous time."),  # noqa: E501
-    "dt not said": (lambda: control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]], True), "the system's dt is True: give it a sampling time in seconds, or 0 for continuous time."),  # noqa: E501
-    "a gain alone": (lambda: control.ss([], [], [], [[1.0]], 0.1), "`A` must be at least 1 × 1: a model needs a state."),
+    "transfer function": (
+        lambda: control.tf([1.0], [1.0, 1.0]),
+        ("`system` must be a control.StateSpace: control.ss(system) makes one. Got TransferFunction."),
+    ),
+    "no dt": (
+        lambda: control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]], None),
+        ("the system's dt is None: give it a sampling time in seconds, or 0 for continuous time."),
+    ),
+    "dt not said": (
+        lambda: control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]], True),
+        ("the system's dt is True: give it a sampling time in seconds, or 0 for continuous time."),
+    ),
+    "a gain alone": (
+        lambda: control.ss([], [], [], [[1.0]], 0.1),
+        "`A` must be at least 1 × 1: a model needs a state.",
+    ),
 }
 
 

@@ -28,29 +28,95 @@ TEXTS = {
     "blank": ("\n\n", "it is empty: it has no header and no row."),
     "header only": ("t,y,u\n", "there is no row below the header."),
     "no header": ("0,1,2\n1,3,4\n", "it has no header: its first line must name the columns, and holds '0', '1', '2'."),
-    "semicolons": (GOOD.replace(",", ";"), "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."),  # noqa: E501
-    "semicolons and decimal commas": ("t;y;u\n0,0;1,0;2,0\n1,0;3,0;4,0\n", "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."),  # noqa: E501
-    "tabs": (GOOD.replace(",", "\t"), "its header is one name, 't\\ty\\tu'. Are its cells separated by tabs? They must be separated by commas. Or read it with pandas.read_csv(path, sep='\\t'), then use Record.from_pandas."),  # noqa: E501
-    "spaces": (GOOD.replace(",", " "), "its header is one name, 't y u'. Are its cells separated by spaces? They must be separated by commas. Or read it with pandas.read_csv(path, sep=' '), then use Record.from_pandas."),  # noqa: E501
+    "semicolons": (
+        GOOD.replace(",", ";"),
+        (
+            "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated "
+            "by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."
+        ),
+    ),
+    "semicolons and decimal commas": (
+        "t;y;u\n0,0;1,0;2,0\n1,0;3,0;4,0\n",
+        (
+            "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated "
+            "by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."
+        ),
+    ),
+    "tabs": (
+        GOOD.replace(",", "\t"),
+        (
+            "its header is one name, 't\\ty\\tu'. Are its cells separated by tabs? They must be separated by "
+            "commas. Or read it with pandas.read_csv(path, sep='\\t'), then use Record.from_pandas."
+        ),
+    ),
+    "spaces": (
+        GOOD.replace(",", " "),
+        (
+            "its header is one name, 't y u'. Are its cells separated by spaces? They must be separated by "
+            "commas. Or read it with pandas.read_csv(path, sep=' '), then use Record.from_pandas."
+        ),
+    ),
     "zero bytes": (b"\0" * 100, "it is not a text file, or not in UTF-8: it holds zero bytes."),
     "UTF-16": (GOOD.encode("utf-16"), "it is not a text file, or not in UTF-8: it holds zero bytes."),
-    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "it is not a text file, or not in UTF-8: it holds zero bytes."),
-    "Latin 1": ("t,y,u,\N{DEGREE SIGN}\n".encode("latin-1"), "it could not be read as csv: 'utf-8' codec can't decode byte 0xb0 in position 6: invalid start byte"),  # noqa: E501
-    "text among numbers": ("t,y,u\n0,1,2\n1,high,4\n", "column 'y' must hold numbers. Row 2 below the header holds 'high'."),
+    "a picture": (
+        b"\x89PNG\r\n\x1a\n" + bytes(range(256)),
+        "it is not a text file, or not in UTF-8: it holds zero bytes.",
+    ),
+    "Latin 1": (
+        "t,y,u,\N{DEGREE SIGN}\n".encode("latin-1"),
+        ("it could not be read as csv: 'utf-8' codec can't decode byte 0xb0 in position 6: invalid start byte"),
+    ),
+    "text among numbers": (
+        "t,y,u\n0,1,2\n1,high,4\n",
+        "column 'y' must hold numbers. Row 2 below the header holds 'high'.",
+    ),
     "thousands": ('t,y,u\n0,"1,000",2\n', "column 'y' must hold numbers. Row 1 below the header holds '1,000'."),
     "complex": ("t,y,u\n0,1+2j,2\n", "column 'y' must hold numbers. Row 1 below the header holds '1+2j'."),
     "infinite": ("t,y,u\n0,1,2\n1,inf,2\n", "column 'y' must be finite. Row 2 below the header is not."),
     "too large": ("t,y,u\n0,1e999,2\n", "column 'y' must be finite. Row 1 below the header is not."),
     "name twice": ("t,y,y,u\n0,1,2,3\n", "there is more than one column 'y'."),
-    "a longer row": ("t,y,u\n0,1,2\n1,2,3,4\n", "it could not be read as csv: Error tokenizing data. C error: Expected 3 fields in line 3, saw 4"),  # noqa: E501
-    "longer rows": ("t,y,u\n0,1,2,9\n1,2,3,9\n", "its rows hold more cells than its header has names: 't', 'y', 'u'. Is a name missing there?"),  # noqa: E501
+    "a longer row": (
+        "t,y,u\n0,1,2\n1,2,3,4\n",
+        ("it could not be read as csv: Error tokenizing data. C error: Expected 3 fields in line 3, saw 4"),
+    ),
+    "longer rows": (
+        "t,y,u\n0,1,2,9\n1,2,3,9\n",
+        ("its rows hold more cells than its header has names: 't', 'y', 'u'. Is a name missing there?"),
+    ),
     "a shorter row": ("t,y,u\n0,1,2\n1,3\n", "row 2 below the header has 2 cells, the header 3: is the line cut off?"),
-    "a row cut off": ("t,y,u\n0,1,2\n1,3,4\n2", "row 3 below the header has 1 cell, the header 3: is the line cut off?"),
+    "a row cut off": (
+        "t,y,u\n0,1,2\n1,3,4\n2",
+        "row 3 below the header has 1 cell, the header 3: is the line cut off?",
+    ),
     "time empty": ("t,y,u\n0,1,2\n,3,4\n", "the time column 't' must not be empty or NaN. Row 2 below the header is."),
-    "time back": ("t,y,u\n0,1,2\n2,3,4\n1,5,6\n", "the time column 't' must increase. From row 2 to row 3 below the header it goes from 2.0 to 1.0 s: sort the rows, and drop repeated ones."),  # noqa: E501
-    "time repeated": ("t,y,u\n0.5,1,2\n0.5,3,4\n", "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.5 to 0.5 s: sort the rows, and drop repeated ones."),  # noqa: E501
-    "time of the day": ("t,y,u\n12:00:00,1,2\n", "the time column 't' must hold seconds, or timestamps like 2026-01-31 12:00:00.5. Row 1 below the header holds '12:00:00'."),  # noqa: E501
-    "timestamps back": ("t,y,u\n2026-01-01 00:00:01,1,2\n2026-01-01 00:00:00,3,4\n", "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.0 to -1.0 s: sort the rows, and drop repeated ones."),  # noqa: E501
+    "time back": (
+        "t,y,u\n0,1,2\n2,3,4\n1,5,6\n",
+        (
+            "the time column 't' must increase. From row 2 to row 3 below the header it goes from 2.0 to "
+            "1.0 s: sort the rows, and drop repeated ones."
+        ),
+    ),
+    "time repeated": (
+        "t,y,u\n0.5,1,2\n0.5,3,4\n",
+        (
+            "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.5 to "
+            "0.5 s: sort the rows, and drop repeated ones."
+        ),
+    ),
+    "time of the day": (
+        "t,y,u\n12:00:00,1,2\n",
+        (
+            "the time column 't' must hold seconds, or timestamps like 2026-01-31 12:00:00.5. Row 1 below "
+            "the header holds '12:00:00'."
+        ),
+    ),
+    "timestamps back": (
+        "t,y,u\n2026-01-01 00:00:01,1,2\n2026-01-01 00:00:00,3,4\n",
+        (
+            "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.0 to "
+            "-1.0 s: sort the rows, and drop repeated ones."
+        ),
+    ),
 }
 
 
@@ -69,12 +135,17 @@ def test_a_number_too_large_for_float64_is_refused(refused, written):
 def test_commas_in_a_tsv_are_told(refused, written):
     path = written(GOOD, "run.tsv")
     (sentence,) = refused(lambda: read_record(path, **COLUMNS))
-    assert "its header is one name, 't,y,u'. Are its cells separated by commas? They must be separated by tabs." in sentence
+    assert (
+        "its header is one name, 't,y,u'. Are its cells separated by commas? They must be separated by tabs."
+    ) in sentence
 
 
 ARGUMENTS = {
     "no such column": (dict(outputs=["Y_1"]), "there is no column 'Y_1'. The columns are 't', 'y', 'u'."),
-    "nearly such a column": (dict(time="tt"), "there is no column 'tt'. The columns are 't', 'y', 'u'. Did you mean 't'?"),
+    "nearly such a column": (
+        dict(time="tt"),
+        "there is no column 'tt'. The columns are 't', 'y', 'u'. Did you mean 't'?",
+    ),
     "no such arrival": (dict(arrived="lost"), "there is no column 'lost'. The columns are 't', 'y', 'u'."),
     "one text": (dict(outputs="y"), "`outputs` must be a list of names. Got the text 'y': did you mean ['y']?"),
     "a number": (dict(outputs=3), "`outputs` must be a list of names, in order. Got 3."),
@@ -84,13 +155,19 @@ ARGUMENTS = {
     "inputs one text": (dict(inputs="u"), "`inputs` must be a list of names. Got the text 'u': did you mean ['u']?"),
     "time is an output": (dict(outputs=["t", "y"]), "`time` names 't', which is an output too."),
     "times": (dict(time=["t"]), "`time` must be the name of one column. Got ['t']."),
-    "arrivals": (dict(arrived=["y", "t"]), "`arrived` must name one column for all inputs, or one for each of the 1. Got 'y', 't'."),
-    "arrivals of no input": (dict(inputs=[], arrived="u"), "`arrived` says which inputs were applied, but the record has no input: give `u`."),  # noqa: E501
+    "arrivals": (
+        dict(arrived=["y", "t"]),
+        ("`arrived` must name one column for all inputs, or one for each of the 1. Got 'y', 't'."),
+    ),
+    "arrivals of no input": (
+        dict(inputs=[], arrived="u"),
+        ("`arrived` says which inputs were applied, but the record has no input: give `u`."),
+    ),
     "no arrivals": (dict(arrived="y"), "`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows)."),
     "dt": (dict(dt=0.5), "`dt` = 0.5 s and `t` disagree: its mean step is 1 s. Give one."),
     "lost": (dict(lost="keep"), "`lost` must be one of 'zero', 'hold'. Got 'keep'."),
     "hold": (dict(hold="zoh"), "`hold` must be one of 'zero_order', 'first_order'. Got 'zoh'."),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("given", "sentence"), ARGUMENTS.values(), ids=ARGUMENTS)
@@ -108,15 +185,20 @@ def test_every_column_that_is_missing_is_named_at_once(refused, written):
 def test_every_cell_that_is_no_number_is_named_at_once(refused, written):
     path = written("t,y,u\nx,1,2\n1,y,4\n2,5,z\n")
     assert [sentence.split("Row ")[1] for sentence in refused(lambda: read_record(path, **COLUMNS))] == [
-        "2 below the header holds 'y'.", "3 below the header holds 'z'.", "1 below the header holds 'x'."
-    ]  # fmt: skip
+        "2 below the header holds 'y'.",
+        "3 below the header holds 'z'.",
+        "1 below the header holds 'x'.",
+    ]
 
 
 @pytest.mark.parametrize(
     ("path", "sentence"),
-    [(None, "`path` must be the name of a file. Got None."), (3, "`path` must be the name of a file. Got 3."),
-     ("nowhere.csv", "nowhere.csv is not there.")],
-)  # fmt: skip
+    [
+        (None, "`path` must be the name of a file. Got None."),
+        (3, "`path` must be the name of a file. Got 3."),
+        ("nowhere.csv", "nowhere.csv is not there."),
+    ],
+)
 def test_a_path_must_be_of_a_file_that_is_there(refused, path, sentence):
     assert refused(lambda: read_record(path, **COLUMNS)) == [sentence]
 
@@ -139,7 +221,10 @@ T = np.arange(3.0)
 MATLAB = {
     "a matrix": (np.zeros((3, 2)), "variable 'y' must be a vector of numbers, one for each channel. It is 3 × 2."),
     "a text": ("abc", "variable 'y' must be a vector of numbers, one for each channel. It is a text."),
-    "a cell array": (np.array([1.0, "a"], object), "variable 'y' must be a vector of numbers, one for each channel. It is a cell array."),  # noqa: E501
+    "a cell array": (
+        np.array([1.0, "a"], object),
+        ("variable 'y' must be a vector of numbers, one for each channel. It is a cell array."),
+    ),
     "a structure": ({"a": 1.0}, "variable 'y' must be a vector of numbers, one for each channel. It is a structure."),
     "complex": (T * 1j, "variable 'y' must be a vector of numbers, one for each channel. It is complex."),
     "of another length": (T[:2], "the variables must have one length: 'y' has 2, 'u' has 3, 't' has 3."),
@@ -210,13 +295,28 @@ FRAMES = {
     "no row": (FRAME[:0], "there is no row below the header."),
     "a column twice": (pd.concat([FRAME, FRAME["y"]], axis=1), "there is more than one column 'y'."),
     "dates": (FRAME.assign(y=DAYS.as_unit("ns")), "column 'y' must hold numbers. It holds datetime64[ns]."),
-    "durations": (FRAME.assign(y=(DAYS - DAYS[0]).as_unit("ns")), "column 'y' must hold numbers. It holds timedelta64[ns]."),
+    "durations": (
+        FRAME.assign(y=(DAYS - DAYS[0]).as_unit("ns")),
+        "column 'y' must hold numbers. It holds timedelta64[ns].",
+    ),
     "complex": (FRAME.assign(y=T * 1j), "column 'y' must hold numbers. It holds complex128."),
-    "lists": (FRAME.assign(y=pd.Series([1.0, [2.0], 3.0], dtype=object)), "column 'y' must hold numbers. Row 2 below the header holds [2.0]."),  # noqa: E501
-    "categories": (FRAME.assign(y=pd.Categorical(list("abc"))), "column 'y' must hold numbers. Row 1 below the header holds 'a'."),
-    "time not a time": (FRAME.assign(t=[DAYS[0], pd.NaT, DAYS[1]]), "the time column 't' must not be empty or NaN. Row 2 below the header is."),  # noqa: E501
-    "periods": (FRAME.assign(t=pd.period_range("2026", periods=3)), "the time column 't' must hold seconds, or timestamps like 2026-01-31 12:00:00.5. It holds period[D]."),  # noqa: E501
-}  # fmt: skip
+    "lists": (
+        FRAME.assign(y=pd.Series([1.0, [2.0], 3.0], dtype=object)),
+        "column 'y' must hold numbers. Row 2 below the header holds [2.0].",
+    ),
+    "categories": (
+        FRAME.assign(y=pd.Categorical(list("abc"))),
+        "column 'y' must hold numbers. Row 1 below the header holds 'a'.",
+    ),
+    "time not a time": (
+        FRAME.assign(t=[DAYS[0], pd.NaT, DAYS[1]]),
+        "the time column 't' must not be empty or NaN. Row 2 below the header is.",
+    ),
+    "periods": (
+        FRAME.assign(t=pd.period_range("2026", periods=3)),
+        ("the time column 't' must hold seconds, or timestamps like 2026-01-31 12:00:00.5. It holds period[D]."),
+    ),
+}
 
 
 @pytest.mark.parametrize(("frame", "sentence"), FRAMES.values(), ids=FRAMES)
@@ -226,9 +326,23 @@ def test_a_table_is_refused_with_the_column_at_fault(refused, frame, sentence):
 
 @pytest.mark.parametrize(
     ("index", "sentence"),
-    [(pd.Index(list("abc"), name="time"), "the index must hold seconds, or timestamps like 2026-01-31 12:00:00.5. Row 1 below the header holds 'a'."),  # noqa: E501
-     (DAYS[::-1], "the index must increase. From row 1 to row 2 below the header it goes from 0.0 to -86400.0 s: sort the rows, and drop repeated ones.")],  # noqa: E501
-)  # fmt: skip
+    [
+        (
+            pd.Index(list("abc"), name="time"),
+            (
+                "the index must hold seconds, or timestamps like 2026-01-31 12:00:00.5. Row 1 below the header "
+                "holds 'a'."
+            ),
+        ),
+        (
+            DAYS[::-1],
+            (
+                "the index must increase. From row 1 to row 2 below the header it goes from 0.0 to -86400.0 s: "
+                "sort the rows, and drop repeated ones."
+            ),
+        ),
+    ],
+)
 def test_an_index_is_refused_like_a_time_column(refused, index, sentence):
     assert refused(lambda: Record.from_pandas(FRAME.set_index(index), outputs=["y"])) == [sentence]
 

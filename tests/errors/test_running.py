@@ -48,22 +48,80 @@ ESTIMATES = {
     "algorithms": (([Kalman(MODEL)], RECORD, PRIOR), KALMAN.format("list")),
     "stacked algorithms": ((stack([Kalman(MODEL)] * 2), RECORD, PRIOR), KALMAN.format("Stacked")),
     "an array": ((Kalman(MODEL), np.ones(3), PRIOR), "`record` must be a Record. Got ndarray."),
-    "records": ((Kalman(MODEL), [RECORD], PRIOR), "`record` must be a Record. Got list. For several at once use estimate_bank."),
-    "stacked records": ((Kalman(MODEL), STACKED, PRIOR), "`record` must be a Record. Got Stacked. For several at once use estimate_bank."),  # noqa: E501
+    "records": (
+        (Kalman(MODEL), [RECORD], PRIOR),
+        "`record` must be a Record. Got list. For several at once use estimate_bank.",
+    ),
+    "stacked records": (
+        (Kalman(MODEL), STACKED, PRIOR),
+        "`record` must be a Record. Got Stacked. For several at once use estimate_bank.",
+    ),
     "no prior": ((Kalman(MODEL), RECORD, None), "`prior` must be a Prior of the state x[0]. Got NoneType."),
-    "priors": ((Kalman(MODEL), RECORD, [PRIOR]), "`prior` must be a Prior of the state x[0]. Got list. For several at once use estimate_bank."),  # noqa: E501
-    "stacked priors": ((Kalman(MODEL), RECORD, stack([PRIOR, PRIOR])), "`prior` must be a Prior of the state x[0]. Got Stacked. For several at once use estimate_bank."),  # noqa: E501
-    "prior of another size": ((Kalman(MODEL), RECORD, PRIOR2), "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2."),
-    "no R": ((Kalman(NO_NOISE), RECORD, PRIOR), "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),  # noqa: E501
-    "another step": ((Kalman(MODEL), record(dt=0.5), PRIOR), "the record's step is 0.5 s, the model's dt = 1 s: they must be equal."),
-    "irregular": ((Kalman(MODEL), record(t=[0, 1, 3]), PRIOR), "the record's steps vary from 1 to 2 s, but the model is discrete with dt = 1 s: give a continuous model (dt = 0), or put rows of NaN where samples are missing."),  # noqa: E501
-    "first order, discrete": ((Kalman(MODEL), record(hold="first_order"), PRIOR), 'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt = 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, hold=\'first_order\').'),  # noqa: E501
-    "zero order, B_end": ((Kalman(CONTINUOUS.discretise(1, hold="first_order")), RECORD, PRIOR), 'the model was discretised for an input that moves between samples (it has `B_end`), but the record says hold = "zero_order".'),  # noqa: E501
-    "no time": ((Kalman(CONTINUOUS), NO_TIME, PRIOR), "the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds."),  # noqa: E501
-    "rows of time": ((Kalman(OVER_TIME), record([1.0, 2.0], [1.0, 1.0]), PRIOR), "the model varies over 3 rows of time, the record has 2."),  # noqa: E501
-    "input not logged": ((Kalman(MODEL), record(u=[1.0, np.nan, 1.0]), PRIOR), "input 'u' is not known at row 1: NaN, or nobody knows whether it arrived. This algorithm needs every input; one that nobody measured needs an unknown-input filter."),  # noqa: E501
-    "fate unknown": ((Kalman(MODEL), record(arrived=[1, 0, np.nan]), PRIOR), "input 'u' is not known at row 2: NaN, or nobody knows whether it arrived. This algorithm needs every input; one that nobody measured needs an unknown-input filter."),  # noqa: E501
-}  # fmt: skip
+    "priors": (
+        (Kalman(MODEL), RECORD, [PRIOR]),
+        ("`prior` must be a Prior of the state x[0]. Got list. For several at once use estimate_bank."),
+    ),
+    "stacked priors": (
+        (Kalman(MODEL), RECORD, stack([PRIOR, PRIOR])),
+        ("`prior` must be a Prior of the state x[0]. Got Stacked. For several at once use estimate_bank."),
+    ),
+    "prior of another size": (
+        (Kalman(MODEL), RECORD, PRIOR2),
+        "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2.",
+    ),
+    "no R": (
+        (Kalman(NO_NOISE), RECORD, PRIOR),
+        ("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),
+    ),
+    "another step": (
+        (Kalman(MODEL), record(dt=0.5), PRIOR),
+        "the record's step is 0.5 s, the model's dt = 1 s: they must be equal.",
+    ),
+    "irregular": (
+        (Kalman(MODEL), record(t=[0, 1, 3]), PRIOR),
+        (
+            "the record's steps vary from 1 to 2 s, but the model is discrete with dt = 1 s: give a "
+            "continuous model (dt = 0), or put rows of NaN where samples are missing."
+        ),
+    ),
+    "first order, discrete": (
+        (Kalman(MODEL), record(hold="first_order"), PRIOR),
+        (
+            'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt '
+            "= 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, "
+            "hold='first_order')."
+        ),
+    ),
+    "zero order, B_end": (
+        (Kalman(CONTINUOUS.discretise(1, hold="first_order")), RECORD, PRIOR),
+        (
+            "the model was discretised for an input that moves between samples (it has `B_end`), but the "
+            'record says hold = "zero_order".'
+        ),
+    ),
+    "no time": (
+        (Kalman(CONTINUOUS), NO_TIME, PRIOR),
+        ("the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds."),
+    ),
+    "rows of time": (
+        (Kalman(OVER_TIME), record([1.0, 2.0], [1.0, 1.0]), PRIOR),
+        "the model varies over 3 rows of time, the record has 2.",
+    ),
+    "input not logged": (
+        (Kalman(MODEL), record(u=[1.0, np.nan, 1.0]), PRIOR),
+        (
+            "input 'u' is not known at row 1: NaN, or nobody knows whether it arrived. This algorithm needs "
+            "every input; one that nobody measured needs an unknown-input filter."
+        ),
+    ),
+    "fate unknown": (
+        (Kalman(MODEL), record(arrived=[1, 0, np.nan]), PRIOR),
+        (
+            "input 'u' is not known at row 2: NaN, or nobody knows whether it arrived. This algorithm needs "
+            "every input; one that nobody measured needs an unknown-input filter."
+        ),
+    ),
+}
 
 
 @pytest.mark.parametrize(("things", "sentence"), ESTIMATES.values(), ids=ESTIMATES)
@@ -81,9 +139,11 @@ def test_what_does_not_fit_is_named_at_once(refused):
     data = record(dt=0.5, outputs=["z"], hold="first_order")
     found = refused(lambda: estimate(Kalman(MODEL), data, prior=PRIOR2))
     assert [sentence[:30] for sentence in found] == [
-        "the record has no output named", "`prior` must describe n = 1 st", "the record's input moves betwe",
+        "the record has no output named",
+        "`prior` must describe n = 1 st",
+        "the record's input moves betwe",
         "the record's step is 0.5 s, th",
-    ]  # fmt: skip
+    ]
 
 
 def test_options_are_refused_with_those_there_are(refused):
@@ -102,6 +162,11 @@ def test_an_output_only_algorithm_is_not_given_an_unknown_input_by_accident(refu
 def test_a_result_without_rows_is_no_table(refused):
     result = estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood")
     assert refused(result.to_pandas) == ['this result has no rows: it was kept with keep="likelihood".']
+
+
+def test_a_result_without_rows_is_no_figure(refused):
+    result = estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood")
+    assert refused(result.plot) == ['this result has no rows to draw: it was kept with keep="likelihood".']
 
 
 def test_without_xarray_it_says_what_to_install(refused, monkeypatch):
@@ -160,17 +225,41 @@ def test_online_says_at_which_sample():
 
 
 BANKS = {
-    "nothing stacked": ((Kalman(MODEL), RECORD, PRIOR), "nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors."),  # noqa: E501
-    "sizes": (([Kalman(MODEL)] * 2, [RECORD] * 3, PRIOR), "everything stacked must have one size: `algorithms` holds 2, `records` holds 3."),  # noqa: E501
+    "nothing stacked": (
+        (Kalman(MODEL), RECORD, PRIOR),
+        ("nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors."),
+    ),
+    "sizes": (
+        ([Kalman(MODEL)] * 2, [RECORD] * 3, PRIOR),
+        ("everything stacked must have one size: `algorithms` holds 2, `records` holds 3."),
+    ),
     "no algorithm": (([], RECORD, PRIOR), "`items` must hold at least one thing to stack."),
-    "kinds": (([Kalman(MODEL), UnknownGain(MODEL, PRIOR)], RECORD, PRIOR), "only things of one kind stack: item 0 is a Kalman, item 1 a UnknownGain."),  # noqa: E501
-    "lengths": ((Kalman(MODEL), [RECORD, RECORD[:2]], PRIOR), "item 1 differs from item 0 in shape: `y` is (3, 1) and (2, 1)."),
-    "names": ((Kalman(MODEL), [RECORD, record(outputs=["z"])], PRIOR), "item 1 differs from item 0 in names, options, or in what is given and what is not."),  # noqa: E501
+    "kinds": (
+        ([Kalman(MODEL), UnknownGain(MODEL, PRIOR)], RECORD, PRIOR),
+        "only things of one kind stack: item 0 is a Kalman, item 1 a UnknownGain.",
+    ),
+    "lengths": (
+        (Kalman(MODEL), [RECORD, RECORD[:2]], PRIOR),
+        "item 1 differs from item 0 in shape: `y` is (3, 1) and (2, 1).",
+    ),
+    "names": (
+        (Kalman(MODEL), [RECORD, record(outputs=["z"])], PRIOR),
+        ("item 1 differs from item 0 in names, options, or in what is given and what is not."),
+    ),
     "models": (([MODEL, MODEL], RECORD, PRIOR), KALMAN.format("StateSpace")),
     "no prior": (([Kalman(MODEL)] * 2, RECORD, None), "`prior` must be a Prior of the state x[0]. Got NoneType."),
-    "times": ((Kalman(CONTINUOUS), [record(t=[0, 1, 3]), record(t=[0, 1, 3]), record(t=[0, 2, 3])], PRIOR), "the records of a bank must have the same time steps: record 2 differs from record 0."),  # noqa: E501
-    "one input not logged": ((Kalman(MODEL), [RECORD, record(u=[1.0, 1.0, np.nan])], PRIOR), "input 'u' is not known at row 2 of run 1: NaN, or nobody knows whether it arrived. This algorithm needs every input; one that nobody measured needs an unknown-input filter."),  # noqa: E501
-}  # fmt: skip
+    "times": (
+        (Kalman(CONTINUOUS), [record(t=[0, 1, 3]), record(t=[0, 1, 3]), record(t=[0, 2, 3])], PRIOR),
+        ("the records of a bank must have the same time steps: record 2 differs from record 0."),
+    ),
+    "one input not logged": (
+        (Kalman(MODEL), [RECORD, record(u=[1.0, 1.0, np.nan])], PRIOR),
+        (
+            "input 'u' is not known at row 2 of run 1: NaN, or nobody knows whether it arrived. This "
+            "algorithm needs every input; one that nobody measured needs an unknown-input filter."
+        ),
+    ),
+}
 
 
 @pytest.mark.parametrize(("things", "sentence"), BANKS.values(), ids=BANKS)
@@ -183,8 +272,11 @@ STACKS = {
     "nothing": ([], "`items` must hold at least one thing to stack."),
     "kinds": ([PRIOR, Kalman(MODEL)], "only things of one kind stack: item 0 is a Prior, item 1 a Kalman."),
     "shapes": ([PRIOR, PRIOR, PRIOR2], "item 2 differs from item 0 in shape: `mean` is (1,) and (2,)."),
-    "what is given": ([PRIOR, Prior([0.0], [[1.0]], diffuse=[[1.0]])], "item 1 differs from item 0 in names, options, or in what is given and what is not."),  # noqa: E501
-}  # fmt: skip
+    "what is given": (
+        [PRIOR, Prior([0.0], [[1.0]], diffuse=[[1.0]])],
+        ("item 1 differs from item 0 in names, options, or in what is given and what is not."),
+    ),
+}
 
 
 @pytest.mark.parametrize(("items", "sentence"), STACKS.values(), ids=STACKS)
@@ -215,26 +307,66 @@ def past_the_end():
 
 ONLINE = {
     "no prior": (lambda: online(Kalman(MODEL), prior=None), "`prior` must be a Prior of the state x[0]. Got NoneType."),
-    "prior of another size": (lambda: online(Kalman(MODEL), prior=PRIOR2), "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2."),  # noqa: E501
-    "first order, discrete": (lambda: running(hold="first_order"), 'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt = 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, hold=\'first_order\').'),  # noqa: E501
+    "prior of another size": (
+        lambda: online(Kalman(MODEL), prior=PRIOR2),
+        "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2.",
+    ),
+    "first order, discrete": (
+        lambda: running(hold="first_order"),
+        (
+            'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt '
+            "= 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, "
+            "hold='first_order')."
+        ),
+    ),
     "outputs": (lambda: running().correct([1.0, 2.0]), "`y` must be (p,) = (1,): the model has 1 output"),
     "a number": (lambda: running().correct(1.0), "`y` must be (p,) = (1,): the model has 1 output"),
     "infinite output": (lambda: running().correct([np.inf]), "`y` must be finite. First infinite value at index 0."),
-    "no u for D": (lambda: running(WITH_D).correct([1.0]), "`u` must be given to correct: the input enters y directly (`D` is not zero)."),  # noqa: E501
-    "corrected twice": (corrected_twice, "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."),  # noqa: E501
+    "no u for D": (
+        lambda: running(WITH_D).correct([1.0]),
+        "`u` must be given to correct: the input enters y directly (`D` is not zero).",
+    ),
+    "corrected twice": (
+        corrected_twice,
+        ("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."),
+    ),
     "past the end": (past_the_end, "the model varies over 3 rows of time, and all of them are used up."),
     "no u": (lambda: running().predict(), "`u` must be given to predict: the model has 1 input(s)."),
     "inputs": (lambda: running().predict([1.0, 2.0]), "`u` must be (m,) = (1,): the model has 1 input"),
     "u not known": (lambda: running().predict([np.nan]), "`u` must not hold NaN. First at index 0."),
-    "no packet": (lambda: running().predict([1.0], arrived=[2]), "`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input."),  # noqa: E501
-    "fate unknown": (lambda: running().predict([1.0], arrived=[np.nan]), "`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input."),  # noqa: E501
-    "another step": (lambda: running().predict([1.0], dt=2), "`dt` = 2 s, but the model is discrete with dt = 1 s: a continuous one is needed."),  # noqa: E501
-    "negative step": (lambda: running(CONTINUOUS).predict([1.0], dt=-1), "`dt` must be greater than 0 seconds. Got -1."),
-    "no step": (lambda: running(CONTINUOUS).predict([1.0]), "`dt` must be given to the first predict: the model is continuous."),
-    "no end of u": (lambda: running(CONTINUOUS, hold="first_order").predict([1.0], dt=1), '`u_end` must be given to predict: the input moves between samples (hold = "first_order").'),  # noqa: E501
-    "end of a held u": (lambda: running().predict([1.0], u_end=[1.0]), '`u_end` needs online(..., hold="first_order"): this input is held between samples.'),  # noqa: E501
-    "no R": (lambda: running(NO_NOISE).correct([1.0]), "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),  # noqa: E501
-}  # fmt: skip
+    "no packet": (
+        lambda: running().predict([1.0], arrived=[2]),
+        "`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.",
+    ),
+    "fate unknown": (
+        lambda: running().predict([1.0], arrived=[np.nan]),
+        "`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.",
+    ),
+    "another step": (
+        lambda: running().predict([1.0], dt=2),
+        ("`dt` = 2 s, but the model is discrete with dt = 1 s: a continuous one is needed."),
+    ),
+    "negative step": (
+        lambda: running(CONTINUOUS).predict([1.0], dt=-1),
+        "`dt` must be greater than 0 seconds. Got -1.",
+    ),
+    "no step": (
+        lambda: running(CONTINUOUS).predict([1.0]),
+        "`dt` must be given to the first predict: the model is continuous.",
+    ),
+    "no end of u": (
+        lambda: running(CONTINUOUS, hold="first_order").predict([1.0], dt=1),
+        ('`u_end` must be given to predict: the input moves between samples (hold = "first_order").'),
+    ),
+    "end of a held u": (
+        lambda: running().predict([1.0], u_end=[1.0]),
+        ('`u_end` needs online(..., hold="first_order"): this input is held between samples.'),
+    ),
+    "no R": (
+        lambda: running(NO_NOISE).correct([1.0]),
+        ("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),
+    ),
+}
 
 
 @pytest.mark.parametrize(("call", "sentence"), ONLINE.values(), ids=ONLINE)
@@ -260,18 +392,56 @@ def test_options_of_online_are_named_at_once(refused):
 SIMULATIONS = {
     "no u": (lambda: simulate(MODEL, seed=1, steps=3), "`u` must be (T, m) = (T, 1): the model has 1 input(s)."),
     "no steps": (lambda: simulate(NO_INPUT, seed=1), "`steps` must say how many rows to draw, as there is no `u`."),
-    "no time": (lambda: simulate(CONTINUOUS, [1.0], seed=1), "`dt` or `t` must be given, in seconds: the model is continuous."),
-    "another step": (lambda: simulate(MODEL, [1.0], seed=1, dt=2), "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`."),  # noqa: E501
-    "times": (lambda: simulate(MODEL, [1.0], seed=1, t=[0.0]), "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`."),  # noqa: E501
-    "inputs": (lambda: simulate(MODEL, np.ones((3, 2)), seed=1), "`u` must be (T, m) = (T, 1): the model has 1 input(s). Got (3, 2)."),
-    "u not known": (lambda: simulate(MODEL, [1.0, np.nan], seed=1), "`u` must not hold NaN: a simulation needs every input."),
-    "rows of time": (lambda: simulate(OVER_TIME, [1.0, 1.0], seed=1), "the model varies over 3 rows of time, the input has 2."),
-    "hold": (lambda: simulate(MODEL, [1.0], seed=1, hold="first_order"), 'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt = 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, hold=\'first_order\').'),  # noqa: E501
-    "prior of another size": (lambda: simulate(MODEL, [1.0], seed=1, prior=PRIOR2), "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2."),  # noqa: E501
-    "diffuse prior": (lambda: simulate(MODEL, [1.0], seed=1, prior=Prior([0.0], [[1.0]], diffuse=[[1.0]])), "`prior` must not have diffuse directions: nothing can be drawn from an infinite variance."),  # noqa: E501
-    "no R": (lambda: simulate(NO_NOISE, [1.0], seed=1), "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),  # noqa: E501
+    "no time": (
+        lambda: simulate(CONTINUOUS, [1.0], seed=1),
+        "`dt` or `t` must be given, in seconds: the model is continuous.",
+    ),
+    "another step": (
+        lambda: simulate(MODEL, [1.0], seed=1, dt=2),
+        "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`.",
+    ),
+    "times": (
+        lambda: simulate(MODEL, [1.0], seed=1, t=[0.0]),
+        "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`.",
+    ),
+    "inputs": (
+        lambda: simulate(MODEL, np.ones((3, 2)), seed=1),
+        "`u` must be (T, m) = (T, 1): the model has 1 input(s). Got (3, 2).",
+    ),
+    "u not known": (
+        lambda: simulate(MODEL, [1.0, np.nan], seed=1),
+        "`u` must not hold NaN: a simulation needs every input.",
+    ),
+    "steps and u": (
+        lambda: simulate(MODEL, [1.0, 1.0], seed=1, steps=3),
+        "`steps` = 3, but `u` has 2 rows: leave `steps` out.",
+    ),
+    "rows of time": (
+        lambda: simulate(OVER_TIME, [1.0, 1.0], seed=1),
+        "the model varies over 3 rows of time, the input has 2.",
+    ),
+    "hold": (
+        lambda: simulate(MODEL, [1.0], seed=1, hold="first_order"),
+        (
+            'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt '
+            "= 1 s) and has no `B_end`: give the continuous model, or model.discretise(dt, "
+            "hold='first_order')."
+        ),
+    ),
+    "prior of another size": (
+        lambda: simulate(MODEL, [1.0], seed=1, prior=PRIOR2),
+        "`prior` must describe n = 1 states: `A` is 1 × 1. Got 2.",
+    ),
+    "diffuse prior": (
+        lambda: simulate(MODEL, [1.0], seed=1, prior=Prior([0.0], [[1.0]], diffuse=[[1.0]])),
+        ("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance."),
+    ),
+    "no R": (
+        lambda: simulate(NO_NOISE, [1.0], seed=1),
+        ("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),
+    ),
     "no row": (lambda: simulate_bank(NO_INPUT, seed=1, runs=2, steps=0), "the record is empty: `y` has no row."),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("call", "sentence"), SIMULATIONS.values(), ids=SIMULATIONS)
@@ -279,15 +449,45 @@ def test_a_simulation_is_refused_with_what_does_not_fit(refused, call, sentence)
     assert refused(call) == [sentence]
 
 
+MOVING = CONTINUOUS.discretise(0.1, hold="first_order")
+NO_BLOCKS = (
+    "the model was discretised for an input that moves between samples (it has `B_end`), where "
+    "`fixed` and `directions` "
+    "as matrices have no meaning: give the continuous model (dt = 0)."
+)
 GAINS = {
-    "no model": (lambda: UnknownGain(3, PRIOR), ["UnknownGain needs a StateSpace and a Prior of the gain. Got int and Prior."]),
-    "no prior": (lambda: UnknownGain(MODEL, [1.0]), ["UnknownGain needs a StateSpace and a Prior of the gain. Got StateSpace and list."]),  # noqa: E501
+    "directions of a model with B_end": (
+        lambda: UnknownGain(MOVING, PRIOR, directions=np.ones((1, 1, 1))),
+        [NO_BLOCKS],
+    ),
+    "fixed of a model with B_end": (lambda: UnknownGain(MOVING, PRIOR, fixed=[[1.0]]), [NO_BLOCKS]),
+    "every entry of a model with B_end": (lambda: UnknownGain(MOVING, PRIOR, directions="every_entry"), [NO_BLOCKS]),
+    "no model": (
+        lambda: UnknownGain(3, PRIOR),
+        ["UnknownGain needs a StateSpace and a Prior of the gain. Got int and Prior."],
+    ),
+    "no prior": (
+        lambda: UnknownGain(MODEL, [1.0]),
+        [("UnknownGain needs a StateSpace and a Prior of the gain. Got StateSpace and list.")],
+    ),
     "no input": (lambda: UnknownGain(NO_INPUT, PRIOR), ["the model has no input: a gain multiplies B u, so give `B`."]),
-    "directions": (lambda: UnknownGain(MODEL, PRIOR, directions="per input"), ["`directions` must be one of 'one', 'per_input', 'every_entry'. Got 'per input'. Did you mean 'per_input'?"]),  # noqa: E501
-    "scaled feedthrough of what": (lambda: UnknownGain(MODEL, PRIOR, directions="every_entry", feedthrough="scaled"), ['`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).']),  # noqa: E501
-    "negative walk": (lambda: UnknownGain(MODEL, PRIOR, walk=-1.0), ["`walk` must be variances per second, at least 0. Got -1.0."]),
-    "walk a text": (lambda: UnknownGain(MODEL, PRIOR, walk="slow"), ["`walk` must be an array of real numbers. Got ['slow']."]),
-}  # fmt: skip
+    "directions": (
+        lambda: UnknownGain(MODEL, PRIOR, directions="per input"),
+        [("`directions` must be one of 'one', 'per_input', 'every_entry'. Got 'per input'. Did you mean 'per_input'?")],
+    ),
+    "scaled feedthrough of what": (
+        lambda: UnknownGain(MODEL, PRIOR, directions="every_entry", feedthrough="scaled"),
+        [('`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).')],
+    ),
+    "negative walk": (
+        lambda: UnknownGain(MODEL, PRIOR, walk=-1.0),
+        ["`walk` must be variances per second, at least 0. Got -1.0."],
+    ),
+    "walk a text": (
+        lambda: UnknownGain(MODEL, PRIOR, walk="slow"),
+        ["`walk` must be an array of real numbers. Got ['slow']."],
+    ),
+}
 
 
 @pytest.mark.parametrize(("call", "sentences"), GAINS.values(), ids=GAINS)
@@ -297,11 +497,14 @@ def test_an_unknown_gain_is_refused_with_what_does_not_fit(refused, call, senten
 
 @pytest.mark.parametrize(
     ("settings", "start"),
-    [(dict(directions=np.ones((2, 1, 1))), "`gain` must be a prior of 2 gain(s): `directions` is 2 × 1 × 1. Got 1."),
-     (dict(fixed=[1.0]), "`fixed` must be (n, m) = (1, 1): "), (dict(walk=[1.0, 2.0]), "`walk` must be (p,) = (1,): "),
-     (dict(feedthrough=np.ones((1, 2, 1))), "`feedthrough` must be (p, outputs, m) = (1, 1, 1): ")],
+    [
+        (dict(directions=np.ones((2, 1, 1))), "`gain` must be a prior of 2 gain(s): `directions` is 2 × 1 × 1. Got 1."),
+        (dict(fixed=[1.0]), "`fixed` must be (n, m) = (1, 1): "),
+        (dict(walk=[1.0, 2.0]), "`walk` must be (p,) = (1,): "),
+        (dict(feedthrough=np.ones((1, 2, 1))), "`feedthrough` must be (p, outputs, m) = (1, 1, 1): "),
+    ],
     ids=["directions", "fixed", "walk", "feedthrough"],
-)  # fmt: skip
+)
 def test_a_setting_of_an_unknown_gain_of_a_wrong_shape_is_named(refused, settings, start):
     assert refused(lambda: UnknownGain(MODEL, PRIOR, **settings))[0].startswith(start)
 
@@ -309,13 +512,28 @@ def test_a_setting_of_an_unknown_gain_of_a_wrong_shape_is_named(refused, setting
 FILE = ModelFile(MODEL, PRIOR)
 OTHERS = {
     "no such algorithm": (lambda: catalogue.entry("kalmann"), "there is no algorithm 'kalmann'. There are 'kalman', "),
-    "no such setting": (lambda: catalogue.build("kalman", FILE, walk=1.0), "kalman has no setting 'walk': it has none."),
-    "no gain in the file": (lambda: catalogue.build("unknown-gain", FILE), "the model file has no section [gain]: give the prior of the gain there (mean, covariance)."),  # noqa: E501
-    "nothing seen": (lambda: diagnostics.nis(np.full((3, 1), np.nan), np.ones((3, 1, 1))), "nothing was seen: every innovation is NaN."),  # noqa: E501
-    "known exactly": (lambda: diagnostics.nees(np.ones((3, 1)), np.zeros((3, 1, 1))), "a covariance is singular: leave out what is known exactly."),  # noqa: E501
-    "another simulation": (lambda: plants.f16.flight(0.5, seed=1, simulation="held"), "`simulation` must be one of 'continuous_actuator', 'held_elevator'. Got 'held'."),  # noqa: E501
+    "no such setting": (
+        lambda: catalogue.build("kalman", FILE, walk=1.0),
+        "kalman has no setting 'walk': it has none.",
+    ),
+    "no gain in the file": (
+        lambda: catalogue.build("unknown-gain", FILE),
+        ("the model file has no section [gain]: give the prior of the gain there (mean, covariance)."),
+    ),
+    "nothing seen": (
+        lambda: diagnostics.nis(np.full((3, 1), np.nan), np.ones((3, 1, 1))),
+        ("there is no innovation to judge by: nothing was seen that was not known exactly, or not at all."),
+    ),
+    "known exactly": (
+        lambda: diagnostics.nees(np.ones((3, 1)), np.zeros((3, 1, 1))),
+        "there is no error to judge by: every covariance is zero.",
+    ),
+    "another simulation": (
+        lambda: plants.f16.flight(0.5, seed=1, simulation="held"),
+        ("`simulation` must be one of 'continuous_actuator', 'held_elevator'. Got 'held'."),
+    ),
     "no gain": (lambda: plants.f16.flight("half", seed=1), "`gain_after` must be a finite number. Got 'half'."),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("call", "sentence"), OTHERS.values(), ids=OTHERS)

@@ -35,12 +35,20 @@ def full():
         random = np.random.default_rng(seed)
         joint = covariance(random, q + p)
         given = {
-            "A": random.normal(size=(n, n)) / 3, "B": random.normal(size=(n, m)), "C": random.normal(size=(p, n)),
-            "D": random.normal(size=(p, m)), "G": random.normal(size=(n, q)), "Q": joint[:q, :q], "R": joint[q:, q:],
-            "S": joint[:q, q:] if dt else None, "dt": dt, "states": [f"state {i}" for i in range(n)],
-            "inputs": [f"input {i}" for i in range(m)], "outputs": [f"output {i}" for i in range(p)],
+            "A": random.normal(size=(n, n)) / 3,
+            "B": random.normal(size=(n, m)),
+            "C": random.normal(size=(p, n)),
+            "D": random.normal(size=(p, m)),
+            "G": random.normal(size=(n, q)),
+            "Q": joint[:q, :q],
+            "R": joint[q:, q:],
+            "S": joint[:q, q:] if dt else None,
+            "dt": dt,
+            "states": [f"state {i}" for i in range(n)],
+            "inputs": [f"input {i}" for i in range(m)],
+            "outputs": [f"output {i}" for i in range(p)],
             "operating_point": {"states": random.normal(size=n), "inputs": random.normal(size=m)},
-        }  # fmt: skip
+        }
         return StateSpace(**(given | changed))
 
     return build

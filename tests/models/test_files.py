@@ -24,7 +24,9 @@ def same_settings(left, right):
 
 
 @pytest.mark.parametrize("dt", [0.0, 1 / 3, 1e-3])
-@pytest.mark.parametrize("point", [None, {"states": [0.1, 1 / 3, -2.0], "inputs": [1e-300, 5.0], "outputs": [7.0, 1e300]}])
+@pytest.mark.parametrize(
+    "point", [None, {"states": [0.1, 1 / 3, -2.0], "inputs": [1e-300, 5.0], "outputs": [7.0, 1e300]}]
+)
 @pytest.mark.parametrize("diffuse", [False, True])
 def test_a_model_and_its_prior_are_read_back_to_the_last_bit(full, diffuse_prior, same, tmp_path, dt, point, diffuse):
     model = full(dt=dt, operating_point=point)
@@ -38,10 +40,13 @@ def test_a_model_and_its_prior_are_read_back_to_the_last_bit(full, diffuse_prior
 
 @pytest.mark.parametrize(
     "model",
-    [StateSpace([[0.5]], R=[[1.0]], dt=1), StateSpace([[0.5, 0.0], [0.1, 0.2]], R=np.eye(2), dt=0),
-     StateSpace([[0.1]], [[0.2]], R=[[0.3]], dt=0.1, states=["α"], inputs=["δ \"e\"\\"], outputs=["q [°/s]\n"])],
+    [
+        StateSpace([[0.5]], R=[[1.0]], dt=1),
+        StateSpace([[0.5, 0.0], [0.1, 0.2]], R=np.eye(2), dt=0),
+        StateSpace([[0.1]], [[0.2]], R=[[0.3]], dt=0.1, states=["α"], inputs=['δ "e"\\'], outputs=["q [°/s]\n"]),
+    ],
     ids=["no input", "two states", "names"],
-)  # fmt: skip
+)
 def test_small_models_and_strange_names_are_read_back(same, tmp_path, model):
     write_model(tmp_path / "model.toml", model, Prior(np.zeros(model.n), np.eye(model.n)))
     same(read_model(str(tmp_path / "model.toml")).model, model)
@@ -50,9 +55,12 @@ def test_small_models_and_strange_names_are_read_back(same, tmp_path, model):
 def test_gain_unknown_and_record_sections_are_read_back(full, same, tmp_path):
     model, prior = full(), Prior([0.0, 0.0, 0.0], np.eye(3))
     settings = {
-        "directions": np.random.default_rng(6).normal(size=(2, 3, 2)), "fixed": np.full((3, 2), 1 / 3),
-        "feedthrough": np.ones((2, 2, 2)), "walk": np.array([0.1, 1e-9]), "forgetting": np.float64(0.97),
-    }  # fmt: skip
+        "directions": np.random.default_rng(6).normal(size=(2, 3, 2)),
+        "fixed": np.full((3, 2), 1 / 3),
+        "feedthrough": np.ones((2, 2, 2)),
+        "walk": np.array([0.1, 1e-9]),
+        "forgetting": np.float64(0.97),
+    }
     gain = GainSection(Prior([1.0, 2.0], np.eye(2) / 7, diffuse=[[1.0], [0.0]]), settings)
     record = {"time": "t [s]", "dt": np.float64(0.1), "hold": "zero_order", "lost": "hold"}
     write_model(tmp_path / "model.toml", model, prior, gain=gain, unknown=("input 1",), record=record)
@@ -65,15 +73,24 @@ def test_gain_unknown_and_record_sections_are_read_back(full, same, tmp_path):
 
 def test_settings_in_words_and_numbers_are_read_back(full, tmp_path):
     settings = {"directions": "per_input", "feedthrough": "scaled", "walk": np.array(0.02), "forgetting": 1}
-    write_model(tmp_path / "model.toml", full(), Prior(np.zeros(3), np.eye(3)),
-                gain=GainSection(Prior([1.0, 1.0], np.eye(2)), settings))  # fmt: skip
+    write_model(
+        tmp_path / "model.toml",
+        full(),
+        Prior(np.zeros(3), np.eye(3)),
+        gain=GainSection(Prior([1.0, 1.0], np.eye(2)), settings),
+    )
     assert read_model(tmp_path / "model.toml").gain.settings == settings
 
 
 def test_writing_changes_nothing_that_was_given(full, tmp_path):
     record, settings = {"dt": 0.1, "time": None}, {"walk": np.array([0.1])}
-    write_model(tmp_path / "model.toml", full(), Prior(np.zeros(3), np.eye(3)), record={"dt": 0.1},
-                gain=GainSection(Prior([1.0], [[1.0]]), settings))  # fmt: skip
+    write_model(
+        tmp_path / "model.toml",
+        full(),
+        Prior(np.zeros(3), np.eye(3)),
+        record={"dt": 0.1},
+        gain=GainSection(Prior([1.0], [[1.0]]), settings),
+    )
     assert record == {"dt": 0.1, "time": None}
     assert isinstance(settings["walk"], np.ndarray)
 
@@ -169,7 +186,9 @@ def test_a_python_file_defines_a_model_and_a_prior(tmp_path):
 
 def test_a_python_file_may_define_the_other_sections(tmp_path):
     path = tmp_path / "model.py"
-    path.write_text(PYTHON + "gain = GainSection(prior, {'walk': 0.1})\nunknown = ['u']\nrecord = {'hold': 'first_order'}\n")
+    path.write_text(
+        PYTHON + ("gain = GainSection(prior, {'walk': 0.1})\nunknown = ['u']\nrecord = {'hold': 'first_order'}\n")
+    )
     file = read_model(path)
     assert file.gain.settings == {"walk": 0.1}
     assert file.unknown == ("u",)

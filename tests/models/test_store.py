@@ -24,16 +24,27 @@ from estimable import (
 from estimable import store as room
 
 MODEL = StateSpace(
-    [[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], Q=0.1 * np.eye(2), R=0.2 * np.eye(2), dt=0.1, states=["α", "q"], inputs=["δ"],
+    [[0.9, 0.1], [0.0, 0.8]],
+    [[0.0], [1.0]],
+    Q=0.1 * np.eye(2),
+    R=0.2 * np.eye(2),
+    dt=0.1,
+    states=["α", "q"],
+    inputs=["δ"],
     operating_point={"states": [1.0, 2.0], "inputs": [3.0]},
-)  # fmt: skip
+)
 PRIOR = Prior([1 / 3, 0.1], np.eye(2) / 7, diffuse=[[1.0], [0.5]])
 U = np.linspace(-1, 1, 12)[:, None]
 RECORD = simulate(MODEL, U, seed=3).record
 GAPS = Record(
-    np.where(np.arange(24).reshape(12, 2) % 5 == 0, np.nan, RECORD.y), U, t=np.cumsum(np.linspace(0.1, 0.3, 12)),
-    arrived=np.where(np.arange(12) % 4 == 0, 0.0, 1.0), lost="hold", inputs=["δ"], units={"y1": "deg"},
-)  # fmt: skip
+    np.where(np.arange(24).reshape(12, 2) % 5 == 0, np.nan, RECORD.y),
+    U,
+    t=np.cumsum(np.linspace(0.1, 0.3, 12)),
+    arrived=np.where(np.arange(12) % 4 == 0, 0.0, 1.0),
+    lost="hold",
+    inputs=["δ"],
+    units={"y1": "deg"},
+)
 GAIN = UnknownGain(MODEL, Prior([1.0], [[0.25]]), walk=0.02, forgetting=0.99, fixed=[[0.0], [0.1]])
 OVER_TIME = StateSpace(np.stack([np.eye(2)] * 3), R=np.eye(2), S=0.1 * np.eye(2), Q=np.eye(2), dt=1)
 

@@ -131,10 +131,8 @@ class Record:
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
             return Clock.every(1.0 if regular is None else regular, self.hold)
-        steps = np.diff(self.t)
-        grid = _scatter(self.t, np.median(steps))
-        _, first, rows = np.unique(np.round(steps / grid), return_index=True, return_inverse=True)
-        return Clock(steps[first], np.append(rows, rows[-1]), self.hold)
+        lengths, rows = _groups(np.diff(self.t), _scatter(self.t, np.median(np.diff(self.t))))
+        return Clock(lengths, np.append(rows, rows[-1]), self.hold)
 
     def applied(self) -> np.ndarray:
         """The input that the actuator applied, (T, m): what arrived, or what `lost` says; NaN where nobody knows."""
@@ -228,6 +226,16 @@ def _regular_step(t: np.ndarray) -> float | None:
 def _scatter(t: np.ndarray, step: float) -> float:
     """How far rounding may put a step from `step`: the rounding of a file, and that of large times in float64."""
     return UNIFORM * step + 4 * np.finfo(float).eps * np.abs(t).max()
+
+
+def _groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct lengths among steps, those within `width` counting as one, their mean; and which each step is."""
+    ordered, starts, i = np.sort(steps), [], 0
+    while i < len(ordered):
+        starts.append(ordered[i])
+        i = np.searchsorted(ordered, ordered[i] + width, side="right")
+    rows = np.searchsorted(starts, steps, side="right") - 1
+    return np.bincount(rows, weights=steps) / np.bincount(rows), rows
 
 
 def match(names: tuple[str, ...], defaults: bool, record_names: tuple[str, ...], what: str, faults: checks.Faults):
