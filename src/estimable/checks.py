@@ -170,6 +170,19 @@ class Faults:
                 return None
         return given
 
+    def whole(self, name: str, value: Any, lower: int) -> None:
+        """`value` must be a whole number, at least `lower`."""
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
+            self.add(f"`{name}` must be a whole number, at least {lower}. Got {short(value)}.")
+
+    def instance(self, name: str, value: Any, cls: type, hint: str = "") -> bool:
+        """`value` must be a `cls`; says whether it is."""
+        if isinstance(value, cls):
+            return True
+        article = "an" if cls.__name__[0] in "AEIOU" else "a"
+        self.add(f"`{name}` must be {article} {cls.__name__}. Got {short(value)}.{hint}")
+        return False
+
     def choice(self, name: str, value: Any, options: Sequence[str]) -> None:
         """`value` must be one of `options`."""
         if not isinstance(value, str) or value not in options:

@@ -278,7 +278,6 @@ def test_a_discretisation_is_refused(refused, dt, step, hold, sentence):
     assert refused(lambda: model(dt=dt).discretise(step, hold=hold)) == [sentence]
 
 
-@pytest.mark.xfail(strict=True, reason="discretise leaves these to NumPy, or takes them")
 @pytest.mark.parametrize(
     ("A", "step"),
     [(I2, "a"), (I2, [[0.1], [0.1, 0.2]]), (I2, [[0.1, 0.2]]), (I2, True), (np.zeros((3, 2, 2)), [0.1, 0.2])],

@@ -2,6 +2,7 @@
 
 from dataclasses import field
 
+from .. import checks
 from ..frozen import frozen, replace
 from ..kernels.small import apply, gram
 from ..models.prior import Prior
@@ -40,6 +41,11 @@ class Kalman:
 
     model: StateSpace
     ready: SampledModel | None = field(default=None, init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.instance("model", self.model, StateSpace)
+        faults.finish()
 
     @property
     def names(self) -> Names:

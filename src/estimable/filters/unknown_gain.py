@@ -62,14 +62,12 @@ class UnknownGain:
 
     def __post_init__(self):
         faults = checks.Faults()
-        if not isinstance(self.model, StateSpace) or not isinstance(self.gain, Prior):
-            checks.refuse(
-                f"UnknownGain needs a StateSpace and a Prior of the gain. Got {type(self.model).__name__} and "
-                f"{type(self.gain).__name__}."
-            )
-        faults.learn("n", self.model.n, f"the model has {self.model.n} states")
-        faults.learn("m", self.model.m, f"the model has {self.model.m} inputs")
-        faults.learn("outputs", self.model.p, f"the model has {self.model.p} outputs")
+        faults.instance("model", self.model, StateSpace)
+        faults.instance("gain", self.gain, Prior)
+        faults.finish()
+        faults.learn("n", self.model.n, f"the model has {checks.counted(self.model.n, 'state')}")
+        faults.learn("m", self.model.m, f"the model has {checks.counted(self.model.m, 'input')}")
+        faults.learn("outputs", self.model.p, f"the model has {checks.counted(self.model.p, 'output')}")
         if self.model.m == 0:
             faults.add("the model has no input: a gain multiplies B u, so give `B`.")
         directions = self._read_directions(faults)
@@ -93,13 +91,14 @@ class UnknownGain:
             faults.choice("directions", given, WORDS)
             p = {"one": 1, "per_input": self.model.m, "every_entry": self.model.n * self.model.m}.get(given)
             if p is not None:
-                faults.learn("p", p, f"directions {given!r} of a model with {self.model.n} states and "
-                                     f"{self.model.m} inputs means {p} gain(s)")  # fmt: skip
+                states, inputs = checks.counted(self.model.n, "state"), checks.counted(self.model.m, "input")
+                gains = checks.counted(p, "gain")
+                faults.learn("p", p, f"directions {given!r} of a model with {states} and {inputs} means {gains}")
         else:
             given = faults.array("directions", given, "p n m")
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
-            faults.add(f"`gain` must be a prior of {p} gain(s): {faults.sources['p']}. Got {self.gain.size}.")
+            faults.add(f"`gain` must be a prior of {checks.counted(p, 'gain')}: {faults.sources['p']}. Got {self.gain.size}.")
         return given
 
     def _read_feedthrough(self, faults: checks.Faults) -> Any:
@@ -112,14 +111,14 @@ class UnknownGain:
         return given
 
     def _read_walk(self, faults: checks.Faults) -> Any:
-        p = self.gain.size
-        faults.learn("p", p, f"`gain` is a prior of {p} gain(s)")
         if checks.is_traced(self.walk):
             return self.walk
-        if np.ndim(self.walk) == 2:
-            return faults.covariance("walk", self.walk, "p p")
-        variances = self.walk if np.ndim(self.walk) else [self.walk] * p
-        variances = faults.array("walk", variances, "p")
+        p = self.gain.size
+        faults.learn("gains", p, f"`gain` is a prior of {checks.counted(p, 'gain')}")
+        walk = [self.walk] * p if isinstance(self.walk, int | float) else self.walk
+        if np.ndim(np.asarray(walk, object)) == 2:
+            return faults.covariance("walk", walk, "gains gains")
+        variances = faults.array("walk", walk, "gains")
         if variances is not None and np.any(variances < 0):
             faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(self.walk)}.")
         return None if variances is None else np.diag(variances)

@@ -21,15 +21,30 @@ def discretise(model: StateSpace, dt, *, hold: str = "zero_order") -> StateSpace
     faults.choice("hold", hold, HOLDS)
     if not model.is_continuous:
         faults.add(f"only a continuous model (dt = 0) can be discretised. This one has dt = {model.dt:g} s.")
-    steps = np.asarray(dt, float)
-    if steps.size == 0 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
-        faults.add(f"`dt` must be a positive number of seconds. Got {checks.short(dt)}.")
+    steps = _read_steps(dt, model, faults)
     faults.finish()
     Φ, B, B_end, Qd = over(model.A, model.B, model.G @ model.Q @ np.swapaxes(model.G, -1, -2), steps, hold=hold)
     return StateSpace(
         Φ, B, model.C, model.D, Q=Qd, R=model.R, B_end=B_end, dt=float(np.mean(steps)),
         states=model.states, inputs=model.inputs, outputs=model.outputs, operating_point=model.operating_point,
     )  # fmt: skip
+
+
+def _read_steps(dt, model: StateSpace, faults: checks.Faults):
+    """One step length, or one a row, in seconds."""
+    try:
+        steps = np.asarray(dt)
+        sound = steps.dtype.kind in "fiu" and steps.size > 0 and np.all(np.isfinite(steps)) and np.all(steps > 0)
+    except ValueError:
+        sound = False
+    if not sound:
+        faults.add(f"`dt` must be a positive number of seconds. Got {checks.short(dt)}.")
+    elif steps.ndim > 1 or (steps.ndim == 1 and model.steps not in (None, len(steps))):
+        rows = "" if model.steps is None else f": the model varies over {model.steps} rows of time"
+        faults.add(f"`dt` must be one number, or one a row (T,){rows}. Got {steps.shape}.")
+    else:
+        return steps.astype(float)
+    return None
 
 
 def over(A, B, GQG, h, *, hold):
@@ -51,13 +66,11 @@ def over(A, B, GQG, h, *, hold):
 
 def _input_integrals(A, h):
     """Φ, Γ and ∫_0^h Γ(s) ds, from one exponential of [[A, I, 0], [0, 0, I], [0, 0, 0]] h."""
-    from scipy.linalg import expm
-
     n = A.shape[-1]
     M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape), 3 * n, 3 * n))
     M[..., :n, :n] = A
     M[..., :n, n : 2 * n] = M[..., n : 2 * n, 2 * n :] = np.eye(n)
-    E = expm(M * h[..., None, None])
+    E = exponential(M * h[..., None, None])
     return E[..., :n, :n], E[..., :n, n : 2 * n], E[..., :n, 2 * n :]
 
 
@@ -66,18 +79,44 @@ def _noise_integral(A, GQG, h):
 
     One exponential over the whole of a long step holds e^{-A h} and overflows where A is stable and fast.
     """
-    from scipy.linalg import expm
-
     n = A.shape[-1]
-    size = np.max(np.abs(A).sum(-1) * h[..., None], initial=0.0)
-    doublings = max(0, int(np.ceil(np.log2(max(size, 1e-300)))) + 1)
+    doublings = _halvings(A * h[..., None, None])
     step = (h / 2.0**doublings)[..., None, None]
     M = np.zeros((*np.broadcast_shapes(A.shape[:-2], GQG.shape[:-2], h.shape), 2 * n, 2 * n))
     M[..., :n, :n], M[..., :n, n:], M[..., n:, n:] = -A, GQG, np.swapaxes(A, -1, -2)
-    E = expm(M * step)
+    size = np.abs(GQG).max(initial=0.0) or 1.0                       # so that Q does not count in the norm below
+    E = exponential(np.where(_upper_right(n), M / size, M) * step)
     Φ = np.swapaxes(E[..., n:, n:], -1, -2)
-    Qd = Φ @ E[..., :n, n:]                              # Van Loan (1.4)
+    Qd = size * (Φ @ E[..., :n, n:])                                 # Van Loan (1.4)
     for _ in range(doublings):
         Qd = Qd + Φ @ Qd @ np.swapaxes(Φ, -1, -2)
         Φ = Φ @ Φ
     return (Qd + np.swapaxes(Qd, -1, -2)) / 2
+
+
+def _upper_right(n: int):
+    return np.kron([[False, True], [False, False]], np.ones((n, n), bool))
+
+
+def exponential(M):
+    """e^M of each matrix of a stack: Taylor's series of M / 2^s at a norm of at most 1/2, squared s times.
+
+    18 terms leave 1e-22. Accurate entry by entry for chains of integrators, whose terms are all positive, where Padé's
+    approximation (SciPy's expm) is accurate relative to the largest entry only: it loses a variance of h^7.
+    """
+    halvings = _halvings(M)
+    M = M / 2.0**halvings
+    term = np.broadcast_to(np.eye(M.shape[-1]), M.shape)
+    E = term
+    for k in range(1, 19):
+        term = term @ M / k
+        E = E + term
+    for _ in range(halvings):
+        E = E @ E
+    return E
+
+
+def _halvings(M) -> int:
+    """How often M must be halved for a norm of at most 1/2."""
+    size = np.abs(M).sum(-1).max(initial=0.0)
+    return max(0, int(np.ceil(np.log2(max(size, 1e-300)))) + 1) if np.isfinite(size) else 0

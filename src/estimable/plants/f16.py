@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..models.discretisation import exponential
 from ..models.state_space import StateSpace
 
 A = np.array([[-1.3433, 0.9946], [3.5, -1.0521]])
@@ -110,15 +111,13 @@ def _fly(command: np.ndarray, gain: np.ndarray, *, held: bool) -> np.ndarray:
 
 def _transition(gain: float, held: bool) -> np.ndarray:
     """From (alpha, q, deflection, z, dec, q_c) to the first four of them a sample later."""
-    from scipy.linalg import expm
-
     M = np.zeros((6, 6))
     M[:2, :2], M[:2, 2:3] = A, gain * B
     M[3, 1], M[3, 5] = -1.0, 1.0
     if held:                                   # the deflection jumps at the samples, as the actuator's exact response
-        step = expm(M / RATE)[:4]
+        step = exponential(M / RATE)[:4]
         decay = np.exp(-ACTUATOR / RATE)
         step[2] = [0.0, 0.0, decay, 0.0, 1 - decay, 0.0]
         return step
     M[2, 2], M[2, 4] = -ACTUATOR, ACTUATOR
-    return expm(M / RATE)[:4]
+    return exponential(M / RATE)[:4]

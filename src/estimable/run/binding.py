@@ -64,9 +64,16 @@ def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = 
     return Bound((algorithms or algorithm).sampled(clock), samples, intervals, names._replace(units=record.units), rows.t)
 
 
-def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
-    if not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
+def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
+    """An algorithm has the three steps, and is made, not a class."""
+    if isinstance(algorithm, type):
+        faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
+    elif not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
         faults.add(f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}.")
+
+
+def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
+    check_algorithm(algorithm, faults)
     if not isinstance(record, Record):
         faults.add(f"`record` must be a Record. Got {type(record).__name__}.{_batch_hint(record)}")
     if not isinstance(prior, Prior):

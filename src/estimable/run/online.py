@@ -12,7 +12,7 @@ from ..frozen import frozen, replace, static
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
-from .binding import check_hold, check_prior, model_of
+from .binding import check_algorithm, check_hold, check_prior, model_of
 from .estimate import ENGINES
 
 
@@ -175,6 +175,7 @@ def online(
     faults.choice("engine", engine, ENGINES)
     faults.choice("hold", hold, ("zero_order", "first_order"))
     faults.choice("lost", lost, ("zero", "hold"))
+    check_algorithm(algorithm, faults)
     if not isinstance(prior, Prior):
         faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.")
     faults.finish()

@@ -15,7 +15,7 @@ from ..models.prior import Prior
 from ..models.sampled import sample
 from ..models.state_space import StateSpace
 from ..results import Simulation
-from .binding import check_hold
+from .binding import check_hold, check_prior
 from .stack import Stacked
 
 
@@ -58,11 +58,8 @@ def simulate_bank(
     >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
     (5, 3, 1)
     """
+    _check_call(model, prior, seed, runs, steps)
     record = _empty_record(model, u, steps, dt, t, hold)
-    if prior is not None and prior.size != model.n:
-        checks.refuse(f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.size}.")
-    if prior is not None and prior.diffuse is not None:
-        checks.refuse("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance.")
     sampled = sample(model, record.clock(model.dt or None))
     drive = _Drive(record.u, np.concatenate([record.u[1:], record.u[-1:]]))
     keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
@@ -78,12 +75,28 @@ def simulate_bank(
     return Stacked(Simulation(stacked, x), runs)
 
 
+def _check_call(model, prior, seed, runs, steps) -> None:
+    faults = checks.Faults()
+    faults.whole("seed", seed, 0)
+    faults.whole("runs", runs, 1)
+    if steps is not None:
+        faults.whole("steps", steps, 1)
+    is_model = faults.instance("model", model, StateSpace)
+    if prior is not None and faults.instance("prior", prior, Prior) and is_model:
+        check_prior(prior, model, faults)
+        if prior.diffuse is not None:
+            faults.add("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance.")
+    faults.finish()
+
+
 def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s).")
-    if u is not None and steps not in (None, len(u)):
+    if u is not None and np.ndim(u) == 0:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
+    elif u is not None and steps not in (None, len(u)):
         faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
     if u is None and steps is None and t is None:
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")

@@ -1,5 +1,6 @@
 """Several algorithms, records or priors as one, with a leading batch axis."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,7 +8,7 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, static
+from ..frozen import frozen, static, static_fields
 
 
 @frozen
@@ -29,16 +30,20 @@ def stack(items: Sequence[Any]) -> Stacked:
     >>> len(stack([Prior([0.0], [[1.0]]), Prior([1.0], [[2.0]])]))
     2
     """
+    if not isinstance(items, Sequence) or isinstance(items, str):
+        checks.refuse(f"`items` must be a list of things of one kind. Got {checks.short(items)}.")
     things = list(items)
     if not things:
         checks.refuse("`items` must hold at least one thing to stack.")
+    if not dataclasses.is_dataclass(things[0]):
+        checks.refuse(f"`items` must be algorithms, models, records or priors. Got {checks.short(things[0])}.")
     first = jax.tree_util.tree_structure(things[0])
     shapes = _shapes(things[0])
     for i, thing in enumerate(things[1:], start=1):
         if type(thing) is not type(things[0]):
             checks.refuse(f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}.")
         if jax.tree_util.tree_structure(thing) != first:
-            checks.refuse(f"item {i} differs from item 0 in names, options, or in what is given and what is not.")
+            checks.refuse(f"item {i} differs from item 0 in {_first_fixed_difference(things[0], thing)}.")
         if _shapes(thing) != shapes:
             checks.refuse(f"item {i} differs from item 0 in shape: {_first_difference(things[0], thing)}.")
     return Stacked(jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *things), len(things))
@@ -52,3 +57,15 @@ def _first_difference(a: Any, b: Any) -> str:
     pairs = zip(jax.tree_util.tree_leaves_with_path(a), jax.tree_util.tree_leaves(b), strict=True)
     path, left, right = next((p, x, y) for (p, x), y in pairs if np.shape(x) != np.shape(y))
     return f"`{jax.tree_util.keystr(path).lstrip('.')}` is {np.shape(left)} and {np.shape(right)}"
+
+
+def _first_fixed_difference(a: Any, b: Any) -> str:
+    """The first field that is no number, and differs: a name, an option, or a part given in one only."""
+    for field in dataclasses.fields(a):
+        left, right = getattr(a, field.name), getattr(b, field.name)
+        if jax.tree_util.tree_structure(left) != jax.tree_util.tree_structure(right) or field.name in static_fields(type(a)):
+            if dataclasses.is_dataclass(left) and type(left) is type(right):
+                return f"`{field.name}`: {_first_fixed_difference(left, right)}"
+            if field.name not in static_fields(type(a)) or left != right:
+                return f"`{field.name}`: {checks.short(left)} and {checks.short(right)}"
+    return "names or options"
