@@ -99,6 +99,7 @@ def record_workload(name, T, missing):
 
 def starts():
     """W9: seconds from a cold start, of whole processes."""
+
     def process(code):
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from estimable import Prior, Record, StateSpace
 
-SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))   # n, m, p: few, so that little is compiled
+SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))  # n, m, p: few, so that little is compiled
 
 
 class Case(NamedTuple):

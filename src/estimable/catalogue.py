@@ -34,7 +34,9 @@ def entry(name: str) -> Entry:
     """The entry of a name; an `InputError` with the names there are."""
     names = [known.name for known in ENTRIES]
     if name not in names:
-        checks.refuse(f"there is no algorithm {name!r}. There are {checks.listed(names)}.{checks.suggestion(name, names)}")
+        checks.refuse(
+            f"there is no algorithm {name!r}. There are {checks.listed(names)}.{checks.suggestion(name, names)}"
+        )
     return ENTRIES[names.index(name)]
 
 
@@ -42,10 +44,16 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     """The algorithm `name` on the model of a file, with the file's settings and then those given here."""
     cls = entry(name).cls
     faults = checks.Faults()
-    allowed = [field for field in cls.__dataclass_fields__ if field not in ("model", "gain", "_") and cls.__dataclass_fields__[field].init]
+    allowed = [
+        field
+        for field in cls.__dataclass_fields__
+        if field not in ("model", "gain", "_") and cls.__dataclass_fields__[field].init
+    ]
     for key in settings:
         if key not in allowed:
-            faults.add(f"{name} has no setting {key!r}: it has {checks.listed(allowed)}.{checks.suggestion(key, allowed)}")
+            faults.add(
+                f"{name} has no setting {key!r}: it has {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
+            )
     if cls is UnknownGain and file.gain is None:
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
     faults.finish()

@@ -16,7 +16,7 @@ from .errors import InputError
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # how far below zero it may leave a variance on the diagonal
-LISTED = 40       # names that a sentence shows at most
+LISTED = 40  # names that a sentence shows at most
 
 
 class Faults:
@@ -149,8 +149,16 @@ class Faults:
             return None
         return symmetric
 
-    def number(self, name: str, value: Any, *, lower: float | None = None, above: float | None = None,
-               upper: float | None = None, unit: str = "") -> Any:
+    def number(
+        self,
+        name: str,
+        value: Any,
+        *,
+        lower: float | None = None,
+        above: float | None = None,
+        upper: float | None = None,
+        unit: str = "",
+    ) -> Any:
         """`value` as a float between bounds (`lower`, `upper` included; `above` excluded)."""
         if isinstance(value, Tracer):
             return value
@@ -277,6 +285,7 @@ def _is_finite_number(value: Any) -> bool:
 
 def _remedy(name: str, shape: tuple, axes: list[str], wanted: tuple, core: tuple) -> str:
     """What would make an array of a wrong shape fit, where that is likely what was meant."""
+
     def fits(sizes: tuple) -> bool:
         same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1
         return len(sizes) == len(axes) and same and all(w in (None, g) for w, g in zip(wanted, sizes, strict=True))

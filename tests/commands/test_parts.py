@@ -90,7 +90,7 @@ def test_what_is_lost_is_said_of_shares_only():
 
 def test_innovations_predicted_from_nothing_are_no_evidence():
     innovation = np.array([[1000.0], [1.0], [-1.0], [np.nan]])
-    variance = np.array([np.nan, 1.0, 1.0, np.nan])[:, None, None]     # NaN where it was infinite
+    variance = np.array([np.nan, 1.0, 1.0, np.nan])[:, None, None]  # NaN where it was infinite
     times = (np.ones(4), np.ones(4), np.arange(4.0))
     finite = result_of(*times, innovation=innovation, innovation_covariance=np.ones((4, 1, 1)))
     assert innovation_check(finite).mean == pytest.approx(1e6 / 3, rel=1e-4)

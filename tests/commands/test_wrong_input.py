@@ -116,5 +116,5 @@ def test_a_run_that_fails_is_another_error(run, tmp_path, write_record):
     plain, machine = run(*CALL), run(*CALL, "--json")
     assert (plain.code, plain.stdout) == (1, "")
     assert plain.stderr.startswith("Error: At sample 0 (t = 0 s): ")
-    assert (machine.code, machine.json) == (1, {"error": "RunError", "message": plain.stderr[len("Error: "):-1]})
+    assert (machine.code, machine.json) == (1, {"error": "RunError", "message": plain.stderr[len("Error: ") : -1]})
     assert not (tmp_path / "table.csv").exists()

@@ -9,7 +9,19 @@ import pytest
 from numpy.testing import assert_allclose
 
 import estimable
-from estimable import Record, catalogue, estimate, estimate_bank, load, log_likelihood, online, packaged, read_model, save, stack
+from estimable import (
+    Record,
+    catalogue,
+    estimate,
+    estimate_bank,
+    load,
+    log_likelihood,
+    online,
+    packaged,
+    read_model,
+    save,
+    stack,
+)
 from estimable.engines import xla
 from estimable.frozen import leaf_fields
 from estimable.models.sampled import Clock
@@ -64,7 +76,10 @@ def test_new_numbers_do_not_compile_again(name):
 
 @ENTRIES
 def test_a_bank_equals_a_loop(name):
-    algorithms = [catalogue.build(name, FILE), jax.tree_util.tree_map(lambda leaf: 1.1 * leaf, catalogue.build(name, FILE))]
+    algorithms = [
+        catalogue.build(name, FILE),
+        jax.tree_util.tree_map(lambda leaf: 1.1 * leaf, catalogue.build(name, FILE)),
+    ]
     records = [record(1), record(2)]
     bank = estimate_bank(stack(algorithms), stack(records), prior=FILE.prior)
     for i in range(2):

@@ -12,7 +12,7 @@ COMMANDS = ("", "demo", "gain", "estimate")
 HEAD = """# The command line
 
 Every command takes `--json`, which prints one object for machines on stdout: `{"command", "version", "outcome": {"code",
-"sentence"}, ...}`, null where a number is not known, and never NaN. On an error it is `{"error", "message"}`. Exit codes: 0; 2 for a
+"sentence"}, ...}`, null where a number is not known, never NaN. On an error it is `{"error", "message"}`. Exit codes: 0; 2 for a
 wrong call, file or option; 1 for a run that failed. `gain` and `demo` tell
 
 | key | meaning |

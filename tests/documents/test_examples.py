@@ -48,7 +48,9 @@ def test_links_between_pages_lead_somewhere(page):
 def test_the_readme_shows_the_two_commands():
     text = (ROOT / "README.md").read_text()
     assert "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock . && .venv/bin/estimable demo" in text
-    tests = "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock '.[test]' && .venv/bin/python -m pytest"
+    tests = (
+        "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock '.[test]' && .venv/bin/python -m pytest"
+    )
     assert tests in text
     assert "pytest$" in (ROOT / ".ci" / "run").read_text()
 

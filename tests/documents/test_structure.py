@@ -32,7 +32,7 @@ ROOMS = (
     ("report", "reproductions"),
     ("commands",),
 )
-LAZY = {("results", "figures"), ("run", "store")}     # .plot() and online(...).save()
+LAZY = {("results", "figures"), ("run", "store")}  # .plot() and online(...).save()
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 
 

@@ -331,7 +331,7 @@ ONLINE = {
         ("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."),
     ),
     "past the end": (past_the_end, "the model varies over 3 rows of time, and all of them are used up."),
-    "no u": (lambda: running().predict(), "`u` must be given to predict: the model has 1 input(s)."),
+    "no u": (lambda: running().predict(), "`u` must be given to predict: the model has 1 input."),
     "inputs": (lambda: running().predict([1.0, 2.0]), "`u` must be (m,) = (1,): the model has 1 input"),
     "u not known": (lambda: running().predict([np.nan]), "`u` must not hold NaN. First at index 0."),
     "no packet": (
@@ -390,7 +390,7 @@ def test_options_of_online_are_named_at_once(refused):
 
 
 SIMULATIONS = {
-    "no u": (lambda: simulate(MODEL, seed=1, steps=3), "`u` must be (T, m) = (T, 1): the model has 1 input(s)."),
+    "no u": (lambda: simulate(MODEL, seed=1, steps=3), "`u` must be (T, m) = (T, 1): the model has 1 input."),
     "no steps": (lambda: simulate(NO_INPUT, seed=1), "`steps` must say how many rows to draw, as there is no `u`."),
     "no time": (
         lambda: simulate(CONTINUOUS, [1.0], seed=1),
@@ -406,7 +406,7 @@ SIMULATIONS = {
     ),
     "inputs": (
         lambda: simulate(MODEL, np.ones((3, 2)), seed=1),
-        "`u` must be (T, m) = (T, 1): the model has 1 input(s). Got (3, 2).",
+        "`u` must be (T, m) = (T, 1): the model has 1 input. Got (3, 2).",
     ),
     "u not known": (
         lambda: simulate(MODEL, [1.0, np.nan], seed=1),
@@ -440,7 +440,10 @@ SIMULATIONS = {
         lambda: simulate(NO_NOISE, [1.0], seed=1),
         ("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."),
     ),
-    "no row": (lambda: simulate_bank(NO_INPUT, seed=1, runs=2, steps=0), "`steps` must be a whole number, at least 1. Got 0."),
+    "no row": (
+        lambda: simulate_bank(NO_INPUT, seed=1, runs=2, steps=0),
+        "`steps` must be a whole number, at least 1. Got 0.",
+    ),
 }
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import SIZES, case
 from numpy.testing import assert_allclose
-from oracles import dense, textbook
 
+from cases import SIZES, case
 from estimable import Kalman, Prior, Record, RunError, StateSpace, estimate
+from oracles import dense, textbook
 
 FEATURES = (
     {},
@@ -50,7 +50,7 @@ def test_innovations_are_raw_and_their_covariances_complete():
     ours = estimate(Kalman(c.model), c.record, prior=c.prior)
     A, B, C, D, Q, R, GS = textbook.matrices(c.model, 0)
     expected = c.record.y[0] - C @ c.prior.mean - D @ c.record.u[0]
-    assert_allclose(ours.innovation[0], expected, rtol=1e-12)          # NaN where not seen, in both
+    assert_allclose(ours.innovation[0], expected, rtol=1e-12)  # NaN where not seen, in both
     assert_allclose(ours.innovation_covariance[0], C @ c.prior.covariance @ C.T + R, rtol=1e-12)
     assert np.array_equal(np.isnan(ours.innovation), np.isnan(c.record.y))
 
@@ -69,13 +69,17 @@ def test_a_diffuse_start_equals_least_squares_with_a_flat_prior(rank, missing, p
             if not (~np.isnan(c.record.y[: k + 1])).any():
                 continue
             mean, covariance, open_directions = dense.diffuse_conditioned(c.model, prior, c.record.y, c.record.u, k)
-            off = np.eye(3) - open_directions @ np.linalg.pinv(open_directions)   # what is determined
+            off = np.eye(3) - open_directions @ np.linalg.pinv(open_directions)  # what is determined
             assert_allclose(off @ ours.mean[k], off @ mean, rtol=1e-6, atol=1e-6)
             assert_allclose(off @ ours.covariance[k] @ off, off @ covariance @ off, rtol=1e-6, atol=1e-6)
             assert np.linalg.matrix_rank(ours.diffuse_covariance[k], tol=1e-12) == open_directions.shape[1]
-            assert_allclose(off @ ours.diffuse_covariance[k] @ off, 0.0, atol=1e-8 * (1 + ours.diffuse_covariance[k].max()))
-        assert np.all(ours.diffuse_covariance[-1] == 0.0)                          # exactly, not to rounding
-        assert_allclose(ours.log_likelihood, dense.diffuse_log_likelihood(c.model, prior, c.record.y, c.record.u), rtol=1e-7)
+            assert_allclose(
+                off @ ours.diffuse_covariance[k] @ off, 0.0, atol=1e-8 * (1 + ours.diffuse_covariance[k].max())
+            )
+        assert np.all(ours.diffuse_covariance[-1] == 0.0)  # exactly, not to rounding
+        assert_allclose(
+            ours.log_likelihood, dense.diffuse_log_likelihood(c.model, prior, c.record.y, c.record.u), rtol=1e-7
+        )
 
 
 def test_a_large_variance_tends_to_the_diffuse_one():
@@ -124,7 +128,7 @@ def test_a_contradiction_of_what_is_known_exactly_is_refused_with_its_sample():
 
 def test_an_overflow_is_refused_with_its_sample():
     model = StateSpace([[1e200]], C=[[1.0]], R=[[1.0]], dt=1)
-    with pytest.raises(RunError, match="At sample 1 .*not finite"):
+    with pytest.raises(RunError, match=r"At sample 1 .*not finite"):
         estimate(Kalman(model), Record(np.full((4, 1), np.nan), dt=1), prior=Prior([1.0], [[1.0]]))
 
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from oracles import textbook
 
 from estimable import InputError, Kalman, Prior, Record, StateSpace, estimate
+from oracles import textbook
 
 ANSWERS = Path(__file__).parents[1] / "answers"
 
@@ -34,7 +34,9 @@ def test_the_oracle_of_these_tests_is_slicot_s_conventional_filter():
     _, covariances, _ = textbook.kalman(model, prior, np.zeros((1, 2)), np.zeros((1, 1)))
     predicted = model.A @ covariances[0] @ model.A.T + model.G @ model.Q @ model.G.T
     assert_allclose(predicted, expected["P_next_pred"], atol=6e-5)
-    with pytest.raises(InputError, match=r"`covariance` must be positive semidefinite: its smallest eigenvalue is -0\.307"):
+    with pytest.raises(
+        InputError, match=r"`covariance` must be positive semidefinite: its smallest eigenvalue is -0\.307"
+    ):
         Prior(np.zeros(4), given["P_pred"])
 
 

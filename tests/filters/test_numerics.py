@@ -3,9 +3,9 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from cases import case
 from numpy.testing import assert_allclose
 
+from cases import case
 from estimable import Kalman, Prior, Record, StateSpace, estimate, estimate_bank, simulate
 
 
@@ -65,10 +65,20 @@ def ill_conditioned():
     A = np.eye(3) + 0.1 * rng.normal(size=(3, 3))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     spread = turn @ np.diag([1e6, 1.0, 1e-6]) @ turn.T
-    yield "prior", StateSpace(A, C=np.eye(3)[:2], Q=1e-8 * np.eye(3), R=np.eye(2), dt=1), Prior(np.ones(3), (spread + spread.T) / 2)
-    yield "sensor", StateSpace(A, C=np.eye(3)[:2] + 0.1, Q=np.eye(3), R=1e-12 * np.eye(2), dt=1), Prior(np.ones(3), np.eye(3))
-    yield "alike", StateSpace(A, C=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0 + 1e-6]], Q=1e-6 * np.eye(3), R=1e-12 * np.eye(2), dt=1), Prior(
-        np.ones(3), np.eye(3)
+    yield (
+        "prior",
+        StateSpace(A, C=np.eye(3)[:2], Q=1e-8 * np.eye(3), R=np.eye(2), dt=1),
+        Prior(np.ones(3), (spread + spread.T) / 2),
+    )
+    yield (
+        "sensor",
+        StateSpace(A, C=np.eye(3)[:2] + 0.1, Q=np.eye(3), R=1e-12 * np.eye(2), dt=1),
+        Prior(np.ones(3), np.eye(3)),
+    )
+    yield (
+        "alike",
+        StateSpace(A, C=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0 + 1e-6]], Q=1e-6 * np.eye(3), R=1e-12 * np.eye(2), dt=1),
+        Prior(np.ones(3), np.eye(3)),
     )
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import case, covariance
 from numpy.testing import assert_allclose
-from oracles import textbook
-from oracles.augmented import augmented, together
 
+from cases import case, covariance
 from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate
 from estimable.kernels.batch_gain import batch_gain
+from oracles import textbook
+from oracles.augmented import augmented, together
 
 ANSWERS = json.loads((Path(__file__).parents[1] / "answers" / "loop-gain.json").read_text())
 
@@ -24,7 +24,7 @@ def test_equals_the_textbook_filter_of_the_augmented_model(sizes, cross):
         c = case(seed, sizes, cross=cross)
         n, m, p_out = sizes
         gain = Prior(c.rng.normal(size=2), covariance(c.rng, 2))
-        walk = covariance(c.rng, 2)                                         # per second; a step is half a second
+        walk = covariance(c.rng, 2)  # per second; a step is half a second
         directions, fixed = c.rng.normal(size=(2, n, m)), c.rng.normal(size=(n, m))
         feedthrough = c.rng.normal(size=(2, p_out, m))
         algorithm = UnknownGain(c.model, gain, directions=directions, fixed=fixed, feedthrough=feedthrough, walk=walk)
@@ -93,7 +93,7 @@ def test_equals_the_scalar_measurement_form_as_printed():
     model, rng = sillence(), np.random.default_rng(2)
     u, z = rng.normal(size=30), rng.normal(size=30)
     prior, gain = Prior([1.0, -1.0], np.diag([0.4, 2.0])), Prior([0.8], [[0.4]])
-    y = np.append(np.nan, z)[:, None]                                # Pachter's z[1] .. z[N]: row 0 is not measured
+    y = np.append(np.nan, z)[:, None]  # Pachter's z[1] .. z[N]: row 0 is not measured
     ours = estimate(UnknownGain(model, gain), Record(y, np.append(u, 0.0)[:, None], dt=1), prior=prior)
     printed = textbook.scalar_gain(
         model.A, model.B[:, 0], model.C, model.Q, 0.1, prior.mean, 0.8, prior.covariance, np.zeros(2), 0.4, u, z
@@ -182,7 +182,7 @@ def test_a_diffuse_gain_needs_one_excited_sample():
     assert ours.extra["gain_diffuse_covariance"].ravel().tolist() == [1.0, 0.0, 0.0]
     assert_allclose(ours.gain[1, 0], 2.0)
     assert_allclose(ours.gain_covariance[1, 0, 0], 0.01)
-    s = np.array([1.0, 1.5])                                         # least squares of the outputs on what K = 1 gives
+    s = np.array([1.0, 1.5])  # least squares of the outputs on what K = 1 gives
     assert_allclose(ours.gain[2, 0], s @ [2.0, 2.9] / (s @ s), rtol=1e-12)
 
 
@@ -191,7 +191,9 @@ def test_the_gain_multiplies_the_input_about_the_operating_point():
     model = StateSpace(A, B, R=[[0.01]], dt=1, operating_point=point)
     rng = np.random.default_rng(0)
     u, y = rng.normal(size=(6, 1)), rng.normal(size=(6, 1))
-    about = estimate(UnknownGain(model, Prior([1.0], [[1.0]])), Record(y + 10, u + 4, dt=1), prior=Prior([10.0], [[1.0]]))
+    about = estimate(
+        UnknownGain(model, Prior([1.0], [[1.0]])), Record(y + 10, u + 4, dt=1), prior=Prior([10.0], [[1.0]])
+    )
     plain = StateSpace(A, B, R=[[0.01]], dt=1)
     zero = estimate(UnknownGain(plain, Prior([1.0], [[1.0]])), Record(y, u, dt=1), prior=Prior([0.0], [[1.0]]))
     assert_allclose(about.gain, zero.gain, rtol=1e-12)

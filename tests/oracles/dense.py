@@ -9,7 +9,7 @@ def joint(model, prior, u, T):
     """Mean and covariance of (x[0..T-1], y[0..T-1]) by stacking every noise, and the map from a diffuse x[0]."""
     n, p = model.n, model.p
     noise_size = T * (n + p)
-    X, Y = np.zeros((T, n, n + noise_size)), np.zeros((T, p, n + noise_size))   # on (x0 - mean, noises)
+    X, Y = np.zeros((T, n, n + noise_size)), np.zeros((T, p, n + noise_size))  # on (x0 - mean, noises)
     mx, my = np.zeros((T, n)), np.zeros((T, p))
     x, row = np.array(prior.mean, float), np.hstack([np.eye(n), np.zeros((n, noise_size))])
     cov = np.zeros((n + noise_size, n + noise_size))

@@ -5,6 +5,7 @@ import numpy as np
 
 def matrices(model, k):
     """A, B, C, D, GQG', R, GS at row k of a discrete model."""
+
     def at(name):
         M = getattr(model, name)
         return M[k] if name in model.varying else M
@@ -43,10 +44,10 @@ def scalar_gain(A, b, C, Q, R, x, K, Pxx, PxK, PKK, u, z):
     for uk, zk in zip(u, z, strict=True):
         Mx = A @ Pxx @ A.T + uk * (A @ np.outer(PxK, b) + np.outer(b, PxK) @ A.T) + uk**2 * PKK * np.outer(b, b) + Q
         MK = A @ PxK + uk * PKK * b
-        variance = c @ Mx @ c + R                                    # (45)
+        variance = c @ Mx @ c + R  # (45)
         e = zk - c @ A @ x - K * (c @ b) * uk
-        gain_x, gain_K = Mx @ c / variance, (MK @ c) / variance      # (44), (46)
-        x, K = A @ x + K * b * uk + gain_x * e, K + gain_K * e       # (42), (43)
+        gain_x, gain_K = Mx @ c / variance, (MK @ c) / variance  # (44), (46)
+        x, K = A @ x + K * b * uk + gain_x * e, K + gain_K * e  # (42), (43)
         Pxx = Mx - np.outer(gain_x, c @ Mx)
         PxK, PKK = MK - gain_x * (c @ MK), PKK - gain_K * (c @ MK)
         rows.append((x, K, Pxx, PxK, PKK))

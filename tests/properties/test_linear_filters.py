@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import SIZES, case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from cases import SIZES, case
 from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate, load, online, simulate, simulate_bank
 
 SEEDS = st.integers(0, 10**6)
@@ -70,7 +70,7 @@ def test_what_a_missing_channel_would_have_said_does_not_matter(build, seed):
     row = int(c.rng.integers(12))
     first, second = c.record.y.copy(), c.record.y.copy()
     first[row, 1], second[row, 1] = np.nan, np.nan
-    first[row + 1 :, 0] = 1e3                                     # later samples do not reach back
+    first[row + 1 :, 0] = 1e3  # later samples do not reach back
     a = estimate(build(c), replace(c.record, y=first), prior=c.prior)
     b = estimate(build(c), replace(c.record, y=second), prior=c.prior)
     assert np.array_equal(a.mean[: row + 1], b.mean[: row + 1])

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from cases import case
 from numpy.testing import assert_allclose
 
+from cases import case
 from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate, online
 
 
@@ -39,7 +39,9 @@ def test_a_dataset_has_named_dimensions_and_full_covariances(result):
 def test_a_record_without_time_takes_the_model_s_step():
     model = StateSpace([[0.5]], [[1.0]], Q=[[1.0]], R=[[1.0]], dt=0.2)
     gain = Prior([1.0], [[1.0]])
-    timed = estimate(UnknownGain(model, gain, walk=1.0), Record([1.0, 2.0], [1.0, 1.0], dt=0.2), prior=Prior([0.0], [[1.0]]))
+    timed = estimate(
+        UnknownGain(model, gain, walk=1.0), Record([1.0, 2.0], [1.0, 1.0], dt=0.2), prior=Prior([0.0], [[1.0]])
+    )
     bare = estimate(UnknownGain(model, gain, walk=1.0), Record([1.0, 2.0], [1.0, 1.0]), prior=Prior([0.0], [[1.0]]))
     assert_allclose(bare.gain_covariance, timed.gain_covariance)
     assert bare.t is None

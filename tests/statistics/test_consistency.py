@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from oracles.augmented import augmented, together
 
 from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate, estimate_bank, simulate_bank
 from estimable.diagnostics import nees, nis
 from estimable.plants import f16
+from oracles.augmented import augmented, together
 
 RUNS, T = 500, 120
 
@@ -57,7 +57,9 @@ def test_a_wrong_noise_level_is_found_out():
     """The same statistic must be able to fail."""
     algorithm, prior, truth, joint_prior, u = loop(0.0)
     records, states = draw(truth, joint_prior, u, 1)
-    confident = Kalman(StateSpace(**_with(algorithm.model, R=0.7 * algorithm.model.R, B=algorithm.model.B * [1.0, 0.8])))
+    confident = Kalman(
+        StateSpace(**_with(algorithm.model, R=0.7 * algorithm.model.R, B=algorithm.model.B * [1.0, 0.8]))
+    )
     bank = estimate_bank(confident, records, prior=prior)
     assert not nis(bank.innovation, bank.innovation_covariance).consistent
     assert "too small" in nis(bank.innovation, bank.innovation_covariance).sentence
@@ -147,7 +149,9 @@ def test_a_stack_of_models_is_sampled_together():
 
 
 def test_what_was_known_exactly_or_not_at_all_is_left_out_of_the_check():
-    model = StateSpace(0.9 * np.eye(2), C=[[1.0, 0.0], [1.0, 1.0], [0.0, 2.0]], Q=0.1 * np.eye(2), R=np.diag([0, 1, 0]), dt=1)
+    model = StateSpace(
+        0.9 * np.eye(2), C=[[1.0, 0.0], [1.0, 1.0], [0.0, 2.0]], Q=0.1 * np.eye(2), R=np.diag([0, 1, 0]), dt=1
+    )
     drawn = simulate_bank(model, seed=1, runs=1, steps=4000).items.record.y[0]
     diffuse = Prior([7.0, -5.0], np.zeros((2, 2)), diffuse=np.eye(2))
     result = estimate(Kalman(model), Record(drawn, dt=1), prior=diffuse)

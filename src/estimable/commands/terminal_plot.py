@@ -132,7 +132,7 @@ def _time_axis(frame: Frame, margin: int, ink: Ink) -> list[str]:
         column = _column(frame, value)
         line[column] = ink.mark
         start = min(margin + 1 + max(column - len(label) // 2, 0), len(words) - len(label))
-        words[start:start + len(label)] = label
+        words[start : start + len(label)] = label
     return [" " * margin + ink.corner + "".join(line), "".join(words).rstrip()]
 
 
@@ -142,7 +142,7 @@ def _spans(frame: Frame, margin: int, marks: dict[str, tuple[float, float]], ink
     for name, (start, end) in marks.items():
         first, last = _column(frame, start), _column(frame, end)
         span = f"{name:{ink.floor}^{last - first + 1}}"
-        free = set(line[first:last + 1]) == {" "}
+        free = set(line[first : last + 1]) == {" "}
         if free and len(span) <= last - first + 1 and len(span) >= len(name) + 2:
-            line[first:last + 1] = ["|", *span[1:-1], "|"]
+            line[first : last + 1] = ["|", *span[1:-1], "|"]
     return [(" " * (margin + 1) + "".join(line)).rstrip()] if set(line) != {" "} else []

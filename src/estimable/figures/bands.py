@@ -52,7 +52,12 @@ def bands(result: Any) -> list[Band]:
     return [
         *_of("state", result.names.states, result.mean, result.covariance, result.diffuse_covariance),
         *_of("gain", result.names.gains, result.gain, result.gain_covariance, gain_diffuse),
-        *_of("innovation", tuple(map(result.names.labelled, result.names.outputs)), result.innovation, result.innovation_covariance),
+        *_of(
+            "innovation",
+            tuple(map(result.names.labelled, result.names.outputs)),
+            result.innovation,
+            result.innovation_covariance,
+        ),
     ]
 
 

@@ -81,9 +81,7 @@ class UnknownGain:
             )
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
         faults.finish()
-        set_field(
-            self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting
-        )
+        set_field(self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting)
 
     def _read_directions(self, faults: checks.Faults) -> Any:
         given = "one" if self.directions is None else self.directions
@@ -98,7 +96,9 @@ class UnknownGain:
             given = faults.array("directions", given, "p n m")
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
-            faults.add(f"`gain` must be a prior of {checks.counted(p, 'gain')}: {faults.sources['p']}. Got {self.gain.size}.")
+            faults.add(
+                f"`gain` must be a prior of {checks.counted(p, 'gain')}: {faults.sources['p']}. Got {self.gain.size}."
+            )
         return given
 
     def _read_feedthrough(self, faults: checks.Faults) -> Any:
@@ -107,7 +107,9 @@ class UnknownGain:
             return None if given is None else faults.array("feedthrough", given, "p outputs m")
         faults.choice("feedthrough", given, ("scaled",))
         if self.directions is not None and not _is_word(self.directions):
-            faults.add('`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).')
+            faults.add(
+                '`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).'
+            )
         return given
 
     def _read_walk(self, faults: checks.Faults) -> Any:

@@ -40,7 +40,7 @@ def batch_gain(
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    (N, y), n = z.shape, len(x0)
+    N, n = len(z), len(x0)
     H, z0, noise = _stack(A, B0, B, C, Q, R, u, N)
     seen = ~np.isnan(z.ravel())
     H, e, V = H[seen], (z.ravel() - z0)[seen], noise[np.ix_(seen, seen)]

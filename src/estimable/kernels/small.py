@@ -59,9 +59,9 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
         g = N[j]
         h = apply(N, g)                                                # h_j = |g|²
         norm = jnp.where(h[j] > 0, h[j], 1.0)
-        l = jnp.where(jnp.arange(n) >= j, h, 0.0) / jnp.sqrt(norm)     # what the later rows have in common with g / |g|
+        common = jnp.where(jnp.arange(n) >= j, h, 0.0) / jnp.sqrt(norm)  # of the later rows with g / |g|
         N = N - (h / norm)[:, None] * g[None, :]
-        return N, jnp.where(jnp.arange(n)[None, :] == j, l[:, None], L)
+        return N, jnp.where(jnp.arange(n)[None, :] == j, common[:, None], L)
 
     return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]
 
@@ -78,9 +78,9 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
         P, L = carry
         pivot = P[j, j]
         positive = pivot > floor[j]
-        l = jnp.where(jnp.arange(n) >= j, P[:, j], 0.0) / jnp.sqrt(jnp.where(positive, pivot, 1.0))
-        l = jnp.where(positive, l, 0.0)
-        return P - l[:, None] * l[None, :], jnp.where(jnp.arange(n)[None, :] == j, l[:, None], L)
+        common = jnp.where(jnp.arange(n) >= j, P[:, j], 0.0) / jnp.sqrt(jnp.where(positive, pivot, 1.0))
+        common = jnp.where(positive, common, 0.0)
+        return P - common[:, None] * common[None, :], jnp.where(jnp.arange(n)[None, :] == j, common[:, None], L)
 
     return repeat(n, eliminate, (jnp.asarray(P), jnp.zeros((n, n))))[1]
 

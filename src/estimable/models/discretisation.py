@@ -34,17 +34,15 @@ def _read_steps(dt, model: StateSpace, faults: checks.Faults):
     """One step length, or one a row, in seconds."""
     try:
         steps = np.asarray(dt)
-        sound = steps.dtype.kind in "fiu" and steps.size > 0 and np.all(np.isfinite(steps)) and np.all(steps > 0)
-    except ValueError:
-        sound = False
-    if not sound:
+    except ValueError:  # ragged
+        steps = np.zeros(0)
+    if steps.dtype.kind not in "fiu" or steps.size == 0 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
         faults.add(f"`dt` must be a positive number of seconds. Got {checks.short(dt)}.")
-    elif steps.ndim > 1 or (steps.ndim == 1 and model.steps not in (None, len(steps))):
+        return np.ones(1)
+    if steps.ndim > 1 or (steps.ndim == 1 and model.steps not in (None, len(steps))):
         rows = "" if model.steps is None else f": the model varies over {model.steps} rows of time"
         faults.add(f"`dt` must be one number, or one a row (T,){rows}. Got {steps.shape}.")
-    else:
-        return steps.astype(float)
-    return None
+    return steps.astype(float)
 
 
 def over(A, B, GQG, h, *, hold):
@@ -60,7 +58,7 @@ def over(A, B, GQG, h, *, hold):
         )
     if hold == "zero_order":
         return Φ, Γ @ B, None, Qd
-    ramp = Γ2 / h[..., None, None]                       # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
+    ramp = Γ2 / h[..., None, None]  # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
 
 
@@ -84,10 +82,10 @@ def _noise_integral(A, GQG, h):
     step = (h / 2.0**doublings)[..., None, None]
     M = np.zeros((*np.broadcast_shapes(A.shape[:-2], GQG.shape[:-2], h.shape), 2 * n, 2 * n))
     M[..., :n, :n], M[..., :n, n:], M[..., n:, n:] = -A, GQG, np.swapaxes(A, -1, -2)
-    size = np.abs(GQG).max(initial=0.0) or 1.0                       # so that Q does not count in the norm below
+    size = np.abs(GQG).max(initial=0.0) or 1.0  # so that Q does not count in the norm below
     E = exponential(np.where(_upper_right(n), M / size, M) * step)
     Φ = np.swapaxes(E[..., n:, n:], -1, -2)
-    Qd = size * (Φ @ E[..., :n, n:])                                 # Van Loan (1.4)
+    Qd = size * (Φ @ E[..., :n, n:])  # Van Loan (1.4)
     for _ in range(doublings):
         Qd = Qd + Φ @ Qd @ np.swapaxes(Φ, -1, -2)
         Φ = Φ @ Φ

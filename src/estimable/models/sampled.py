@@ -51,7 +51,9 @@ class SampledModel:
         if not self.varying:
             return self
         row = k if self.rows is None else self.rows[k]
-        instant = {name: jax.lax.dynamic_index_in_dim(getattr(self, name), row, keepdims=False) for name in self.varying}
+        instant = {
+            name: jax.lax.dynamic_index_in_dim(getattr(self, name), row, keepdims=False) for name in self.varying
+        }
         return replace(self, rows=None, varying=(), **instant)
 
 
@@ -61,7 +63,9 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
     Leading axes of a stacked model stay in front. Traceable for a discrete model. Raises `InputError` without R.
     """
     if model.R is None:
-        checks.refuse("`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros.")
+        checks.refuse(
+            "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."
+        )
     rows = None
     if model.is_continuous:
         model, rows = _discrete(model, clock)
@@ -111,7 +115,13 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
     changed = {name: M[..., 0, :, :] if name in fixed else M for name, M in changed.items()}
     varying = {name for name, M in changed.items() if M is not None} - fixed
     kept = {name for name in model.varying if name in ("C", "D", "R")}
-    return replace(model, **changed, G=np.broadcast_to(np.eye(model.n), Φ[..., 0, :, :].shape), dt=float(np.mean(lengths)), varying=tuple(sorted(varying | kept))), rows
+    return replace(
+        model,
+        **changed,
+        G=np.broadcast_to(np.eye(model.n), Φ[..., 0, :, :].shape),
+        dt=float(np.mean(lengths)),
+        varying=tuple(sorted(varying | kept)),
+    ), rows
 
 
 def _white(model: StateSpace):
@@ -121,9 +131,7 @@ def _white(model: StateSpace):
         return factors(model.R), None, G @ factors(Q)
     Q, R, S, G = _together(model, ("Q", "R", "S", "G"))
     p = model.p
-    joint = jnp.concatenate(
-        [jnp.concatenate([R, jnp.swapaxes(S, -1, -2)], -1), jnp.concatenate([S, Q], -1)], axis=-2
-    )
+    joint = jnp.concatenate([jnp.concatenate([R, jnp.swapaxes(S, -1, -2)], -1), jnp.concatenate([S, Q], -1)], axis=-2)
     L = factors(joint)
     return L[..., :p, :p], G @ L[..., p:, :p], G @ L[..., p:, p:]
 
@@ -135,5 +143,6 @@ def _together(model: StateSpace, names):
     if T is None:
         return tuple(matrices)
     return tuple(
-        M if name in model.varying else jnp.repeat(M[..., None, :, :], T, axis=-3) for name, M in zip(names, matrices, strict=True)
+        M if name in model.varying else jnp.repeat(M[..., None, :, :], T, axis=-3)
+        for name, M in zip(names, matrices, strict=True)
     )

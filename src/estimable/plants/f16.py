@@ -15,12 +15,12 @@ from ..models.state_space import StateSpace
 
 A = np.array([[-1.3433, 0.9946], [3.5, -1.0521]])
 B = np.array([[-0.1525], [-24.3282]])
-ACTUATOR = 20.0                    # [1/s]: 20 / (s + 20) from the command to the deflection
+ACTUATOR = 20.0  # [1/s]: 20 / (s + 20) from the command to the deflection
 FEEDBACK = np.array([0.283, 0.876, -0.4])  # of alpha, q and the deflection, in dec = ... - .9964 q_c
 COMMAND = -0.9964
-INTEGRAL = -0.0001                 # of z, dz/dt = q_c - q
+INTEGRAL = -0.0001  # of z, dz/dt = q_c - q
 SIGMA_ALPHA, SIGMA_Q = 0.03, 0.1108  # sensor noise [deg], [deg/s]: "37.227 dB"
-RATE = 100.0                       # samples per second
+RATE = 100.0  # samples per second
 SECONDS = 16.5
 STATES, OUTPUTS, INPUTS = ("alpha", "pitch_rate"), ("alpha_deg", "pitch_rate_deg_s"), ("elevator_deg",)
 SIMULATIONS = ("continuous_actuator", "held_elevator")
@@ -114,7 +114,7 @@ def _transition(gain: float, held: bool) -> np.ndarray:
     M = np.zeros((6, 6))
     M[:2, :2], M[:2, 2:3] = A, gain * B
     M[3, 1], M[3, 5] = -1.0, 1.0
-    if held:                                   # the deflection jumps at the samples, as the actuator's exact response
+    if held:  # the deflection jumps at the samples, as the actuator's exact response
         step = exponential(M / RATE)[:4]
         decay = np.exp(-ACTUATOR / RATE)
         step[2] = [0.0, 0.0, decay, 0.0, 1 - decay, 0.0]

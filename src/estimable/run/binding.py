@@ -61,7 +61,9 @@ def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = 
     samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
-    return Bound((algorithms or algorithm).sampled(clock), samples, intervals, names._replace(units=record.units), rows.t)
+    return Bound(
+        (algorithms or algorithm).sampled(clock), samples, intervals, names._replace(units=record.units), rows.t
+    )
 
 
 def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
@@ -69,7 +71,9 @@ def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
     if isinstance(algorithm, type):
         faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
     elif not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
-        faults.add(f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}.")
+        faults.add(
+            f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}."
+        )
 
 
 def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
@@ -94,7 +98,9 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
 def check_prior(prior: Any, model: StateSpace, faults: checks.Faults) -> None:
     """The prior must describe the model's states."""
     if prior.mean.shape[-1] != model.n:
-        faults.add(f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.mean.shape[-1]}.")
+        faults.add(
+            f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.mean.shape[-1]}."
+        )
 
 
 def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:
@@ -119,7 +125,7 @@ def check_hold(model: StateSpace, hold: str, faults: checks.Faults) -> None:
         )
     if hold == "zero_order" and model.B_end is not None:
         faults.add(
-            'the model was discretised for an input that moves between samples (it has `B_end`), but the record says '
+            "the model was discretised for an input that moves between samples (it has `B_end`), but the record says "
             'hold = "zero_order".'
         )
 

@@ -59,7 +59,9 @@ def _bind(algorithms: Any, records: Any, prior: Any) -> Bound:
     parts = {"algorithms": algorithms, "records": records, "prior": prior}
     sizes = {name: len(part) for name, part in parts.items() if isinstance(part, Stacked)}
     if not sizes:
-        checks.refuse("nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors.")
+        checks.refuse(
+            "nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors."
+        )
     if len(set(sizes.values())) > 1:
         told = ", ".join(f"`{name}` holds {size}" for name, size in sizes.items())
         checks.refuse(f"everything stacked must have one size: {told}.")
@@ -84,7 +86,9 @@ def _check_times(bank: Record) -> None:
     steps = np.diff(bank.t, axis=-1)
     apart = np.abs(steps - steps[0]).max(axis=-1) > UNIFORM * steps.min()
     if apart.any():
-        checks.refuse(f"the records of a bank must have the same time steps: record {np.argmax(apart)} differs from record 0.")
+        checks.refuse(
+            f"the records of a bank must have the same time steps: record {np.argmax(apart)} differs from record 0."
+        )
 
 
 @partial(jax.jit, static_argnames=("keep", "axes"))

@@ -74,7 +74,9 @@ class Online:
         y = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
         if self.progress.corrected and model.S is not None:
-            faults.add("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once.")
+            faults.add(
+                "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
+            )
         if u is None and np.any(model.D):
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
@@ -94,7 +96,7 @@ class Online:
         dt = self._step(dt, faults)
         self._check_room(faults)
         if u is None and model.m:
-            faults.add(f"`u` must be given to predict: the model has {model.m} input(s).")
+            faults.add(f"`u` must be given to predict: the model has {checks.counted(model.m, 'input')}.")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         end = applied
         if self.progress.hold == "first_order" and model.m:
@@ -125,7 +127,9 @@ class Online:
             return self.progress.dt if model.is_continuous else model.dt
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         if dt is not None and not model.is_continuous and abs(dt - model.dt) > 1e-6 * model.dt:
-            faults.add(f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed.")
+            faults.add(
+                f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed."
+            )
         return dt
 
     def _applied(self, u: Any, arrived: Any, faults: checks.Faults):

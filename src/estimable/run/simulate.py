@@ -92,31 +92,40 @@ def _check_call(model, prior, seed, runs, steps) -> None:
 def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
-    if u is None and model.m:
-        faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s).")
-    if u is not None and np.ndim(u) == 0:
-        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
-    elif u is not None and steps not in (None, len(u)):
-        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
-    if u is None and steps is None and t is None:
-        faults.add("`steps` must say how many rows to draw, as there is no `u`.")
+    _check_rows(model, u, steps, t, faults)
     if model.is_continuous and dt is None and t is None:
         faults.add("`dt` or `t` must be given, in seconds: the model is continuous.")
     if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
         faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
     faults.finish()
-    rows = steps if u is None and steps is not None else len(t if u is None else u)  # type: ignore[arg-type]
+    rows = len(u) if u is not None else steps if steps is not None else len(t)
     u = np.zeros((rows, 0)) if u is None else u
     record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
     if record.u.shape[1] != model.m:
-        faults.add(f"`u` must be (T, m) = (T, {model.m}): the model has {model.m} input(s). Got {record.u.shape}.")
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}. Got {record.u.shape}.")
     if np.isnan(record.u).any():
         faults.add("`u` must not hold NaN: a simulation needs every input.")
     if model.steps is not None and model.steps != rows:
         faults.add(f"the model varies over {model.steps} rows of time, the input has {rows}.")
     faults.finish()
     return record
+
+
+def _inputs(model: StateSpace) -> str:
+    return f"the model has {checks.counted(model.m, 'input')}"
+
+
+def _check_rows(model: StateSpace, u, steps, t, faults: checks.Faults) -> None:
+    """How many rows to draw must be said, once."""
+    if u is None and model.m:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
+    if u is not None and np.ndim(u) == 0:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
+    elif u is not None and steps not in (None, len(u)):
+        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
+    if u is None and steps is None and t is None:
+        faults.add("`steps` must say how many rows to draw, as there is no `u`.")
 
 
 @jax.jit

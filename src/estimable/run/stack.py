@@ -41,7 +41,9 @@ def stack(items: Sequence[Any]) -> Stacked:
     shapes = _shapes(things[0])
     for i, thing in enumerate(things[1:], start=1):
         if type(thing) is not type(things[0]):
-            checks.refuse(f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}.")
+            checks.refuse(
+                f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}."
+            )
         if jax.tree_util.tree_structure(thing) != first:
             checks.refuse(f"item {i} differs from item 0 in {_first_fixed_difference(things[0], thing)}.")
         if _shapes(thing) != shapes:
@@ -63,7 +65,9 @@ def _first_fixed_difference(a: Any, b: Any) -> str:
     """The first field that is no number, and differs: a name, an option, or a part given in one only."""
     for field in dataclasses.fields(a):
         left, right = getattr(a, field.name), getattr(b, field.name)
-        if jax.tree_util.tree_structure(left) != jax.tree_util.tree_structure(right) or field.name in static_fields(type(a)):
+        if jax.tree_util.tree_structure(left) != jax.tree_util.tree_structure(right) or field.name in static_fields(
+            type(a)
+        ):
             if dataclasses.is_dataclass(left) and type(left) is type(right):
                 return f"`{field.name}`: {_first_fixed_difference(left, right)}"
             if field.name not in static_fields(type(a)) or left != right:
