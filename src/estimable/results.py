@@ -58,9 +58,10 @@ OUTCOMES = {
 }
 
 
-def outcome_code(contradicted, mean, factor):
-    """The code of a step: 1 where mean (n,) or factor (n, k) is not finite, else 2 where a datum was contradicted."""
-    finite = jnp.isfinite(jnp.sum(jnp.concatenate([mean[:, None], factor], axis=1)))
+def outcome_code(contradicted, mean, *factors):
+    """The code of a step: 1 where the mean (n,) or the square of a factor (n, k) is not finite, else 2 where a datum was
+    contradicted."""
+    finite = jnp.isfinite(jnp.sum(mean) + sum(jnp.sum(factor * factor) for factor in factors))
     return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
 
 
@@ -173,6 +174,19 @@ class Estimate(Kept):
     engine: str = static()
     names: Names = static()
 
+    def __repr__(self) -> str:
+        rows = "" if self.outcome.code == 0 else f"; {self.outcome.sentence}"
+        last = []
+        for names, values, P in (
+            (self.names.states, self.mean, self.covariance),
+            (self.names.gains, self.gain, self.gain_covariance),
+        ):
+            for i, name in enumerate(names if values is not None else ()):
+                sigma = "" if P is None else f" ± {P[-1, i, i] ** 0.5:.3g}"
+                last.append(f"{name} = {values[-1, i]:.4g}{sigma}")
+        end = "" if not last else f"; at the end {', '.join(last)} (1 sigma)"
+        return f"Estimate(log-likelihood {self.log_likelihood:.6g}, engine {self.engine}{end}{rows})"
+
     def to_pandas(self):
         """A DataFrame, one row a sample, indexed by time: each state, gain and innovation with its standard deviation."""
         from .tables import to_pandas
@@ -202,6 +216,10 @@ class EstimateBank(Kept):
     outcomes: tuple[Outcome, ...] = static()
     engine: str = static()
     names: Names = static()
+
+    def __repr__(self) -> str:
+        failed = sum(outcome.code != 0 for outcome in self.outcomes)
+        return f"EstimateBank({len(self)} runs, {failed} failed, engine {self.engine})"
 
     def __len__(self) -> int:
         return len(self.outcomes)

@@ -1,5 +1,7 @@
 """Results as tables."""
 
+from typing import Any
+
 import numpy as np
 
 from . import checks
@@ -9,21 +11,43 @@ BLOCKS = (  # field, covariance, which names, prefix of the columns
     ("gain", "gain_covariance", "gains", ""),
     ("innovation", "innovation_covariance", "outputs", "innovation_"),
 )
+NEGLIGIBLE = 1e-12  # of the largest diffuse variance of a row: rounding, in a direction that has been determined
+
+
+def standard_deviation(covariance: Any, diffuse: Any = None) -> np.ndarray:
+    """Standard deviations (T, n) of covariances (T, n, n); infinite where `diffuse` says that nothing is known.
+
+    >>> standard_deviation([[[4.0]]]).tolist(), standard_deviation([[[4.0]]], [[[1.0]]]).tolist()
+    ([[2.0]], [[inf]])
+    """
+    sigma = np.sqrt(np.maximum(_diagonal(covariance), 0.0))
+    if diffuse is None:
+        return sigma
+    unknown = _diagonal(diffuse)
+    largest = unknown.max(axis=-1, keepdims=True, initial=0.0)
+    return np.where(unknown > NEGLIGIBLE * largest, np.inf, sigma)
+
+
+def _diagonal(matrices: Any) -> np.ndarray:
+    return np.diagonal(np.asarray(matrices, float), axis1=-2, axis2=-1)
 
 
 def to_pandas(result):
-    """One row a sample, indexed by time (or by sample): each quantity beside its standard deviation."""
+    """One row a sample, indexed by time (or by sample): each quantity beside its standard deviation, which is infinite
+    where nothing is known of it (a diffuse prior)."""
     import pandas as pd
 
     columns = {}
+    diffuse = {"mean": result.diffuse_covariance, "gain": result.extra.get("gain_diffuse_covariance")}
     for field, covariance, kind, prefix in BLOCKS:
         values, P = getattr(result, field), getattr(result, covariance)
         if values is None:
             continue
+        sigma = None if P is None else standard_deviation(P, diffuse.get(field))
         for i, name in enumerate(getattr(result.names, kind)):
             columns[prefix + name] = values[:, i]
-            if P is not None:
-                columns[f"{prefix}{name}_sigma"] = np.sqrt(P[:, i, i])
+            if sigma is not None:
+                columns[f"{prefix}{name}_sigma"] = sigma[:, i]
     if result.log_likelihood_steps is not None:
         columns["log_likelihood"] = result.log_likelihood_steps
     if not columns:
@@ -48,6 +72,8 @@ def to_xarray(result):
                 variables[name] = (("time", *shape), getattr(result, name))
     if result.log_likelihood_steps is not None:
         variables["log_likelihood_steps"] = (("time",), result.log_likelihood_steps)
+    if not variables:
+        checks.refuse('this result has no rows: it was kept with keep="likelihood".')
     if result.t is not None:
         coordinates["time"] = result.t
     used = {dimension for dimensions, _ in variables.values() for dimension in dimensions}

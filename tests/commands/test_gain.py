@@ -58,7 +58,7 @@ def test_demo_for_people(run, width):
     assert "before 2 to 4 0.93 ± 0.36 7 % ± 36 %" in words
     assert "after 10 to 12 0.49 ± 0.22 51 % ± 22 %" in words
     assert "The gain fell from 0.93 to 0.49" in words
-    assert "Innovation check (NIS): 1.96, expected 2.00 (1.82 to 2.20): the covariances are right." in words
+    assert "Innovation check (NIS): 1.963, expected 2.000 (1.816 to 2.195): nothing speaks against" in words
     assert "░" in answer.stdout
     assert "before" in answer.stdout.splitlines()[-4]
     assert "estimable gain YOUR.csv --model YOUR.toml" in answer.stderr

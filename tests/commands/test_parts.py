@@ -57,7 +57,12 @@ def test_one_sample_is_before_and_after(t):
         (-1.0, -1.5, 0.1, "The gain rose from -1.00 to -1.50; chance alone explains up to 0.28 (2 sigma)."),
         (1.0, -1.5, 0.1, "The gain changed from 1.00 to -1.50; chance alone explains up to 0.28 (2 sigma)."),
         (17.502, 17.498, 5e-4, "The gain fell from 17.5020 to 17.4980; chance alone explains up to 0.0014 (2 sigma)."),
-        (1.0, 0.9, 0.1, "The gain: no change is shown; 1.00 and 0.90 differ by less than 2 sigma (0.28)."),
+        (
+            1.0,
+            0.9,
+            0.1,
+            "The gain: no change is shown, 2 to 4 s against 10 to 12 s: 1.00 and 0.90 differ by less than 2 sigma (0.28).",
+        ),
     ],
 )
 def test_what_is_found_of_one_gain(before, after, sigma, finding):

@@ -103,11 +103,11 @@ def test_the_clock_of_a_record_without_time_is_that_of_the_model():
     assert (float(clock.lengths), clock.rows, clock.hold) == (0.3, None, "first_order")
 
 
-def test_the_clock_tells_each_length_once_and_which_row_has_it():
+def test_the_clock_tells_which_length_each_row_has_and_fills_up_to_a_power_of_two():
     steps = np.array([0.1, 0.2, 0.1, 0.1, 0.4])
     t = np.concatenate([[0.0], np.cumsum(steps)])
     clock = Record(np.zeros(6), t=t, hold="first_order").clock()
-    assert len(clock.lengths) == 3
+    np.testing.assert_allclose(clock.lengths, [0.1, 0.2, 0.4, 0.4], rtol=1e-12)
     np.testing.assert_allclose(clock.lengths[clock.rows[:-1]], steps, rtol=1e-12)
     assert clock.rows[-1] == clock.rows[-2]
     assert clock.hold == "first_order"

@@ -13,7 +13,9 @@ import estimable
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-MODULES = sorted(m.name for m in pkgutil.walk_packages(estimable.__path__, "estimable."))
+MODULES = sorted(
+    m.name for m in pkgutil.walk_packages(estimable.__path__, "estimable.") if m.name != "estimable.__main__"
+)
 
 
 @pytest.mark.parametrize("name", MODULES)

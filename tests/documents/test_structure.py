@@ -31,6 +31,7 @@ ROOMS = (
     ("figures",),
     ("report", "reproductions"),
     ("commands",),
+    ("__main__",),
 )
 LAZY = {("results", "figures"), ("run", "store")}  # .plot() and online(...).save()
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}

@@ -27,12 +27,12 @@ RECORDS = {
     ),
     "t back": (
         dict(t=[0.0, 2.0, 1.0]),
-        ("`t` must increase. At row 2 it goes from 2.0 to 1.0 s: sort the rows, and drop repeated ones."),
+        ("`t` must increase. From t[1] to t[2] it goes from 2.0 to 1.0 s: sort the rows, and drop repeated ones."),
     ),
     "t repeated": (
         dict(t=[1.5e9, 1.5e9, 1.5e9 + 1]),
         (
-            "`t` must increase. At row 1 it goes from 1500000000.0 to 1500000000.0 s: sort the rows, and "
+            "`t` must increase. From t[0] to t[1] it goes from 1500000000.0 to 1500000000.0 s: sort the rows, and "
             "drop repeated ones."
         ),
     ),

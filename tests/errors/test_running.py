@@ -110,15 +110,15 @@ ESTIMATES = {
     "input not logged": (
         (Kalman(MODEL), record(u=[1.0, np.nan, 1.0]), PRIOR),
         (
-            "input 'u' is not known at row 1: NaN, or nobody knows whether it arrived. This algorithm needs "
-            "every input; one that nobody measured needs an unknown-input filter."
+            "input 'u' is not known at u[1], row 2 of the record: NaN, or nobody knows whether it arrived. This algorithm needs "
+            "every input: fill it in with what the actuator did, or cut the record there."
         ),
     ),
     "fate unknown": (
         (Kalman(MODEL), record(arrived=[1, 0, np.nan]), PRIOR),
         (
-            "input 'u' is not known at row 2: NaN, or nobody knows whether it arrived. This algorithm needs "
-            "every input; one that nobody measured needs an unknown-input filter."
+            "input 'u' is not known at u[2], row 3 of the record: NaN, or nobody knows whether it arrived. This algorithm needs "
+            "every input: fill it in with what the actuator did, or cut the record there."
         ),
     ),
 }
@@ -156,7 +156,7 @@ def test_options_are_refused_with_those_there_are(refused):
 
 def test_an_output_only_algorithm_is_not_given_an_unknown_input_by_accident(refused):
     (sentence,) = refused(lambda: estimate(UnknownGain(MODEL, PRIOR), record(u=[1.0, 1.0, np.nan]), prior=PRIOR))
-    assert sentence.startswith("input 'u' is not known at row 2: ")
+    assert sentence.startswith("input 'u' is not known at u[2], row 3 of the record: ")
 
 
 def test_a_result_without_rows_is_no_table(refused):
@@ -255,8 +255,8 @@ BANKS = {
     "one input not logged": (
         (Kalman(MODEL), [RECORD, record(u=[1.0, 1.0, np.nan])], PRIOR),
         (
-            "input 'u' is not known at row 2 of run 1: NaN, or nobody knows whether it arrived. This "
-            "algorithm needs every input; one that nobody measured needs an unknown-input filter."
+            "input 'u' is not known at u[2] of run 1, row 3 of the record: NaN, or nobody knows whether it arrived. This "
+            "algorithm needs every input: fill it in with what the actuator did, or cut the record there."
         ),
     ),
 }

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, estimate
-from estimable.figures.bands import standard_deviation
 from estimable.figures.estimates import plot_estimate
+from estimable.tables import standard_deviation
 
 NAMES = {"states": ["level"], "inputs": ["valve"], "outputs": ["gauge"]}
 MODEL = StateSpace([[0.9]], [[1.0]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=0.5, **NAMES)

@@ -32,7 +32,7 @@ def gain(
         run = run_filter("unknown-gain", record, model, settings=settings or (), reading=reading)
     present("gain", run, machine)
     if not machine:
-        show.notes(*gain_text.next_steps(run))
+        show.notes(*gain_text.next_steps(run, settings or (), reading))
 
 
 def present(command: str, run: Run, machine: bool) -> None:

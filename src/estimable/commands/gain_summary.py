@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..figures.bands import standard_deviation
 from ..filters.unknown_gain import UnknownGain
+from ..tables import standard_deviation
 from .numbers import decimals
 
 WINDOW = 2.0  # seconds over which the gain is averaged
@@ -47,7 +47,8 @@ class GainSummary(NamedTuple):
             return f"{name}: the record does not say what it is."
         was, now, chance = (f"{value:.{decimals(spread)}f}" for value in (before, after, spread))
         if abs(after - before) <= spread:
-            return f"{name}: no change is shown; {was} and {now} differ by less than 2 sigma ({chance})."
+            early, late = (f"{window.start:.4g} to {window.end:.4g} s" for window in (self.before, self.after))
+            return f"{name}: no change is shown, {early} against {late}: {was} and {now} differ by less than 2 sigma ({chance})."
         word = "changed" if (before < 0) != (after < 0) else "fell" if abs(after) < abs(before) else "rose"
         return f"{name} {word} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
 

@@ -1,11 +1,12 @@
 """The gain of a record, for people."""
 
 import shlex
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from ..figures.bands import standard_deviation
+from ..tables import standard_deviation
 from . import innovations
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
@@ -19,6 +20,7 @@ WIDEST = 100
 def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     """What `gain` and `demo` say to a machine."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
+    check = innovations.innovation_check(result)
     return {
         "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
         "record": str(run.record_path),
@@ -38,20 +40,26 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
         "gain_after": by_name(names, after.mean),
         "gain_after_sigma": by_name(names, after.sigma),
         "after_s": [after.start, after.end],
-        "findings": summary.findings,
+        "findings": findings(summary, check),
         "log_likelihood": result.log_likelihood,
-        "nis": innovations.described(innovations.innovation_check(result)),
+        "nis": innovations.described(check),
     }
 
 
 def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
     """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
+    check = innovations.innovation_check(run.result)
     return [
-        *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *summary.findings, "",
+        *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *findings(summary, check), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",
-        innovations.sentence(innovations.innovation_check(run.result)),
+        innovations.sentence(check),
     ]  # fmt: skip
+
+
+def findings(summary: GainSummary, check: Any) -> tuple[str, ...]:
+    """What the record says of each gain; first of all, whether the model explains the record."""
+    return (*innovations.warning(check), *summary.findings)
 
 
 def header(run: Run) -> list[str]:
@@ -66,10 +74,16 @@ def header(run: Run) -> list[str]:
     ]
 
 
-def next_steps(run: Run) -> tuple[str, ...]:
-    """What to do after `gain`."""
-    paths = f"{shlex.quote(str(run.record_path))} --model {shlex.quote(str(run.model_path))}"
-    return ("", "Every sample, as a table:", f"  estimable estimate {paths} --filter unknown-gain --out gain.csv")
+def next_steps(run: Run, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:
+    """What to do after `gain`: the same run again, with a table."""
+    words = [str(run.record_path), "--model", str(run.model_path)]
+    for setting in settings:
+        words += ["--set", setting]
+    for name, value in reading.items():
+        for one in value if isinstance(value, list) else [value]:
+            words += [] if one is None else [f"--{name}", str(one)]
+    command = f"estimable estimate {shlex.join(words)} --filter unknown-gain --out gain.csv"
+    return ("", "Every sample, as a table:", f"  {command}")
 
 
 def _table(run: Run, summary: GainSummary, sign: str) -> Any:

@@ -18,6 +18,17 @@ def innovation_check(result: Any) -> Consistency | None:
         return None
 
 
+def warning(check: Consistency | None) -> tuple[str, ...]:
+    """What to say before any number, where the innovations are larger than the covariances allow."""
+    if check is None or check.mean <= check.upper:
+        return ()
+    return (
+        f"The model does not explain this record: its innovations are {check.mean / check.expected:.3g} times what the "
+        "covariances allow, so neither are the numbers here what their sigmas say. Look at the units, the time, the order "
+        "and signs of the columns, lost inputs; then at Q and R.",
+    )
+
+
 def described(check: Consistency | None) -> dict[str, Any] | None:
     """A check as JSON holds it."""
     return None if check is None else {**check._asdict(), "consistent": check.consistent, "sentence": check.sentence}

@@ -155,6 +155,13 @@ def _read_mat(path: Path, wanted: list[str]):
             kind = _kind(found[name])
             faults.add(f"variable {name!r} must be a vector of numbers, one for each channel. It is {kind}.")
     faults.finish()
+    structs = [name for name, value in found.items() if value.dtype.names is not None]
+    if structs and not any(name in found for name in wanted):
+        fields = ", ".join(found[structs[0]].dtype.names)
+        checks.refuse(
+            f"there is no variable {checks.listed(wanted)}, but a struct {structs[0]!r} with the fields {fields}: save its "
+            f"fields as variables, with save('file.mat', '-struct', '{structs[0]}')."
+        )
     vectors = {name: np.ravel(value) for name, value in found.items() if _is_vector(value)}
     lengths = {name: len(vectors[name]) for name in dict.fromkeys(wanted) if name in vectors}
     if len(set(lengths.values())) > 1:

@@ -87,6 +87,13 @@ class Record:
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units
         )
 
+    def __repr__(self) -> str:
+        lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"
+        missing = np.isnan(self.y).sum()
+        gaps = "" if not missing else f", {missing} of {self.y.size} outputs not seen"
+        channels = f"outputs {', '.join(self.outputs)}" + (f"; inputs {', '.join(self.inputs)}" if self.inputs else "")
+        return f"Record({checks.counted(len(self), 'row')}{lasting}; {channels}{gaps})"
+
     def __len__(self) -> int:
         return self.y.shape[0]
 
@@ -130,8 +137,10 @@ class Record:
         """The steps of this record; `dt` where it has no time of its own. The last row has the step before it."""
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
-            return Clock.every(1.0 if regular is None else regular, self.hold)
-        lengths, rows = _groups(np.diff(self.t), _scatter(self.t, np.median(np.diff(self.t))))
+            return Clock.every(0.0 if regular is None else regular, self.hold)
+        lengths, rows = _groups(np.diff(self.t), scatter(self.t, np.median(np.diff(self.t))))
+        filled = 2 ** int(np.ceil(np.log2(len(lengths))))  # so that another record seldom compiles anew
+        lengths = np.append(lengths, np.full(filled - len(lengths), lengths[-1]))
         return Clock(lengths, np.append(rows, rows[-1]), self.hold)
 
     def applied(self) -> np.ndarray:
@@ -140,10 +149,10 @@ class Record:
             return self.u
         applied = np.where(self.arrived == 1, self.u, np.where(self.arrived == 0, 0.0, np.nan))
         if self.lost == "hold":
-            held = np.zeros_like(applied[..., 0, :]) if self.held is None else self.held
-            for k in range(applied.shape[-2]):
-                held = np.where(self.arrived[..., k, :] == 0, held, applied[..., k, :])
-                applied[..., k, :] = held
+            rows = np.arange(applied.shape[-2])[:, None]
+            last = np.maximum.accumulate(np.where(self.arrived != 0, rows, -1), axis=-2)  # row that the actuator holds
+            held = np.zeros_like(applied[..., :1, :]) if self.held is None else self.held[..., None, :]
+            applied = np.where(last < 0, held, np.take_along_axis(applied, np.maximum(last, 0), axis=-2))
         return applied
 
 
@@ -204,12 +213,14 @@ def _read_time(dt: Any, t: Any, rows: int, faults: checks.Faults) -> tuple[float
         return dt, None
     if np.any(back := np.diff(t) <= 0):
         k = int(np.argmax(back))
-        faults.add(f"`t` must increase. At row {k + 1} it goes from {float(t[k])} to {float(t[k + 1])} s: {REMEDY}.")
+        faults.add(
+            f"`t` must increase. From t[{k}] to t[{k + 1}] it goes from {float(t[k])} to {float(t[k + 1])} s: {REMEDY}."
+        )
         return dt, None
     if rows == 1:
         return dt, t
     mean, regular = float((t[-1] - t[0]) / (rows - 1)), _regular_step(t)
-    if dt is not None and (regular is None or abs(dt - mean) > _scatter(t, mean)):
+    if dt is not None and (regular is None or abs(dt - mean) > scatter(t, mean)):
         scattered = ", not regular" if regular is None else ""
         faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{scattered}. Give one.")
     return regular, t
@@ -220,10 +231,10 @@ def _regular_step(t: np.ndarray) -> float | None:
     if len(t) == 1:
         return None
     mean = float((t[-1] - t[0]) / (len(t) - 1))
-    return mean if np.all(np.abs(np.diff(t) - mean) <= _scatter(t, mean)) else None
+    return float(f"{mean:.12g}") if np.all(np.abs(np.diff(t) - mean) <= scatter(t, mean)) else None
 
 
-def _scatter(t: np.ndarray, step: float) -> float:
+def scatter(t: np.ndarray, step: float) -> float:
     """How far rounding may put a step from `step`: the rounding of a file, and that of large times in float64."""
     return UNIFORM * step + 4 * np.finfo(float).eps * np.abs(t).max()
 

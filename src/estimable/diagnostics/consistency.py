@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import checks
 
+GROSS = 30.0  # times the expected: no tuning of Q and R explains that
 KNOWN = 1e-10  # eigenvalue of a correlation matrix below which a combination counts as known exactly
 
 
@@ -26,12 +27,14 @@ class Consistency(NamedTuple):
     @property
     def sentence(self) -> str:
         """What it says, in words."""
-        band = f"{self.mean:.2f}, expected {self.expected:.2f} ({self.lower:.2f} to {self.upper:.2f})"
+        band = f"{self.mean:.3f}, expected {self.expected:.3f} ({self.lower:.3f} to {self.upper:.3f})"
         if self.consistent:
-            return f"{band}: the covariances are right"
+            return f"{band}: nothing speaks against the covariances"
+        if self.mean > GROSS * self.expected:
+            return f"{band}: the model is grossly wrong (units, time, order or sign of the channels?)"
         if self.mean > self.upper:
             return f"{band}: the covariances are too small (Q or R too small, or an effect that is not in the model)"
-        return f"{band}: the covariances are too large (Q or R too large)"
+        return f"{band}: the covariances are too large (Q, R, the prior or a walk too large)"
 
 
 def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Consistency:
@@ -47,9 +50,9 @@ def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Con
     >>> nis(e, np.broadcast_to(np.eye(2), (1000, 2, 2))).consistent
     True
     """
-    e = np.asarray(innovation, float)
+    e, S = _read("innovation", innovation, innovation_covariance, probability)
     p = e.shape[-1]
-    e, S = e.reshape(-1, p), np.asarray(innovation_covariance, float).reshape(-1, p, p)
+    e, S = e.reshape(-1, p), S.reshape(-1, p, p)
     told = ~np.isnan(e) & (np.einsum("bii->bi", S) > 0)
     total, samples, degrees = 0.0, 0, 0
     for pattern in np.unique(told, axis=0):
@@ -72,10 +75,34 @@ def nees(error, covariance, *, probability: float = 0.999) -> Consistency:
     >>> round(nees(np.ones((4, 1)), np.ones((4, 1, 1))).mean, 3)
     1.0
     """
-    squares, ranks = _squares(np.asarray(error, float), np.asarray(covariance, float))
+    error, covariance = _read("error", error, covariance, probability)
+    if error.ndim != 2 or np.isnan(error).any() or np.isnan(covariance).any():
+        checks.refuse("`error` must be (B, n), one row a run, and known like its covariance: no NaN.")
+    squares, ranks = _squares(error, covariance)
     if ranks.sum() == 0:
         checks.refuse("there is no error to judge by: every covariance is zero.")
     return _against_chi_square(float(squares.sum()), len(squares), int(ranks.sum()), probability)
+
+
+def _read(name: str, values, covariances, probability) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors (..., p), their covariances (..., p, p), and a probability between 0 and 1."""
+    faults = checks.Faults()
+    faults.number("probability", probability, above=0.0, upper=1.0)
+    read = []
+    for argument, value in (
+        (name, values),
+        (f"{name}_covariance" if name == "innovation" else "covariance", covariances),
+    ):
+        try:
+            read.append(np.asarray(value, float))
+        except (TypeError, ValueError):
+            faults.add(f"`{argument}` must be an array of numbers. Got {checks.short(value)}.")
+    if len(read) == 2 and (read[0].ndim == 0 or read[1].shape != (*read[0].shape, read[0].shape[-1])):
+        faults.add(
+            f"`{name}` must be (..., p) and its covariance (..., p, p). Got {read[0].shape} and {read[1].shape}."
+        )
+    faults.finish()
+    return read[0], read[1]
 
 
 def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-NEGLIGIBLE = 1e-12  # of the largest diffuse variance of a row: rounding, in a direction that has been determined
+from ..tables import standard_deviation
 
 
 class Band(NamedTuple):
@@ -14,20 +14,6 @@ class Band(NamedTuple):
     kind: str
     middle: np.ndarray
     sigma: np.ndarray | None
-
-
-def standard_deviation(covariance: Any, diffuse: Any = None) -> np.ndarray:
-    """Standard deviations (T, n) of covariances (T, n, n); infinite where `diffuse` says that nothing is known.
-
-    >>> standard_deviation([[[4.0]]]).tolist(), standard_deviation([[[4.0]]], [[[1.0]]]).tolist()
-    ([[2.0]], [[inf]])
-    """
-    sigma = np.sqrt(np.maximum(_diagonal(covariance), 0.0))
-    if diffuse is None:
-        return sigma
-    unknown = _diagonal(diffuse)
-    largest = unknown.max(axis=-1, keepdims=True, initial=0.0)
-    return np.where(unknown > NEGLIGIBLE * largest, np.inf, sigma)
 
 
 def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
@@ -67,7 +53,3 @@ def _of(kind: str, names: tuple[str, ...], values: Any, covariance: Any, diffuse
     sigma = None if covariance is None else standard_deviation(covariance, diffuse)
     columns = np.asarray(values).T
     return [Band(name, kind, columns[i], None if sigma is None else sigma[:, i]) for i, name in enumerate(names)]
-
-
-def _diagonal(matrices: Any) -> np.ndarray:
-    return np.diagonal(np.asarray(matrices, float), axis1=-2, axis2=-1)

@@ -16,13 +16,16 @@ from ..models.sampled import SampledModel
 class Belief:
     """Mean (n,), a factor of the covariance (n, k), and a basis (n, r) of what nothing is known of.
 
-    After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the process noise, of which
-    the outputs have told something.
+    `size` (n,) is that of the terms whose sum the mean is, and tells its rounding; the basis is in truth `diffuse`
+    exp(`log_scale`). After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the process
+    noise, of which the outputs have told something.
     """
 
     mean: Any
     factor: Any
     diffuse: Any
+    size: Any
+    log_scale: Any
     drift_mean: Any = None
     drift_factor: Any = None
 
@@ -34,7 +37,9 @@ class Belief:
 
 def believe(prior: Prior, origin=0.0) -> Belief:
     """The belief that a prior states, about deviations from `origin`."""
-    return Belief(jnp.asarray(prior.mean) - origin, factor(prior.covariance), diffuse_columns(prior))
+    mean = jnp.asarray(prior.mean)
+    size = jnp.abs(mean) + jnp.abs(origin)
+    return Belief(mean - origin, factor(prior.covariance), diffuse_columns(prior), size, jnp.zeros(()))
 
 
 def side_by_side(a: Belief, b: Belief) -> Belief:
@@ -43,6 +48,8 @@ def side_by_side(a: Belief, b: Belief) -> Belief:
         jnp.concatenate([a.mean, b.mean]),
         block_diagonal(a.factor, b.factor),
         block_diagonal(a.diffuse, b.diffuse),
+        jnp.concatenate([a.size, b.size]),
+        jnp.zeros(()),
     )
 
 
@@ -50,15 +57,26 @@ def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Beli
     """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
     if belief.drift_mean is not None:
         raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
-    post = kalman.correct(belief.mean, belief.factor, belief.diffuse, C, d, model.V, Ω, sample.y, sample.seen)
-    return Belief(post.m, post.Z, post.X, post.drift, post.Z_drift), post
+    post = kalman.correct(
+        belief.mean,
+        belief.factor,
+        belief.diffuse,
+        C,
+        d,
+        model.V,
+        Ω,
+        sample.y,
+        sample.seen,
+        belief.size,
+        belief.log_scale,
+    )
+    return Belief(post.m, post.Z, post.X, belief.size, belief.log_scale, post.drift, post.Z_drift), post
 
 
 def predict(belief: Belief, F, c, W, Ω) -> Belief:
     """Move to the next instant; Ω (or None) counts where no `correct` has brought it into the belief."""
     if Ω is not None and belief.drift_mean is None:
         W = jnp.concatenate([Ω, W], axis=1)
-    m, Z, X = kalman.predict(
-        belief.mean, belief.factor, belief.diffuse, belief.drift_mean, belief.drift_factor, F, c, W
-    )
-    return Belief(m, Z, X)
+    b = belief
+    moved = kalman.predict(b.mean, b.factor, b.diffuse, b.drift_mean, b.drift_factor, F, c, W, b.size, b.log_scale)
+    return Belief(*moved)

@@ -54,7 +54,7 @@ class Kalman:
 
     def sampled(self, clock: Clock) -> "Kalman":
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
-        return replace(self, ready=sample(self.model, clock))
+        return replace(self, ready=sample(self.model, clock), model=None)
 
     def at(self, k) -> "Kalman":
         """The filter at row k of a time-varying model."""
@@ -80,7 +80,7 @@ class Kalman:
             innovation_covariance=post.innovation_covariance,
             log_likelihood=post.log_likelihood,
             diffuse_covariance=gram(state.diffuse) if state.diffuse.shape[1] else None,
-            outcome=outcome_code(post.contradicted, state.mean, state.factor),
+            outcome=outcome_code(post.contradicted, state.mean, state.factor, state.diffuse),
         )
         return state, info
 

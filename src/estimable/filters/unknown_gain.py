@@ -96,9 +96,9 @@ class UnknownGain:
             given = faults.array("directions", given, "p n m")
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
-            faults.add(
-                f"`gain` must be a prior of {checks.counted(p, 'gain')}: {faults.sources['p']}. Got {self.gain.size}."
-            )
+            hint = ' For one gain an input: directions="per_input".' if self.directions is None else ""
+            gains = checks.counted(p, "gain")
+            faults.add(f"`gain` must be a prior of {gains}: {faults.sources['p']}. Got {self.gain.size}.{hint}")
         return given
 
     def _read_feedthrough(self, faults: checks.Faults) -> Any:
@@ -140,7 +140,7 @@ class UnknownGain:
 
     def sampled(self, clock: Clock) -> "UnknownGain":
         """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
-        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=factors(self.walk))
+        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=factors(self.walk), model=None)
 
     def at(self, k) -> "UnknownGain":
         """The filter at row k of a time-varying model."""
@@ -185,7 +185,7 @@ class UnknownGain:
             innovation_covariance=post.innovation_covariance,
             log_likelihood=post.log_likelihood,
             diffuse_covariance=None if diffuse is None else diffuse[:n, :n],
-            outcome=outcome_code(post.contradicted, state.mean, state.factor),
+            outcome=outcome_code(post.contradicted, state.mean, state.factor, state.diffuse),
             extra=extra,
         )
 
@@ -216,7 +216,7 @@ def _in_blocks(algorithm: UnknownGain) -> StateSpace:
     """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
     model, gain, given = algorithm.model, algorithm.gain, algorithm.directions
     p = gain.mean.shape[-1]
-    fixed = 0 * model.B if algorithm.fixed is None else algorithm.fixed + 0 * model.B
+    fixed = 0 * model.B if algorithm.fixed is None else _beside(algorithm.fixed, model.B) + 0 * model.B
     B, B_end = _side_by_side([fixed, *_blocks(given, model.B, p)]), model.B_end
     if B_end is not None:
         B_end = _side_by_side([0 * B_end, *_blocks(given, B_end, p)])
@@ -237,7 +237,12 @@ def _blocks(directions: Any, M, p: int) -> list:
         if directions == "per_input":
             return [M * (np.arange(m) == i) for i in range(m)]
         directions = np.eye(n * m).reshape(n * m, n, m)
-    return [directions[..., i, :, :] + 0 * M for i in range(p)]
+    return [_beside(directions[..., i, :, :], M) + 0 * M for i in range(p)]
+
+
+def _beside(N, M):
+    """N with an axis of time where M has one and N, which may be stacked, has none."""
+    return N[..., None, :, :] if np.ndim(N) == np.ndim(M) - 1 and np.ndim(M) > 3 else N
 
 
 def _side_by_side(blocks: list):

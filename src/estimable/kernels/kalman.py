@@ -20,9 +20,12 @@ from jaxtyping import Bool, Float
 
 from .small import Real, apply, gram, product, repeat, triangularise
 
-KNOWN = 1e-28         # an output with a variance this far below its terms' (14 digits of standard deviation) adds nothing
-DETERMINED = 1e-20    # a diffuse part this far below its terms' (10 digits) is rounding
+KNOWN = 1e-26         # a variance this far below the square of what it is computed from, or of the datum, is rounding
+DETERMINED = 1e-20    # so is a diffuse part this far below its terms' (10 digits)
+SNAPPED = 1e-13       # and an entry of X this far below the terms that it is the difference of
 CONTRADICTION = 1e-9  # by how much of its size a datum may miss a value that is known exactly
+MEMORY = 0.9          # of the size that a state had: what it was rounded at does not shrink when it crosses zero
+SAFE = 2.0**100       # X is scaled back when it leaves 1 / SAFE .. SAFE: only its span and ratios mean something
 
 
 class Posterior(NamedTuple):
@@ -62,8 +65,14 @@ def correct(
     Ω: Float[Real, "n p"] | None,
     y: Float[Real, " p"],
     seen: Bool[Real, " p"],
+    size: Float[Real, " n"],
+    log_scale: Float[Real, ""],
 ) -> Posterior:
-    """Condition the belief on the entries of y that were seen. Cost: about 2 p (p + n) (p + k) multiplications."""
+    """Condition the belief on the entries of y that were seen.
+
+    `size`: of the terms whose sum m is, so that its rounding is known. X is in truth X exp(log_scale). Cost: about
+    2 p (p + n) (p + k) multiplications.
+    """
     (p, n), k = C.shape, Z.shape[1]
     e = jnp.where(seen, y - apply(C, m) - d, 0.0)
     Y = jnp.concatenate([product(C, Z), V], axis=1)                        # outputs on (x's variables, e)
@@ -72,15 +81,16 @@ def correct(
     if Ω is not None:
         finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω, jnp.zeros((n, 1))], axis=1))
         diffuse.append(jnp.zeros_like(X))
-    known = KNOWN * (_terms(C, Z) + jnp.sum(V * V, axis=1))
+    magnitude = jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size)          # of the datum and of its prediction
+    known = KNOWN * (_terms(C, Z) + jnp.sum(V * V, axis=1) + magnitude**2)
     determined = DETERMINED * _terms(C, X)
 
     blank = jnp.zeros(p, bool)
     array = _Array(jnp.concatenate(finite), jnp.concatenate(diffuse), jnp.ones(p), e, blank, blank)
-    array = repeat(p, lambda j, a: _take(a, j, seen[j], known[j], determined[j]), array)
-    slack = CONTRADICTION * (jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), jnp.abs(m)))
+    array = repeat(p, lambda j, a: _take(a, j, seen[j], known[j], determined[j], k), array)
     ignored = seen & ~array.opened & ~array.informed
-    density = jnp.log(2 * jnp.pi * array.variance) + jnp.where(array.opened, 0.0, array.error**2 / array.variance)
+    density = jnp.log(2 * jnp.pi * array.variance)
+    density = density + jnp.where(array.opened, 2 * log_scale, array.error**2 / array.variance)
     infinite = jnp.sum(diffuse[0] ** 2, axis=1) > determined
     states, drifts = array.finite[p : p + n], array.finite[p + n :]
     return Posterior(
@@ -92,7 +102,7 @@ def correct(
         innovation=jnp.where(seen, e, jnp.nan),
         innovation_covariance=jnp.where(infinite[:, None] | infinite[None, :], jnp.nan, gram(Y)),
         log_likelihood=-jnp.sum(jnp.where(array.opened | array.informed, density, 0.0)) / 2,
-        contradicted=jnp.any(ignored & (jnp.abs(array.error) > slack)),
+        contradicted=jnp.any(ignored & (jnp.abs(array.error) > CONTRADICTION * magnitude)),
     )
 
 
@@ -101,7 +111,7 @@ def _terms(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, " p"]:
     return jnp.sum((C * C)[:, :, None] * (Z * Z)[None, :, :], axis=(1, 2))
 
 
-def _take(a: _Array, j, seen, known, determined) -> _Array:
+def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:
     """Condition every row on row j having its datum.
 
     In the limit κ -> infinity the gain on a datum with a diffuse part β is X β / β β', and what it leaves,
@@ -115,10 +125,11 @@ def _take(a: _Array, j, seen, known, determined) -> _Array:
     informs = seen & ~opens & (f > known)
     variance = jnp.where(opens, f_diffuse, jnp.where(informs, f, 1.0))
     gain = jnp.where(opens, covariance_diffuse, jnp.where(informs, covariance, 0.0)) / variance
+    X = jnp.where(opens, _without(a.diffuse, β), _unmoved(a, g, β, seen, states)) if len(β) else a.diffuse
     at_j = jnp.arange(a.error.shape[0]) == j
     return _Array(
         finite=a.finite - gain[:, None] * row[None, :],
-        diffuse=jnp.where(opens, _without(a.diffuse, β), a.diffuse),
+        diffuse=X,
         variance=jnp.where(at_j, variance, a.variance),
         error=jnp.where(at_j, row[k], a.error),
         opened=a.opened | (at_j & opens),
@@ -126,18 +137,42 @@ def _take(a: _Array, j, seen, known, determined) -> _Array:
     )
 
 
+def _unmoved(a: _Array, g, β, seen, states: int) -> Real:
+    """X of which row j is zero where it was seen and is rounding: the rest of β is moved along what is known of the state.
+
+    Otherwise rounding in a direction that was determined would outlive directions that decay, and pass for one of them.
+    """
+    g = jnp.where(jnp.arange(len(g)) < states, g, 0.0)                     # of the states' own variables, not of v
+    f = jnp.sum(g * g)
+    along = jnp.where(f > 0, apply(a.finite, g) / jnp.where(f > 0, f, 1.0), 0.0)
+    return a.diffuse - jnp.where(seen, 1.0, 0.0) * along[:, None] * β[None, :]
+
+
 def _without(X: Float[Real, "k r"], β: Float[Real, " r"]) -> Float[Real, "k r"]:
     """The part of X orthogonal to β, with one column exactly zero: the rank falls by one, to the last bit.
 
     A Householder reflection turns β onto its largest entry; that column is what has been determined.
     """
-    if X.shape[1] == 0:
-        return X
     pivot = jnp.arange(X.shape[1]) == jnp.argmax(jnp.abs(β))
     turned = jnp.sqrt(jnp.sum(β * β) + jnp.where(jnp.any(β != 0), 0.0, 1.0))
     v = β + jnp.where(pivot, jnp.where(β < 0, -turned, turned), 0.0)
-    X = X - apply(X, v)[:, None] * (2 / jnp.sum(v * v)) * v[None, :]
-    return jnp.where(pivot[None, :], 0.0, X)
+    reflected = X - apply(X, v)[:, None] * (2 / jnp.sum(v * v)) * v[None, :]
+    return jnp.where(pivot[None, :] | _is_rounding(reflected, jnp.max(jnp.abs(X), axis=1)[:, None]), 0.0, reflected)
+
+
+def _is_rounding(difference, terms):
+    """Whether what is left of a difference is the rounding of its terms."""
+    return jnp.abs(difference) <= SNAPPED * terms
+
+
+class Prediction(NamedTuple):
+    """The belief about the next state: its factor is lower triangular; `size` and `log_scale` as `correct` takes them."""
+
+    m: Real
+    Z: Real
+    X: Real
+    size: Real
+    log_scale: Real
 
 
 def predict(
@@ -149,9 +184,20 @@ def predict(
     F: Float[Real, "n n"],
     c: Float[Real, " n"],
     W: Float[Real, "n q"],
-) -> tuple[Float[Real, " n"], Float[Real, "n n"], Float[Real, "n r"]]:
-    """The belief about x+ = F x + c + ω, its factor lower triangular. Cost: about n² (2 k + q) multiplications."""
+    size: Float[Real, " n"],
+    log_scale: Float[Real, ""],
+) -> Prediction:
+    """The belief about x+ = F x + c + ω. Cost: about n² (2 k + q) multiplications."""
     Z_next, m_next = product(F, Z), apply(F, m) + c
     if drift is not None and Z_drift is not None:
         Z_next, m_next = Z_next + Z_drift, m_next + drift
-    return m_next, triangularise(jnp.concatenate([Z_next, W], axis=1)), product(F, X)
+    L = triangularise(jnp.concatenate([Z_next, W], axis=1))
+    size = jnp.maximum(apply(jnp.abs(F), jnp.abs(m)) + jnp.abs(c), MEMORY * size)
+    if X.shape[1] == 0:
+        return Prediction(m_next, L, X, size, log_scale)
+    X_next = product(F, X)
+    X_next = jnp.where(_is_rounding(X_next, product(jnp.abs(F), jnp.abs(X))), 0.0, X_next)
+    peak = jnp.max(jnp.abs(X_next))
+    far = (peak > SAFE) | ((peak < 1 / SAFE) & (peak > 0))
+    power = jnp.where(far, jnp.exp2(-jnp.round(jnp.log2(jnp.where(far, peak, 1.0)))), 1.0)
+    return Prediction(m_next, L, power * X_next, size, log_scale - jnp.log(power))

@@ -71,8 +71,9 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
 
     A pivot below n eps P_jj is rounding, and taken for zero.
     """
-    n = P.shape[0]
-    floor = n * np.finfo(float).eps * jnp.diagonal(jnp.asarray(P))
+    n, P = P.shape[0], jnp.asarray(P)
+    P = (P + P.T) / 2                                                  # so that derivatives are symmetric too
+    floor = n * np.finfo(float).eps * jnp.diagonal(P)
 
     def eliminate(j, carry):
         P, L = carry

@@ -58,7 +58,7 @@ def over(A, B, GQG, h, *, hold):
         )
     if hold == "zero_order":
         return Φ, Γ @ B, None, Qd
-    ramp = Γ2 / h[..., None, None]  # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
+    ramp = Γ2 / np.where(h > 0, h, 1.0)[..., None, None]  # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
 
 

@@ -1,5 +1,6 @@
 """Model files: TOML, or Python that defines `model` and `prior`."""
 
+import re
 import runpy
 import tomllib
 from collections.abc import Iterable
@@ -35,7 +36,7 @@ class GainSection(NamedTuple):
     """What a model file says of an unknown gain: its prior, and the settings of `UnknownGain`."""
 
     prior: Prior
-    settings: dict[str, Any]
+    settings: dict[str, Any] = {}  # noqa: RUF012  never changed
 
 
 class ModelFile(NamedTuple):
@@ -196,7 +197,7 @@ def write_model(
     _check_writable(ModelFile(model, prior, gain, unknown, record or {}))
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
-        "model": {key: getattr(model, key) for key in keys},
+        "model": {key: getattr(model, key) for key in keys if not _goes_without_saying(model, key)},
         "prior": _prior_section(prior),
     }
     if model.operating_point is not None:
@@ -208,11 +209,26 @@ def write_model(
         sections["record"] = record
     if unknown:
         sections["unknown"] = {"inputs": unknown}
-    text = tomli_w.dumps(_plain(sections))
+    text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
     try:
         Path(path).write_text(text, encoding="utf-8")
     except (OSError, TypeError) as error:
         checks.refuse(f"{path} could not be written: {error}.")
+
+
+_NUMBERS = re.compile(r"\[\s*((?:[-+.\deinfa]+,?\s*)+)\]")
+
+
+def _on_one_line(row: re.Match) -> str:
+    """A row of numbers, which tomli_w writes one below the other."""
+    return "[" + ", ".join(row[1].replace(",", " ").split()) + "]"
+
+
+def _goes_without_saying(model: StateSpace, key: str) -> bool:
+    """Whether a matrix is the one that `StateSpace` takes when it is not given."""
+    if key == "D":
+        return not model.D.any()
+    return key == "G" and np.array_equal(model.G, np.eye(model.n))
 
 
 def _check_writable(file: ModelFile) -> None:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..data.record import UNIFORM, Record, match
+from ..data.record import Record, match, scatter
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample
@@ -91,8 +91,14 @@ def _batch_hint(thing: Any) -> str:
 
 def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: str, faults: checks.Faults) -> list[int]:
     """Columns of the record for the model's channels: by name, or by position where either has default names only."""
-    unnamed = any(channels == tuple(f"{letter}{i + 1}" for i in range(len(channels))) for channels in (names, given))
-    return match(names, unnamed, given, what, faults)
+    default = [channels == tuple(f"{letter}{i + 1}" for i in range(len(channels))) for channels in (names, given)]
+    if all(default) and names and len(names) != len(given):
+        faults.add(
+            f"the model has {checks.counted(len(names), what)} and the record {len(given)}, and neither names them: name "
+            f"the {what}s of both, or give as many columns."
+        )
+        return []
+    return match(names, any(default), given, what, faults)
 
 
 def check_prior(prior: Any, model: StateSpace, faults: checks.Faults) -> None:
@@ -109,8 +115,9 @@ def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) ->
     if unknown.any():
         *run, row, channel = np.argwhere(unknown)[0]
         faults.add(
-            f"input {names[channel]!r} is not known at row {row}{f' of run {run[0]}' if run else ''}: NaN, or nobody knows "
-            "whether it arrived. This algorithm needs every input; one that nobody measured needs an unknown-input filter."
+            f"input {names[channel]!r} is not known at u[{row}]{f' of run {run[0]}' if run else ''}, row {row + 1} of the "
+            "record: NaN, or nobody knows whether it arrived. This algorithm needs every input: fill it in with what the "
+            "actuator did, or cut the record there."
         )
 
 
@@ -146,5 +153,5 @@ def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> Non
             f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete with "
             f"dt = {model.dt:g} s: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
         )
-    elif abs(record.dt - model.dt) > UNIFORM * model.dt:
+    elif abs(record.dt - model.dt) > scatter(record.t, model.dt):
         faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")

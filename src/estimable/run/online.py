@@ -57,6 +57,9 @@ class Online:
         self.progress = progress
         self._sampled: dict = {}
 
+    def __repr__(self) -> str:
+        return f"Online({type(self.algorithm).__name__} at sample {self.progress.sample})"
+
     @property
     def algorithm(self) -> Any:
         """The algorithm at work."""
@@ -68,7 +71,10 @@ class Online:
         return self.progress.info
 
     def correct(self, y, u=None, *, arrived=None) -> Info:
-        """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D)."""
+        """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
+
+        Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
+        """
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {model.p} outputs")
         y = faults.array("y", y, "p", nan=True)
@@ -91,7 +97,10 @@ class Online:
         return info
 
     def predict(self, u=None, *, u_end=None, arrived=None, dt: float | None = None) -> None:
-        """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold."""
+        """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold.
+
+        `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
+        """
         model, faults = model_of(self.algorithm), checks.Faults()
         dt = self._step(dt, faults)
         self._check_room(faults)
@@ -156,7 +165,7 @@ class Online:
     def _at_step(self, dt: float | None):
         """The algorithm sampled at a step length; `correct` uses nothing that depends on it."""
         if dt is None:
-            dt = next(iter(self._sampled), model_of(self.algorithm).dt or 1.0)
+            dt = next(iter(self._sampled), model_of(self.algorithm).dt)
         if dt not in self._sampled:
             if len(self._sampled) >= 64:
                 self._sampled.clear()

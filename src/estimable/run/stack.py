@@ -18,6 +18,9 @@ class Stacked:
     items: Any
     size: int = static()
 
+    def __repr__(self) -> str:
+        return f"Stacked({self.size} of {type(self.items).__name__})"
+
     def __len__(self) -> int:
         return self.size
 

@@ -1,0 +1,5 @@
+"""`python -m estimable`: the command line."""
+
+from .commands import main
+
+main()
