@@ -175,17 +175,17 @@ class Estimate(Kept):
     names: Names = static()
 
     def __repr__(self) -> str:
-        rows = "" if self.outcome.code == 0 else f"; {self.outcome.sentence}"
-        last = []
-        for names, values, P in (
+        parts = [f"log-likelihood {self.log_likelihood:.6g}", f"engine {self.engine}"]
+        for names, values, covariance in (
             (self.names.states, self.mean, self.covariance),
             (self.names.gains, self.gain, self.gain_covariance),
         ):
-            for i, name in enumerate(names if values is not None else ()):
-                sigma = "" if P is None else f" ± {P[-1, i, i] ** 0.5:.3g}"
-                last.append(f"{name} = {values[-1, i]:.4g}{sigma}")
-        end = "" if not last else f"; at the end {', '.join(last)} (1 sigma)"
-        return f"Estimate(log-likelihood {self.log_likelihood:.6g}, engine {self.engine}{end}{rows})"
+            if values is not None and covariance is not None:
+                sigmas = np.sqrt(np.diagonal(covariance[-1]))
+                parts += [f"{n} = {x:.4g} ± {s:.3g}" for n, x, s in zip(names, values[-1], sigmas, strict=True)]
+        if self.outcome.code:
+            parts.append(self.outcome.sentence)
+        return f"Estimate({', '.join(parts)})"
 
     def to_pandas(self):
         """A DataFrame, one row a sample, indexed by time: each state, gain and innovation with its standard deviation."""

@@ -25,28 +25,27 @@ class Run(NamedTuple):
 @partial(jax.jit, static_argnames=("keep", "select"))
 def scan(algorithm, prior, samples, intervals, *, keep: str, select) -> Run:
     """`init`, then `correct` and `predict` over T samples. `select(info, keep)` drops from an info what is not kept."""
-    state, T = algorithm.init(prior), samples.seen.shape[0]
+    T = samples.seen.shape[0]
 
     def step(carry, row):
-        state, total, code, failed_at, _ = carry
+        state, _ = carry
         k, sample, interval = row
         now = algorithm.at(k)
         state, info = now.correct(state, sample)
         kept = select(info, keep)
-        first = (code == 0) & (info.outcome != 0)
-        total = total + (0.0 if info.log_likelihood is None else info.log_likelihood)
-        carry = (
-            now.predict(state, interval), total, jnp.where(first, info.outcome, code), jnp.where(first, k, failed_at),
-            kept if keep == "last" else None,
-        )  # fmt: skip
-        return carry, None if keep == "last" else kept
+        told = (0.0 if info.log_likelihood is None else info.log_likelihood, info.outcome)
+        state = now.predict(state, interval)
+        return ((state, kept), (None, told)) if keep == "last" else ((state, None), (kept, told))
 
     rows = (jnp.arange(T), samples, intervals)
-    first_row = jax.tree_util.tree_map(lambda leaf: leaf[0], rows)
-    start = (state, jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), int), None)
+    start = algorithm.init(prior)
+    last = None
     if keep == "last":
-        shapes = jax.eval_shape(lambda: step((*start[:4], None), first_row)[0][4])
-        start = (*start[:4], jax.tree_util.tree_map(lambda s: jnp.zeros(s.shape, s.dtype), shapes))
-    unroll = UNROLL if T >= LONG else 1
-    (state, total, code, failed_at, last), infos = lax.scan(step, start, rows, unroll=unroll)
-    return Run(last if keep == "last" else infos, total, code, failed_at, state)
+        first_row = jax.tree_util.tree_map(lambda leaf: leaf[0], rows)
+        shapes = jax.eval_shape(lambda: step((start, None), first_row)[0][1])
+        last = jax.tree_util.tree_map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+    (state, last), (infos, (likelihoods, outcomes)) = lax.scan(
+        step, (start, last), rows, unroll=UNROLL if T >= LONG else 1
+    )
+    failed_at = jnp.argmax(outcomes != 0)
+    return Run(last if keep == "last" else infos, jnp.sum(likelihoods), outcomes[failed_at], failed_at, state)

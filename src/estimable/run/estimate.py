@@ -64,6 +64,8 @@ def estimate(
 def log_likelihood(algorithm: Any, record: Record, *, prior: Prior):
     """The log-likelihood of a record, as something that JAX can differentiate with respect to the algorithm's numbers.
 
+    A variance that is exactly zero has no derivative (its square root has none): the gradient is 0 there.
+
     >>> import jax
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.5]], R=[[1.0]], dt=1)
     >>> prior, record = Prior([0.0], [[1.0]]), Record([[2.0], [4.0]], dt=1)

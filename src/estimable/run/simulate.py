@@ -89,7 +89,7 @@ def _check_call(model, prior, seed, runs, steps) -> None:
     faults.finish()
 
 
-def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
+def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
     _check_rows(model, u, steps, t, faults)
@@ -99,7 +99,7 @@ def _empty_record(model: StateSpace, u, steps, dt, t, hold) -> Record:
         faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
     faults.finish()
-    rows = len(u) if u is not None else steps if steps is not None else len(t)
+    rows = len(u) if u is not None else steps if steps is not None else np.size(t)
     u = np.zeros((rows, 0)) if u is None else u
     record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
     if record.u.shape[1] != model.m:
