@@ -38,6 +38,7 @@ def plot_estimate(result: Any) -> go.Figure:
         traces = _points(t, panel) if len(t) == 1 else _curves(t, panel)
         figure.add_traces(traces, rows=row, cols=1)
         figure.update_yaxes(range=_cropped(panel), row=row, col=1)
+    figure.update_xaxes(showticklabels=True)
     figure.update_xaxes(title_text=axis, row=len(panels), col=1)
     return _laid_out(figure, height)
 

@@ -99,7 +99,7 @@ def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold) -> Record:
         faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
     faults.finish()
-    rows = len(u) if u is not None else steps if steps is not None else np.size(t)
+    rows = next(given if isinstance(given, int) else len(given) for given in (u, steps, t) if given is not None)
     u = np.zeros((rows, 0)) if u is None else u
     record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
     if record.u.shape[1] != model.m:
