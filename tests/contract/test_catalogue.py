@@ -22,7 +22,7 @@ from estimable import (
     save,
     stack,
 )
-from estimable.engines import xla
+from estimable.engines import native, xla
 from estimable.frozen import leaf_fields
 from estimable.models.sampled import Clock
 from estimable.results import Info, Interval, Sample
@@ -66,12 +66,16 @@ def test_a_step_gives_back_a_state_of_the_same_shapes(name):
 
 
 @ENTRIES
-def test_new_numbers_do_not_compile_again(name):
-    estimate(catalogue.build(name, FILE), record(1), prior=FILE.prior)
-    before = xla.scan._cache_size()
+@pytest.mark.parametrize("engine", ["xla", "native"])
+def test_new_numbers_do_not_compile_again(name, engine):
+    def compiled():
+        return xla.scan._cache_size() if engine == "xla" else native._step.cache_info().misses
+
+    estimate(catalogue.build(name, FILE), record(1, rows=17), prior=FILE.prior, engine=engine)
+    once = compiled()
     other = jax.tree_util.tree_map(lambda leaf: 1.1 * leaf, catalogue.build(name, FILE))
-    estimate(other, record(2), prior=FILE.prior)
-    assert xla.scan._cache_size() == before
+    estimate(other, record(2, rows=17), prior=FILE.prior, engine=engine)
+    assert compiled() == once
 
 
 @ENTRIES

@@ -49,3 +49,14 @@ def scan(algorithm, prior, samples, intervals, *, keep: str, select) -> Run:
     )
     failed_at = jnp.argmax(outcomes != 0)
     return Run(last if keep == "last" else infos, jnp.sum(likelihoods), outcomes[failed_at], failed_at, state)
+
+
+@partial(jax.jit, static_argnames=("axes", "keep", "select"))
+def scan_bank(algorithm, prior, samples, intervals, *, axes: tuple, keep: str, select) -> Run:
+    """`scan` mapped over those of (algorithm, samples and intervals, prior) that have axis 0 in `axes`."""
+    a, r, p = axes
+
+    def one(algorithm, prior, samples, intervals):
+        return scan(algorithm, prior, samples, intervals, keep=keep, select=select)
+
+    return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)

@@ -73,7 +73,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     """
     n, P = P.shape[0], jnp.asarray(P)
     P = (P + P.T) / 2                                                  # so that derivatives are symmetric too
-    floor = n * np.finfo(float).eps * jnp.diagonal(P)
+    floor = n * np.finfo(float).eps * jnp.sum(P * jnp.eye(n), axis=1)
 
     def eliminate(j, carry):
         P, L = carry

@@ -7,13 +7,12 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..engines import xla
+from ..engines import choice, xla
 from ..errors import RunError
 from ..models.prior import Prior
 from ..results import Estimate, Outcome
 from .binding import bind, select
 
-ENGINES = ("auto", "xla")
 ON_FAILURE = ("raise", "keep")
 
 
@@ -21,7 +20,7 @@ def check_options(on_failure: str, engine: str, keep: str) -> None:
     """The options that the estimating drivers share."""
     faults = checks.Faults()
     faults.choice("on_failure", on_failure, ON_FAILURE)
-    faults.choice("engine", engine, ENGINES)
+    faults.choice("engine", engine, choice.ENGINES)
     faults.choice("keep", keep, xla.KEEP)
     faults.finish()
 
@@ -39,7 +38,8 @@ def estimate(
 
     `algorithm`: `Kalman`, `UnknownGain`, or any other with init, correct and predict. `record`: outputs and inputs are
     matched to the model's channels by name. `prior`: of the state x[0], before y[0]. `on_failure`: "raise" a `RunError`
-    at a run that failed, or "keep" what there is, with the outcome in the result. `engine`: "auto" or "xla". `keep`:
+    at a run that failed, or "keep" what there is, with the outcome in the result. `engine`: "auto", "native" (machine code,
+    for small models that do not vary in time) or "xla". `keep`:
     "all"; "means" (no covariances); "last" (one row); "likelihood" (no row).
 
     Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
@@ -47,18 +47,18 @@ def estimate(
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
     >>> result = estimate(Kalman(model), Record([[2.0], [4.0]], dt=1), prior=Prior([0.0], [[1.0]]))
     >>> result.mean.ravel().round(6).tolist(), result.engine
-    ([1.0, 2.0], 'xla')
+    ([1.0, 2.0], 'native')
     """
     check_options(on_failure, engine, keep)
     bound = bind(algorithm, record, prior)
-    run = xla.scan(bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
+    engine, run = choice.scan(engine, bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
     outcome = Outcome.of(int(run.code), int(run.failed_at), bound.t)
     if outcome.code and on_failure == "raise":
         raise RunError(outcome)
     info = jax.tree_util.tree_map(lambda leaf: leaf[None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[-1:]
-    return Estimate(info, t, float(run.log_likelihood), outcome, "xla", bound.names)
+    return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names)
 
 
 def log_likelihood(algorithm: Any, record: Record, *, prior: Prior):

@@ -1,6 +1,5 @@
 """Run many estimators, or one over many records, at once."""
 
-from functools import partial
 from typing import Any
 
 import jax
@@ -8,7 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import UNIFORM, Record
-from ..engines import xla
+from ..engines import choice
 from ..errors import RunError
 from ..results import EstimateBank, Outcome
 from .binding import Bound, bind, select
@@ -42,7 +41,8 @@ def estimate_bank(
     bound = _bind(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
-    run = _run_bank(bound.algorithm, priors, bound.samples, bound.intervals, axes=axes, keep=keep)
+    rows = (bound.samples, bound.intervals)
+    engine, run = choice.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
     outcomes = tuple(
         Outcome.of(int(code), int(k), bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i])
@@ -51,7 +51,7 @@ def estimate_bank(
     _settle(outcomes, on_failure)
     info = jax.tree_util.tree_map(lambda leaf: leaf[:, None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[..., -1:]
-    return EstimateBank(info, t, run.log_likelihood, outcomes, "xla", bound.names)
+    return EstimateBank(info, t, run.log_likelihood, outcomes, engine, bound.names)
 
 
 def _bind(algorithms: Any, records: Any, prior: Any) -> Bound:
@@ -89,15 +89,6 @@ def _check_times(bank: Record) -> None:
         checks.refuse(
             f"the records of a bank must have the same time steps: record {np.argmax(apart)} differs from record 0."
         )
-
-
-@partial(jax.jit, static_argnames=("keep", "axes"))
-def _run_bank(algorithm, prior, samples, intervals, *, axes, keep):
-    def one(algorithm, prior, samples, intervals):
-        return xla.scan(algorithm, prior, samples, intervals, keep=keep, select=select)
-
-    a, r, p = axes
-    return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)
 
 
 def _settle(outcomes: tuple[Outcome, ...], on_failure: str) -> None:

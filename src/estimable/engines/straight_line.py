@@ -1,0 +1,352 @@
+"""From the jaxpr of a step to a straight line of scalar operations.
+
+Arrays become arrays of scalar names, so that whatever only moves entries about (slices, transposes, concatenations) costs
+nothing and is evaluated on the names by JAX itself; this file names the arithmetic primitives only. Equal operations on
+equal scalars are one (a symmetric matrix is computed once), constants are folded, and what no output needs is dropped.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+MOST = 6_000  # operations: above it compilation takes seconds, and arrays are as good
+
+
+class UnsupportedError(Exception):
+    """The step holds something that has no straight line; another engine must run it."""
+
+
+class Operation(NamedTuple):
+    """One scalar: the operation's name, the scalars it takes, and the value of a constant or the place of an input."""
+
+    name: str
+    arguments: tuple[int, ...] = ()
+    value: Any = None
+
+
+class Program(NamedTuple):
+    """Scalars in order; `inputs` of each flat input array, `outputs` of each flat output array (index arrays)."""
+
+    operations: tuple[Operation, ...]
+    inputs: tuple[np.ndarray, ...]
+    outputs: tuple[np.ndarray, ...]
+
+
+def _divide(a: float, b: float) -> float:
+    return a / b if b else math.nan if a == 0 or math.isnan(a) else math.copysign(math.inf, a) * math.copysign(1, b)
+
+
+SCALAR: dict[str, Callable] = {
+    "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "div": _divide,
+    "neg": lambda a: -a, "abs": abs, "sqrt": lambda a: math.sqrt(a) if a >= 0 else math.nan,
+    "log": lambda a: math.log(a) if a > 0 else -math.inf if a == 0 else math.nan,
+    "exp": lambda a: math.exp(min(a, 709.78)) if a < 709.78 else math.inf,
+    "exp2": lambda a: 2.0**a, "pow": lambda a, b: a**b, "round": lambda a: float(np.round(a)), "floor": math.floor,
+    "max": lambda a, b: a if a > b or a != a else b, "min": lambda a, b: a if a < b or a != a else b,
+    "eq": lambda a, b: a == b, "ne": lambda a, b: a != b, "lt": lambda a, b: a < b, "le": lambda a, b: a <= b,
+    "gt": lambda a, b: a > b, "ge": lambda a, b: a >= b,
+    "and": lambda a, b: a and b, "or": lambda a, b: a or b, "xor": lambda a, b: a != b, "not": lambda a: not a,
+    "select": lambda p, a, b: a if p else b, "is_finite": math.isfinite,
+    "number": float, "truth": lambda a: a != 0, "truncate": lambda a: float(math.trunc(a)),
+}  # fmt: skip
+TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite", "truth"}
+COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
+NAMED = {"add_any": "add"}
+MOVES = {
+    "reshape", "broadcast_in_dim", "squeeze", "expand_dims", "transpose", "slice", "concatenate", "rev", "copy", "pad", "split",
+    "copy_p",
+}  # fmt: skip
+CALLS = {
+    "jit",
+    "pjit",
+    "closed_call",
+    "core_call",
+    "custom_jvp_call",
+    "custom_vjp_call",
+    "checkpoint",
+    "remat",
+    "remat2",
+}
+FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and",
+         "reduce_or": "or"}  # fmt: skip
+
+
+def lower(function: Callable, *arguments: Any) -> Program:
+    """The straight line of `function` at arguments of these shapes. Raises `UnsupportedError`."""
+    closed = jax.make_jaxpr(function)(*arguments)
+    line = _Line()
+    names = [line.inputs(i, v.aval) for i, v in enumerate(closed.jaxpr.invars)]
+    outputs = line.run(closed.jaxpr, closed.consts, names)
+    return line.program(names, outputs)
+
+
+class _Line:
+    """The operations so far, each one once."""
+
+    def __init__(self):
+        self.operations: list[Operation] = []
+        self.found: dict[tuple, int] = {}
+
+    def add(self, operation: Operation) -> int:
+        """The name of an operation, new or met before."""
+        value = operation.value
+        key = (operation.name, operation.arguments, repr(value), type(value))
+        if key not in self.found:
+            if len(self.operations) >= MOST:
+                raise UnsupportedError(f"more than {MOST:,} operations")
+            self.found[key] = len(self.operations)
+            self.operations.append(operation)
+        return self.found[key]
+
+    def inputs(self, place: int, aval: Any) -> np.ndarray:
+        """Names for the entries of an input array."""
+        kind = "truth_input" if aval.dtype == bool else "input"
+        names = [self.add(Operation(kind, (), (place, i))) for i in range(math.prod(aval.shape))]
+        return np.array(names, int).reshape(aval.shape)
+
+    def constants(self, values: Any) -> np.ndarray:
+        """Names for the entries of a known array."""
+        array = np.asarray(values)
+        cast = bool if array.dtype == bool else float
+        return np.array([self.add(Operation("constant", (), cast(v))) for v in array.ravel()], int).reshape(array.shape)
+
+    def value(self, name: int) -> Any:
+        """The value of a constant; None for what is not one."""
+        operation = self.operations[name]
+        return operation.value if operation.name == "constant" else None
+
+    def scalar(self, name: str, *arguments: int) -> int:
+        """One operation, folded or simplified where its arguments allow."""
+        values = [self.value(a) for a in arguments]
+        if all(v is not None for v in values):
+            try:
+                return self.add(Operation("constant", (), SCALAR[name](*values)))
+            except (OverflowError, ValueError):
+                pass
+        simpler = _simplify(name, arguments, values)
+        if simpler is not None:
+            return simpler if isinstance(simpler, int) else self.add(Operation("constant", (), simpler[0]))
+        return self.add(Operation(name, tuple(sorted(arguments)) if name in COMMUTE else arguments))
+
+    def each(self, name: str, *arrays: np.ndarray) -> np.ndarray:
+        """The operation entry by entry, over arrays of one shape or scalars."""
+        arrays = tuple(np.broadcast_arrays(*arrays))
+        flat = [self.scalar(name, *map(int, entries)) for entries in zip(*(a.ravel() for a in arrays), strict=True)]
+        return np.array(flat, int).reshape(arrays[0].shape)
+
+    def fold(self, name: str, array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+        """A reduction, as a balanced tree: short chains run side by side."""
+        kept = [axis for axis in range(array.ndim) if axis not in axes]
+        rows = np.moveaxis(array, axes, range(len(kept), array.ndim))
+        rows = rows.reshape(*rows.shape[: len(kept)], math.prod(rows.shape[len(kept) :]))
+        while rows.shape[-1] > 1:
+            even = rows.shape[-1] // 2 * 2
+            paired = self.each(name, rows[..., :even:2], rows[..., 1:even:2])
+            rows = np.concatenate([paired, rows[..., even:]], axis=-1)
+        if rows.shape[-1] == 0:
+            empty = {"add": 0.0, "mul": 1.0, "and": True, "or": False}
+            return np.full(rows.shape[:-1], self.constants(empty[name]).item())
+        return rows[..., 0]
+
+    def run(self, jaxpr: Any, consts: Any, arguments: list[np.ndarray]) -> list[np.ndarray]:
+        """Names of the outputs of a jaxpr."""
+        known = dict(zip(jaxpr.invars, arguments, strict=True))
+        known |= {var: self.constants(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
+
+        def read(atom):
+            return self.constants(atom.val) if hasattr(atom, "val") else known[atom]
+
+        for equation in jaxpr.eqns:
+            results = _equation(self, equation, [read(atom) for atom in equation.invars])
+            known |= dict(zip(equation.outvars, results, strict=True))
+        return [read(atom) for atom in jaxpr.outvars]
+
+    def program(self, inputs: list[np.ndarray], outputs: list[np.ndarray]) -> Program:
+        """What the outputs need, renumbered."""
+        needed, stack = set(), [int(name) for array in outputs for name in array.ravel()]
+        while stack:
+            name = stack.pop()
+            if name not in needed:
+                needed.add(name)
+                stack.extend(self.operations[name].arguments)
+        order = sorted(needed)
+        new = {name: i for i, name in enumerate(order)}
+        kept = tuple(
+            Operation(op.name, tuple(new[a] for a in op.arguments), op.value)
+            for op in (self.operations[n] for n in order)
+        )
+
+        def renamed(array):
+            return np.array([new.get(int(name), -1) for name in array.ravel()], int).reshape(array.shape)
+
+        return Program(kept, tuple(map(renamed, inputs)), tuple(map(renamed, outputs)))
+
+
+NEUTRAL = {"add": 0.0, "mul": 1.0, "and": True, "or": False}
+ABSORBING = {"mul": 0.0, "and": False, "or": True}  # 0 x is 0: a structural zero, whatever x has become
+NEUTRAL_RIGHT = {"sub": 0.0, "div": 1.0}
+
+
+def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple | None:
+    """A name that stands for the operation, or (constant,), or None."""
+    if name in NEUTRAL:
+        for known, other in ((values[0], arguments[1]), (values[1], arguments[0])):
+            if known is not None and known == NEUTRAL[name]:
+                return other
+            if known is not None and known == ABSORBING.get(name):
+                return (known,)
+    if name in NEUTRAL_RIGHT and values[1] == NEUTRAL_RIGHT[name]:
+        return arguments[0]
+    if name == "select" and (values[0] is not None or arguments[1] == arguments[2]):
+        return arguments[2] if values[0] is False else arguments[1]
+    return None
+
+
+def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
+    """Names of the results of one equation."""
+    name, parameters = equation.primitive.name, equation.params
+    if name in CALLS:
+        inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
+        jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
+        return line.run(jaxpr, consts, arrays)
+    if name in MOVES:
+        return _moved(equation.primitive, arrays, parameters)
+    if name in FOLDS:
+        return [line.fold(FOLDS[name], arrays[0], tuple(parameters["axes"]))]
+    if name in SCALAR and name not in ("select", "number", "truth", "truncate"):
+        return [line.each(name, *arrays)]
+    if name in SPECIAL:
+        return [SPECIAL[name](line, equation, arrays)]
+    raise UnsupportedError(f"the primitive {name}")
+
+
+def _spread(array: np.ndarray, *, shape, broadcast_dimensions, **_) -> np.ndarray:
+    ones = [array.shape[broadcast_dimensions.index(i)] if i in broadcast_dimensions else 1 for i in range(len(shape))]
+    return np.broadcast_to(array.reshape(ones), shape)
+
+
+def _sliced(array: np.ndarray, *, start_indices, limit_indices, strides, **_) -> np.ndarray:
+    steps = strides or (1,) * array.ndim
+    return array[tuple(map(slice, start_indices, limit_indices, steps))]
+
+
+BY_NUMPY: dict[str, Callable] = {  # the same as JAX's own, without compiling anything
+    "broadcast_in_dim": _spread,
+    "slice": _sliced,
+    "concatenate": lambda *arrays, dimension: np.concatenate(arrays, dimension),
+    "squeeze": lambda array, dimensions: np.squeeze(array, dimensions),
+    "reshape": lambda array, new_sizes, **_: array.reshape(new_sizes),
+    "transpose": lambda array, permutation: array.transpose(permutation),
+}
+
+
+def _moved(primitive: Any, arrays: list[np.ndarray], parameters: dict) -> list[np.ndarray]:
+    """What only moves entries about, evaluated on their names."""
+    if primitive.name in BY_NUMPY:
+        return [BY_NUMPY[primitive.name](*arrays, **parameters)]
+    with jax.ensure_compile_time_eval():
+        moved = primitive.bind(*(jnp.asarray(array) for array in arrays), **parameters)
+    return [np.asarray(array) for array in (moved if isinstance(moved, list | tuple) else [moved])]
+
+
+def _indexed(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    """Gathers, scatters and dynamic slices whose indices are constants."""
+    name, count = equation.primitive.name, {"gather": 1, "dynamic_slice": 1, "scatter": 1, "dynamic_update_slice": 2}
+    movable = count[equation.primitive.name]
+    operands = []
+    for i, array in enumerate(arrays):
+        if i < movable or (name == "scatter" and i == 2):
+            operands.append(jnp.asarray(array))
+            continue
+        values = [line.value(int(entry)) for entry in array.ravel()]
+        if any(v is None for v in values):
+            raise UnsupportedError(f"{name} at an index that is computed")
+        operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), equation.invars[i].aval.dtype))
+    with jax.ensure_compile_time_eval():
+        return np.asarray(equation.primitive.bind(*operands, **equation.params))
+
+
+def _select(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    if len(arrays) != 3:
+        raise UnsupportedError("a selection among more than two")
+    return line.each("select", arrays[0], arrays[2], arrays[1])
+
+
+def _convert(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    old, new = equation.invars[0].aval.dtype.kind, np.dtype(equation.params["new_dtype"]).kind
+    if new == "b":
+        return arrays[0] if old == "b" else line.each("truth", arrays[0])
+    if old == "b":
+        return line.each("number", arrays[0])
+    if new in "iu" and old == "f":
+        return line.each("truncate", arrays[0])
+    return arrays[0]
+
+
+def _power(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    exponent = equation.params["y"]
+    result = line.constants(np.ones(arrays[0].shape))
+    for _ in range(abs(exponent)):
+        result = line.each("mul", result, arrays[0])
+    return result if exponent >= 0 else line.each("div", line.constants(np.ones(arrays[0].shape)), result)
+
+
+def _argmax(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    (axis,) = equation.params["axes"]
+    rows = np.moveaxis(arrays[0], axis, -1)
+    best, where = rows[..., 0], line.constants(np.zeros(rows.shape[:-1]))
+    for i in range(1, rows.shape[-1]):
+        larger = line.each("gt", rows[..., i], best)
+        best = line.each("select", larger, rows[..., i], best)
+        where = line.each("select", larger, line.constants(np.full(where.shape, float(i))), where)
+    return where
+
+
+def _dot(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    (contract, batch), (a, b) = equation.params["dimension_numbers"], arrays
+    if batch[0] or batch[1]:
+        raise UnsupportedError("a batched product")
+    a = np.moveaxis(a, contract[0], range(-len(contract[0]), 0))
+    b = np.moveaxis(b, contract[1], range(-len(contract[1]), 0))
+    inner = math.prod(a.shape[a.ndim - len(contract[0]) :])
+    left, right = a.reshape(-1, inner), b.reshape(-1, inner)
+    products = line.each("mul", left[:, None, :], right[None, :, :])
+    return line.fold("add", products, (2,)).reshape(
+        a.shape[: a.ndim - len(contract[0])] + b.shape[: b.ndim - len(contract[1])]
+    )
+
+
+SPECIAL: dict[str, Callable] = {
+    "select_n": _select, "convert_element_type": _convert, "integer_pow": _power, "argmax": _argmax, "dot_general": _dot,
+    "square": lambda line, _, arrays: line.each("mul", arrays[0], arrays[0]),
+    "rsqrt": lambda line, _, a: line.each("div", line.constants(np.ones(a[0].shape)), line.each("sqrt", a[0])),
+    "log2": lambda line, _, a: line.each("mul", line.each("log", a[0]), line.constants(np.full(a[0].shape, 1 / math.log(2)))),
+    "sign": lambda line, _, a: line.each(
+        "sub",
+        line.each("number", line.each("gt", a[0], line.constants(np.zeros(a[0].shape)))),
+        line.each("number", line.each("lt", a[0], line.constants(np.zeros(a[0].shape)))),
+    ),
+    "iota": lambda line, equation, _: line.constants(_moved(equation.primitive, [], equation.params)[0]),
+    "stop_gradient": lambda line, _, arrays: arrays[0],
+    "gather": _indexed, "dynamic_slice": _indexed, "scatter": _indexed, "dynamic_update_slice": _indexed,
+}  # fmt: skip
+
+
+def interpret(program: Program, inputs: list[Any]) -> list[np.ndarray]:
+    """Run a program in Python, a scalar at a time: for what is run once, and for tests."""
+    flat = [np.asarray(array).ravel() for array in inputs]
+    values: list[Any] = []
+    for operation in program.operations:
+        if operation.name in ("input", "truth_input"):
+            place, i = operation.value
+            entry = flat[place][i]
+            values.append(bool(entry) if operation.name == "truth_input" else float(entry))
+        elif operation.name == "constant":
+            values.append(operation.value)
+        else:
+            values.append(SCALAR[operation.name](*(values[a] for a in operation.arguments)))
+    return [np.array([values[n] for n in array.ravel()]).reshape(array.shape) for array in program.outputs]
