@@ -8,7 +8,9 @@ import time
 
 import numpy as np
 
-from estimable import Kalman, Prior, Record, StateSpace, estimate, simulate
+from estimable import Kalman, Prior, Record, StateSpace, estimate, estimate_bank, simulate, stack
+
+from . import handwritten
 
 REPEATS = 5
 
@@ -86,14 +88,48 @@ def record_workload(name, T, missing):
         rows.append({"workload": name, "contender": contender, "seconds": seconds, "first_call": first,
                      "mean_error": error, "log_likelihood_error": likelihood_error})  # fmt: skip
 
-    for keep in ("all", "means", "likelihood"):
-        seconds, first, result = best(lambda keep=keep: estimate(Kalman(model), record, prior=prior, keep=keep))
-        note(f"estimable {result.engine}, keep={keep}", seconds, first, result.mean, result.log_likelihood)
+    for engine, keep in (
+        ("native", "all"),
+        ("native", "means"),
+        ("native", "likelihood"),
+        ("xla", "all"),
+        ("xla", "likelihood"),
+    ):
+        seconds, first, result = best(
+            lambda engine=engine, keep=keep: estimate(Kalman(model), record, prior=prior, engine=engine, keep=keep)
+        )
+        note(f"estimable {engine}, keep={keep}", seconds, first, result.mean, result.log_likelihood)
+    c_loop = handwritten.contender(model, prior, record.y)
+    if c_loop is not None:
+        seconds, first, (means, total) = best(c_loop)
+        note("hand-written C, means and covariances", seconds, first, means, total)
     for contender, run in peers(model, prior, record):
         start = time.perf_counter()
         means, total = run()
         seconds = time.perf_counter() - start
         note(contender, seconds, seconds, means, total)
+    return rows
+
+
+def bank_workload(name, runs, T):
+    """W2: many different models, one record each; accuracy on the first twenty."""
+    rng, models, records = np.random.default_rng(0), [], []
+    prior = Prior(np.zeros(4), np.eye(4))
+    for _ in range(runs):
+        A = rng.normal(size=(4, 4))
+        A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+        models.append(StateSpace(A, C=rng.normal(size=(2, 4)), Q=0.1 * np.eye(4), R=0.3 * np.eye(2), dt=1))
+        records.append(Record(rng.normal(size=(T, 2)), dt=1))
+    algorithms, stacked = stack([Kalman(model) for model in models]), stack(records)
+    exact = np.array([textbook(models[i], prior, records[i].y)[1] for i in range(20)])
+    rows = []
+    for engine in ("native", "xla"):
+        seconds, first, bank = best(
+            lambda engine=engine: estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood")
+        )
+        error = float(np.max(np.abs(bank.log_likelihood[:20] / exact - 1)))
+        rows.append({"workload": name, "contender": f"estimable {engine}, keep=likelihood", "seconds": seconds,
+                     "first_call": first, "mean_error": None, "log_likelihood_error": error})  # fmt: skip
     return rows
 
 
@@ -129,15 +165,16 @@ def table(rows):
 
 
 def main():
-    """Run the workloads that exist so far."""
+    """Run the workloads whose algorithms exist so far."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="records of 10,000 rows in place of 100,000")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the rows and runs")
     parser.add_argument("--json", action="store_true", help="rows as JSON in place of a table")
     options = parser.parse_args()
-    T = 10_000 if options.quick else 100_000
+    T, runs = (10_000, 1_000) if options.quick else (100_000, 10_000)
     rows = [
         *record_workload(f"W1 one record, n=4 p=2, T={T:,}", T, 0.0),
         *record_workload(f"W3 the same, 30 % of channels missing, T={T:,}", T, 0.3),
+        *bank_workload(f"W2 {runs:,} models of n=4 p=2, 200 samples each", runs, 200),
         *starts(),
     ]
     print(json.dumps(rows) if options.json else table(rows))
