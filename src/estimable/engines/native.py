@@ -2,7 +2,7 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -127,7 +127,7 @@ class _Step:
         return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(self.kept), leaves)
 
 
-_step = cache(_Step)
+_step = lru_cache(256)(_Step)
 
 
 class _Start:
