@@ -204,6 +204,9 @@ def test_a_second_process_reads_the_object_of_the_first(tmp_path, monkeypatch):
     assert sorted((tmp_path / "cache").glob("*.o")) == kept
     assert [path.stat().st_mtime_ns for path in kept] == written
     assert len(kept) == 2
+    for path in kept:
+        path.write_bytes(path.read_bytes()[:-100])  # damaged: compiled anew, not loaded
+    assert run() == first
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):

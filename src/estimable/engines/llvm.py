@@ -236,7 +236,7 @@ def _engine(text: str) -> Any:
 
     words = "|".join((text, llvmlite.__version__, *_processor()))
     path = _cache_folder() / f"{hashlib.sha256(words.encode()).hexdigest()}.o"
-    kept = path.read_bytes() if path.is_file() else None
+    kept = _kept(path)
     module = llvm.parse_assembly(text)
     if kept is None:
         options = llvm.create_pipeline_tuning_options(speed_level=3)
@@ -252,7 +252,16 @@ def _engine(text: str) -> Any:
 def _cache_folder() -> Path:
     """Where objects are kept: ESTIMABLE_CACHE, or the user's cache."""
     given = os.environ.get("ESTIMABLE_CACHE")
-    return Path(given) if given else Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "estimable"
+    return Path(given or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "estimable"))
+
+
+def _kept(path: Path) -> bytes | None:
+    """An object that is there and whole; a damaged one would take the process with it."""
+    try:
+        found = path.read_bytes()
+    except OSError:
+        return None
+    return found[32:] if hashlib.sha256(found[32:]).digest() == found[:32] else None
 
 
 def _keep(path: Path, compiled: bytes) -> None:
@@ -260,7 +269,7 @@ def _keep(path: Path, compiled: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_bytes(compiled)
+        draft.write_bytes(hashlib.sha256(compiled).digest() + compiled)
         draft.replace(path)
     except OSError:
         return
