@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from .llvm import Compiled, Loop
-from .straight_line import UnsupportedError, lower
+from .straight_line import Program, UnsupportedError, lower
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
@@ -61,12 +61,18 @@ class _Step:
             return jax.tree_util.tree_leaves(state), jax.tree_util.tree_leaves(kept), [log_likelihood, info.outcome]
 
         state = jax.eval_shape(lambda algorithm, prior: algorithm.init(prior), algorithm, prior)
-        self.start = _Start(lower(init, algorithm, prior))
+        begin = lower(init, algorithm, prior)
+        self.start = _Start(begin)
         parts = (algorithm, prior, state, sample, interval)
-        program = lower(step, *parts)
-        self.kept = told["kept"]
         counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
-        self._lay_out(program, counts[0] + counts[1], counts[2])
+        fixed, states = counts[0] + counts[1], counts[2]
+        known: dict = {}
+        program = lower(step, *parts)
+        while len(always := _always(begin, program, fixed, states)) > len(known):
+            known = always
+            program = lower(step, *parts, known=known)
+        self.kept = told["kept"]
+        self._lay_out(program, fixed, states)
 
     def _lay_out(self, program: Any, fixed: int, states: int) -> None:
         """Say which scalars are read from where and written to where, and compile."""
@@ -76,8 +82,9 @@ class _Step:
                       for arrays in (program.outputs[states:-2], program.outputs[-2:]))  # fmt: skip
         self.fixed, fixed_names = _read(program.inputs[:fixed])
         self.rows, row_names = _read(program.inputs[fixed + states :])
-        self.alive = np.array([n >= 0 for n in flat_states], bool)  # entries of the state that an output needs
-        carried = [(n, after) for n, after in zip(flat_states, nexts, strict=True) if n >= 0]
+        is_read = [n >= 0 and program.operations[n].name != "constant" for n in flat_states]
+        self.alive = np.array(is_read, bool)  # entries of the state that an output needs
+        carried = [(n, after) for n, after, alive in zip(flat_states, nexts, is_read, strict=True) if alive]
         each, last = (told, kept) if self.keep == "last" else (kept + told, [])
         self.each, self.last = len(each), len(last)
         carry, next_carry = zip(*carried, strict=True) if carried else ((), ())
@@ -128,6 +135,17 @@ class _Step:
 
 
 _step = lru_cache(256)(_Step)
+
+
+def _always(begin: Program, program: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
+    """Entries of the state that begin as a constant and stay it: the zeros of a triangular factor."""
+    found = {}
+    for array, (starts, nexts) in enumerate(zip(begin.outputs, program.outputs[:states], strict=True)):
+        for entry, (start, after) in enumerate(zip(starts.ravel(), nexts.ravel(), strict=True)):
+            first, then = begin.operations[start], program.operations[after]
+            if first.name == then.name == "constant" and first.value == then.value:
+                found[fixed + array, entry] = first.value
+    return found
 
 
 class _Start:

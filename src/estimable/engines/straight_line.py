@@ -75,10 +75,13 @@ FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce
          "reduce_or": "or"}  # fmt: skip
 
 
-def lower(function: Callable, *arguments: Any) -> Program:
-    """The straight line of `function` at arguments of these shapes. Raises `UnsupportedError`."""
+def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any] | None = None) -> Program:
+    """The straight line of `function` at arguments of these shapes. Raises `UnsupportedError`.
+
+    `known`: the values of input entries (array, entry) that are always the same, as the zeros of a triangular matrix.
+    """
     closed = jax.make_jaxpr(function)(*arguments)
-    line = _Line()
+    line = _Line(known or {})
     names = [line.inputs(i, v.aval) for i, v in enumerate(closed.jaxpr.invars)]
     outputs = line.run(closed.jaxpr, closed.consts, names)
     return line.program(names, outputs)
@@ -87,7 +90,8 @@ def lower(function: Callable, *arguments: Any) -> Program:
 class _Line:
     """The operations so far, each one once."""
 
-    def __init__(self):
+    def __init__(self, known: dict[tuple[int, int], Any]):
+        self.known = known
         self.operations: list[Operation] = []
         self.found: dict[tuple, int] = {}
 
@@ -105,8 +109,11 @@ class _Line:
     def inputs(self, place: int, aval: Any) -> np.ndarray:
         """Names for the entries of an input array."""
         kind = "truth_input" if aval.dtype == bool else "input"
-        names = [self.add(Operation(kind, (), (place, i))) for i in range(math.prod(aval.shape))]
-        return np.array(names, int).reshape(aval.shape)
+        places = [(place, i) for i in range(math.prod(aval.shape))]
+        entries = [
+            Operation("constant", (), self.known[p]) if p in self.known else Operation(kind, (), p) for p in places
+        ]
+        return np.array([self.add(entry) for entry in entries], int).reshape(aval.shape)
 
     def constants(self, values: Any) -> np.ndarray:
         """Names for the entries of a known array."""

@@ -56,12 +56,15 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
 
     def orthogonalise(j, carry):
         N, L = carry
-        g = N[j]
-        h = apply(N, g)                                                # h_j = |g|²
-        norm = jnp.where(h[j] > 0, h[j], 1.0)
-        common = jnp.where(jnp.arange(n) >= j, h, 0.0) / jnp.sqrt(norm)  # of the later rows with g / |g|
-        N = N - (h / norm)[:, None] * g[None, :]
-        return N, jnp.where(jnp.arange(n)[None, :] == j, common[:, None], L)
+        done = j if isinstance(j, int) else 0                          # rows above are zero: left out where j is known
+        g, rest = N[j], N[done:]
+        h = apply(rest, g)                                             # h_j = |g|²
+        norm = jnp.where(h[j - done] > 0, h[j - done], 1.0)
+        inverse = 1 / norm
+        common = jnp.where(jnp.arange(done, n) >= j, h, 0.0) * (inverse * jnp.sqrt(norm))   # of later rows with g / |g|
+        N = jnp.concatenate([N[:done], rest - (h * inverse)[:, None] * g[None, :]])
+        column = jnp.concatenate([jnp.zeros(done), common])
+        return N, jnp.where(jnp.arange(n)[None, :] == j, column[:, None], L)
 
     return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]
 
