@@ -1,6 +1,5 @@
 """The records that a step takes and gives, and those that the drivers return."""
 
-import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -238,8 +237,3 @@ class Simulation:
 
     record: Any
     state: Any
-
-
-def finite_or_none(value: float | None) -> float | None:
-    """The number, or None where it is not one: JSON has no NaN."""
-    return None if value is None or not math.isfinite(value) else float(value)

@@ -25,9 +25,11 @@ from estimable import (
     packaged,
     read_model,
 )
+from estimable.engines import native
 from estimable.engines.llvm import Compiled, Loop
-from estimable.engines.straight_line import UnsupportedError, interpret, lower
+from estimable.engines.straight_line import UnsupportedError, lower
 from estimable.results import OUTCOMES
+from oracles.interpreter import interpret
 
 UNARY = {
     "negative": jnp.negative, "abs": jnp.abs, "sqrt": lambda a: jnp.sqrt(jnp.abs(a)), "square": jnp.square,
@@ -249,3 +251,12 @@ def test_a_bank_says_which_runs_failed():
     )
     assert native.outcomes == xla.outcomes
     assert [outcome.code for outcome in native.outcomes] == [0, 2, 0]
+
+
+def test_why_a_step_cannot_be_written_out_is_worked_out_once():
+    large = StateSpace(0.9 * np.eye(9), R=np.eye(9), dt=1)
+    record, prior = Record(np.zeros((3, 9)), dt=1), Prior(np.zeros(9), np.eye(9))
+    assert estimate(Kalman(large), record, prior=prior).engine == "xla"
+    misses = native._step.cache_info().misses
+    assert estimate(Kalman(large), record, prior=prior).engine == "xla"
+    assert native._step.cache_info().misses == misses

@@ -5,7 +5,7 @@ from typing import Any
 
 from .. import checks
 from ..figures.bands import bands
-from . import innovations
+from . import innovations, run_filter
 from .gain_text import header
 from .numbers import counted, decimals
 from .run_filter import Run
@@ -24,13 +24,7 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
     """What `estimate` says to a machine."""
     result, last = run.result, last_estimates(run.result)
     return {
-        "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
-        "record": str(run.record_path),
-        "model": str(run.model_path),
-        "filter": run.filter,
-        "engine": result.engine,
-        "samples": len(run.record),
-        "seconds": run.record.seconds,
+        **run_filter.as_data(run),
         **{key: _named(last[kind], 0) for key, kind in (("mean", "state"), ("gain", "gain"))},
         **{key: _named(last[kind], 1) for key, kind in (("mean_sigma", "state"), ("gain_sigma", "gain"))},
         "log_likelihood": result.log_likelihood,

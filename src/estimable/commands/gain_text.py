@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..tables import standard_deviation
-from . import innovations
+from . import innovations, run_filter
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
 from .run_filter import Run
@@ -22,13 +22,7 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     before, after, names, result = summary.before, summary.after, summary.names, run.result
     check = innovations.innovation_check(result)
     return {
-        "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
-        "record": str(run.record_path),
-        "model": str(run.model_path),
-        "filter": run.filter,
-        "engine": result.engine,
-        "samples": len(run.record),
-        "seconds": run.record.seconds,
+        **run_filter.as_data(run),
         "outputs": result.names.outputs,
         "inputs": result.names.inputs,
         "gains": names,

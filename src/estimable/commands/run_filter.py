@@ -21,6 +21,20 @@ class Run(NamedTuple):
     model_path: Path
 
 
+def as_data(run: Run) -> dict[str, Any]:
+    """What every command that runs a filter says of the run to a machine."""
+    result = run.result
+    return {
+        "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
+        "record": str(run.record_path),
+        "model": str(run.model_path),
+        "filter": run.filter,
+        "engine": result.engine,
+        "samples": len(run.record),
+        "seconds": run.record.seconds,
+    }
+
+
 def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """How to read a record: what the model file says, and what was given instead (not None).
 

@@ -31,6 +31,8 @@ def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes:
     leaves, structure = jax.tree_util.tree_flatten(tuple(example))
     shapes = tuple((np.shape(leaf), np.asarray(leaf).dtype.str) for leaf in leaves)
     step = _step(structure, shapes, keep, select, LANES if size > 1 else 1)
+    if isinstance(step, UnsupportedError):
+        raise step
     fixed = [(np.asarray(leaf), axis) for part, axis in parts[:2] for leaf in jax.tree_util.tree_leaves(part)]
     rows = [(np.asarray(leaf), r) for part in (samples, intervals) for leaf in jax.tree_util.tree_leaves(part)]
     return step.run(size, fixed, rows)
@@ -134,7 +136,13 @@ class _Step:
         return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(self.kept), leaves)
 
 
-_step = lru_cache(256)(_Step)
+@lru_cache(256)
+def _step(*arguments: Any) -> _Step | UnsupportedError:
+    """The compiled step, or why there is none: neither is worked out twice."""
+    try:
+        return _Step(*arguments)
+    except UnsupportedError as reason:
+        return reason
 
 
 def _always(begin: Program, program: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
@@ -188,8 +196,7 @@ def _on_all_processors(work: Any, items: range) -> None:
         work(items[0])
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for done in pool.map(work, items):
-            assert done is None
+        list(pool.map(work, items))  # raises what a thread raised
 
 
 def _refuse_varying(algorithm: Any) -> None:

@@ -341,19 +341,3 @@ SPECIAL: dict[str, Callable] = {
     "stop_gradient": lambda line, _, arrays: arrays[0],
     "gather": _indexed, "dynamic_slice": _indexed, "scatter": _indexed, "dynamic_update_slice": _indexed,
 }  # fmt: skip
-
-
-def interpret(program: Program, inputs: list[Any]) -> list[np.ndarray]:
-    """Run a program in Python, a scalar at a time: for what is run once, and for tests."""
-    flat = [np.asarray(array).ravel() for array in inputs]
-    values: list[Any] = []
-    for operation in program.operations:
-        if operation.name in ("input", "truth_input"):
-            place, i = operation.value
-            entry = flat[place][i]
-            values.append(bool(entry) if operation.name == "truth_input" else float(entry))
-        elif operation.name == "constant":
-            values.append(operation.value)
-        else:
-            values.append(SCALAR[operation.name](*(values[a] for a in operation.arguments)))
-    return [np.array([values[n] for n in array.ravel()]).reshape(array.shape) for array in program.outputs]

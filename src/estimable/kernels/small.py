@@ -55,6 +55,7 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
     n = N.shape[0]
 
     def orthogonalise(j, carry):
+        """Take row j out of the rows below it, and note what they had in common."""
         N, L = carry
         done = j if isinstance(j, int) else 0                          # rows above are zero: left out where j is known
         g, rest = N[j], N[done:]
@@ -79,6 +80,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     floor = n * np.finfo(float).eps * jnp.sum(P * jnp.eye(n), axis=1)
 
     def eliminate(j, carry):
+        """Take column j of L out of what is left of P."""
         P, L = carry
         pivot = P[j, j]
         positive = pivot > floor[j]

@@ -9,6 +9,7 @@ from ..data.record import Record, match, scatter
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample
+from .stack import Stacked
 
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
 
@@ -85,7 +86,7 @@ def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults)
 
 
 def _batch_hint(thing: Any) -> str:
-    many = type(thing).__name__ == "Stacked" or isinstance(thing, list | tuple)
+    many = isinstance(thing, Stacked | list | tuple)
     return " For several at once use estimate_bank." if many else ""
 
 

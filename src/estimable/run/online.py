@@ -7,8 +7,10 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..data.record import LOST, UNIFORM
 from ..errors import RunError
 from ..frozen import frozen, replace, static
+from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
@@ -136,7 +138,7 @@ class Online:
                 faults.add("`dt` must be given to the first predict: the model is continuous.")
             return self.progress.dt if model.is_continuous else model.dt
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
-        if dt is not None and not model.is_continuous and abs(dt - model.dt) > 1e-6 * model.dt:
+        if dt is not None and not model.is_continuous and abs(dt - model.dt) > UNIFORM * model.dt:
             faults.add(
                 f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed."
             )
@@ -187,8 +189,8 @@ def online(
     """
     faults = checks.Faults()
     faults.choice("engine", engine, ENGINES)
-    faults.choice("hold", hold, ("zero_order", "first_order"))
-    faults.choice("lost", lost, ("zero", "hold"))
+    faults.choice("hold", hold, HOLDS)
+    faults.choice("lost", lost, LOST)
     check_algorithm(algorithm, faults)
     if not isinstance(prior, Prior):
         faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.")
