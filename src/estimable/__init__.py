@@ -4,6 +4,7 @@ from . import precision as _precision  # isort: skip  # noqa: F401  float64, bef
 from . import catalogue, diagnostics, packaged, plants
 from .data.reading import read_record
 from .data.record import Record
+from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
@@ -27,11 +28,13 @@ __all__ = [
     "EstimableWarning",
     "Estimate",
     "EstimateBank",
+    "FeedbackGain",
     "GainSection",
     "Info",
     "InputError",
     "Interval",
     "Kalman",
+    "KalmanGain",
     "ModelFile",
     "Online",
     "OperatingPoint",
@@ -48,8 +51,10 @@ __all__ = [
     "diagnostics",
     "estimate",
     "estimate_bank",
+    "kalman_gain",
     "load",
     "log_likelihood",
+    "lqr_gain",
     "online",
     "packaged",
     "plants",

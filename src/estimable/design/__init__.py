@@ -1,0 +1,1 @@
+"""Model and requirement in, gains out."""
