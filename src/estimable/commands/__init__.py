@@ -14,6 +14,7 @@ from .demo import demo
 from .edge import Edge
 from .estimate import estimate
 from .gain import gain
+from .reproduce import reproduce
 
 app = typer.Typer(
     name="estimable", cls=Edge, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -41,6 +42,7 @@ def estimable(
 app.command("demo")(demo)
 app.command("gain")(gain)
 app.command("estimate")(estimate)
+app.command("reproduce")(reproduce)
 
 
 def main() -> None:

@@ -1,0 +1,42 @@
+"""Every table and figure of the sources, recomputed: the published value beside ours.
+
+One file (or folder) a source, each with its `ENTRIES`; `estimable reproduce` lists and runs them.
+"""
+
+from .. import checks
+from . import bass, fang, sillence
+from .entries import DRAWS, Reproduced, Reproduction, Row, drawn
+
+ENTRIES: tuple[Reproduction, ...] = sillence.ENTRIES + fang.ENTRIES + bass.ENTRIES
+
+__all__ = ["DRAWS", "ENTRIES", "Reproduced", "Reproduction", "Row", "drawn", "entry", "reproduce"]
+
+
+def entry(name: str) -> Reproduction:
+    """The entry of a name; an `InputError` with the nearest name where there is none.
+
+    >>> entry("sillence-table-2").title
+    'Poles of the loop under the PI law'
+    """
+    names = [known.name for known in ENTRIES]
+    if name not in names:
+        near = checks.suggestion(name, names)
+        checks.refuse(f"there is no table or figure {name!r}: `estimable reproduce` lists all of them.{near}")
+    return ENTRIES[names.index(name)]
+
+
+def reproduce(name: str, *, draws: int = DRAWS) -> Reproduced:
+    """Recompute one table or figure, its random numbers drawn `draws` times.
+
+    Raises `InputError` where there is no such table or figure, or none of ours yet: the sentence says why.
+
+    >>> reproduce("sillence-table-3").rows[0].published
+    -3.0691
+    """
+    found, faults = entry(name), checks.Faults()
+    faults.whole("draws", draws, 1)
+    if found.compute is None:
+        faults.add(f"{name} is not reproduced: {found.reason}.")
+    faults.finish()
+    assert found.compute is not None
+    return found.compute(draws)

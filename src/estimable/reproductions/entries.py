@@ -1,0 +1,58 @@
+"""What a reproduction is, and what it gives."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+DRAWS = 200
+
+
+class Row(NamedTuple):
+    """One number: the published value (None: not printed) beside ours, the mean and 1 sigma over `draws`.
+
+    A number that is computed and not drawn has sigma None and draws 0. A draw of which the quantity does not exist (it
+    never settled) counts in neither: `draws` is how many did.
+    """
+
+    quantity: str
+    unit: str
+    published: float | None
+    mean: float
+    sigma: float | None = None
+    draws: int = 0
+
+
+class Reproduced(NamedTuple):
+    """What `compute` gives: the rows, a function that draws the picture (or None), and what a reader must know."""
+
+    rows: tuple[Row, ...]
+    figure: Callable[[], Any] | None = None
+    remarks: tuple[str, ...] = ()
+
+
+class Reproduction(NamedTuple):
+    """One table or figure of a source: `compute(draws)` recomputes it, or is None and `reason` says why."""
+
+    name: str
+    source: str
+    title: str
+    compute: Callable[[int], Reproduced] | None = None
+    reason: str = ""
+
+    @property
+    def status(self) -> str:
+        """ "done", or why not."""
+        return "done" if self.compute is not None else self.reason
+
+
+def drawn(quantity: str, unit: str, published: float | None, values: Any) -> Row:
+    """The row of a quantity that each draw has: mean and 1 sigma over those that are finite.
+
+    >>> drawn("gain", "", 0.5, [0.0, 1.0, 2.0, float("nan")])
+    Row(quantity='gain', unit='', published=0.5, mean=1.0, sigma=1.0, draws=3)
+    """
+    values = np.asarray(values, float)
+    finite = values[np.isfinite(values)]
+    sigma = float(finite.std(ddof=1)) if len(finite) > 1 else None
+    return Row(quantity, unit, published, float(finite.mean()) if len(finite) else float("nan"), sigma, len(finite))

@@ -1,0 +1,47 @@
+"""H. Fang, Estimation, identification and adaptive control over networks (2009)."""
+
+from .entries import Reproduction
+
+SOURCE = "Fang (2009)"
+DRAWING = "a drawing, with nothing to compute"
+UNKNOWN_INPUT = "not yet: it needs simultaneous input and state estimation"
+LOSSY = "not yet: it needs identification over lossy links"
+TRACKING = "not yet: it needs closed loops over lossy links"
+
+
+def _not_yet(name: str, title: str, reason: str) -> Reproduction:
+    return Reproduction(f"fang-{name}", SOURCE, title, None, reason)
+
+
+ENTRIES = (
+    _not_yet("table-2-1", "Example 1: norms of the input and state errors", UNKNOWN_INPUT),
+    _not_yet("table-2-2", "Example 2: norms of the input and state errors", UNKNOWN_INPUT),
+    _not_yet("table-3-1", "Example 1: parameter estimates, 80 % and 70 % arrive", LOSSY),
+    _not_yet("table-3-2", "Example 2: parameter estimates, 40 % and 20 % arrive", LOSSY),
+    _not_yet("fig-1-1", "A networked control system", DRAWING),
+    _not_yet("fig-2-1", "Block diagram of input and state estimation", DRAWING),
+    _not_yet("fig-2-2", "Example 1: input and states with their estimates", UNKNOWN_INPUT),
+    _not_yet("fig-2-3", "Example 1: trace of the state covariance", UNKNOWN_INPUT),
+    _not_yet("fig-2-4", "Example 2: input and states with their estimates", UNKNOWN_INPUT),
+    _not_yet("fig-2-5", "Example 2: trace of the state covariance", UNKNOWN_INPUT),
+    _not_yet("fig-2-6", "Example 3: input and states with their estimates", UNKNOWN_INPUT),
+    _not_yet("fig-3-1", "Identification over a lossy network", DRAWING),
+    _not_yet("fig-3-2", "Example 1: parameter estimates over time", LOSSY),
+    _not_yet("fig-3-3", "Example 1: relative parameter error", LOSSY),
+    _not_yet("fig-3-4", "Example 1: estimated and true outputs", LOSSY),
+    _not_yet("fig-3-5", "Example 1: average output error", LOSSY),
+    _not_yet("fig-3-6", "Example 2: parameter estimates over time", LOSSY),
+    _not_yet("fig-3-7", "Example 2: relative parameter error", LOSSY),
+    _not_yet("fig-3-8", "Example 2: estimated and true outputs", LOSSY),
+    _not_yet("fig-3-9", "Example 2: average output error", LOSSY),
+    _not_yet("fig-3-10", "Example 3: parameter errors under two loss patterns", LOSSY),
+    _not_yet("fig-3-11", "Example 3: output errors under two loss patterns", LOSSY),
+    _not_yet("fig-4-1", "A loop with randomly missing outputs", DRAWING),
+    _not_yet("fig-4-2", "Adaptive control diagram", DRAWING),
+    _not_yet("fig-4-3", "Example 1: output response, 85 % arrive", TRACKING),
+    _not_yet("fig-4-4", "Relative parameter errors of Examples 1 and 2", TRACKING),
+    _not_yet("fig-4-5", "Example 1: estimated and true outputs", TRACKING),
+    _not_yet("fig-4-6", "Example 2: output response", TRACKING),
+    _not_yet("fig-4-7", "Example 2: estimated and true outputs, 65 % arrive", TRACKING),
+    _not_yet("fig-4-8", "Example 3: output response, parameters rise by half at k = 2500", TRACKING),
+)

@@ -1,0 +1,69 @@
+"""A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
+
+from ..entries import Reproduction
+from . import tables
+
+SOURCE = "Sillence (1999)"
+DRAWING = "a drawing, with nothing to compute"
+WINDOW = "not yet: it needs moving windows"
+LOOP = "not yet: it needs closed loops"
+K1 = (0.8, 0.6, 0.4, 0.2, 0.1)
+
+
+def _done(name, title, compute) -> Reproduction:
+    return Reproduction(f"sillence-{name}", SOURCE, title, compute)
+
+
+def _not_yet(name: str, title: str, reason: str) -> Reproduction:
+    return Reproduction(f"sillence-{name}", SOURCE, title, None, reason)
+
+
+ENTRIES = (
+    _done("table-1", "Signal-to-noise ratios", tables.signal_to_noise),
+    _done("table-2", "Poles of the loop under the PI law", tables.poles_of_pi_loop),
+    _done("table-3", "Poles of the loop under the proportional law", tables.poles_of_p_loop),
+    _not_yet("table-4", "Final gain and settling time, expanding filter", "not yet"),
+    _not_yet("table-5", "Time to come within 20 % of the gain, moving window", WINDOW),
+    _not_yet("fig-1", "Flight control system", DRAWING),
+    _not_yet("fig-2", "Longitudinal parameters of an aircraft", DRAWING),
+    _not_yet("fig-3", "Pitch rate without alpha feedback, proportional law", LOOP),
+    _not_yet("fig-4", "Pitch rate with alpha feedback, proportional law", LOOP),
+    _not_yet("fig-5", "Pitch rate without alpha feedback, PI law", LOOP),
+    _not_yet("fig-6", "Pitch rate with alpha feedback, PI law", LOOP),
+    *(
+        _not_yet(f"fig-{i}", f"{what} under a fixed law, K = 0.8, sensor sigma {sigma} deg", LOOP)
+        for i, what, sigma in (
+            (7, "Alpha", 0.03), (8, "Alpha", 0.3), (9, "Pitch rate", 0.03), (10, "Pitch rate", 0.3),
+        )
+    ),
+    _not_yet("fig-11", "Continuous and digital response to a step", "not yet"),
+    _not_yet("fig-12", "What sampling does to the command", "not yet"),
+    _not_yet("fig-13", "Elevator damage", DRAWING),
+    *(_not_yet(f"fig-{i}", f"Pitch rate and alpha, PI law, K1 = {k}", LOOP) for i, k in enumerate(K1, start=14)),
+    _not_yet("fig-19", "Estimated pitch rate and alpha, K1 = 0.8", "not yet"),
+    _not_yet("fig-20", "Estimated pitch rate and alpha, K1 = 0.2", "not yet"),
+    _not_yet("fig-21", "Pitch rate and alpha, proportional law, K1 = 0.2", LOOP),
+    _not_yet("fig-22", "Pitch rate and alpha, proportional law, K1 = 0.1", LOOP),
+    *(_not_yet(f"fig-{i}", f"Estimated gain, expanding filter, K1 = {k}", "not yet") for i, k in enumerate(K1, start=23)),
+    _not_yet("fig-28", "Expanding filter against moving window, K1 = 0.6", WINDOW),
+    _not_yet("fig-29", "Command against the window's gain, K1 = 0.6", WINDOW),
+    _not_yet("fig-30", "Smoothing against delay, K1 = 0.6", WINDOW),
+    _not_yet("fig-31", "Smoothed and unsmoothed gain, K1 = 0.6", WINDOW),
+    _not_yet("fig-32", "Moving window at 53.286 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-33", "Moving window at 23.29 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-34", "Two sigma bounds of the window, K1 = 0.6", WINDOW),
+    _not_yet("fig-35", "Bounded and smoothed gain at 23.29 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-36", "Moving window at 40 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-37", "Bounded and smoothed gain at 40 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-38", "Moving window at 60 dB, K1 = 0.2", WINDOW),
+    _not_yet("fig-39", "Bounded and smoothed gain at 60 dB, K1 = 0.2", WINDOW),
+    *(
+        _not_yet(f"fig-{i}", f"{what} at {snr} dB, K1 = 0.2", LOOP)
+        for i, what, snr in (
+            (40, "Pitch rate with adaptation", 23.29), (41, "Pitch rate with bounded adaptation", 23.29),
+            (42, "Moving window's gain", 37.227), (43, "Pitch rate with and without adaptation", 37.227),
+            (44, "Gain estimated after adaptation", 37.227), (45, "Pitch rate with bounded adaptation", 40),
+            (46, "Pitch rate with adaptation", 53.286), (47, "Pitch rate with bounded adaptation", 60),
+        )
+    ),
+)  # fmt: skip

@@ -1,0 +1,87 @@
+"""Every table and figure of the sources has an entry, and what is said to be reproduced can be."""
+
+import json
+import math
+
+import pytest
+
+from estimable import InputError, reproductions
+from estimable.commands.show import plain
+
+DONE = [entry.name for entry in reproductions.ENTRIES if entry.compute is not None]
+FEW = 3  # draws: enough for a mean and a sigma
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Each result once."""
+    found = {}
+
+    def result(name):
+        if name not in found:
+            found[name] = reproductions.reproduce(name, draws=FEW)
+        return found[name]
+
+    return result
+
+
+def test_every_table_and_figure_of_the_sources_is_listed_once():
+    names = [entry.name for entry in reproductions.ENTRIES]
+    assert len(set(names)) == len(names)
+    assert {f"sillence-table-{i}" for i in range(1, 6)} | {f"sillence-fig-{i}" for i in range(1, 48)} <= set(names)
+    fang = {2: 6, 3: 11, 4: 8}
+    assert {f"fang-fig-{chapter}-{i}" for chapter, last in fang.items() for i in range(1, last + 1)} <= set(names)
+    assert {"fang-table-2-1", "fang-table-2-2", "fang-table-3-1", "fang-table-3-2"} <= set(names)
+
+
+def test_what_is_not_done_says_why():
+    for entry in reproductions.ENTRIES:
+        assert entry.status == "done" or entry.status.startswith(("not yet", "a drawing")), entry.name
+        assert len(entry.title) < 80
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_rows_are_complete(name, results):
+    rows = results(name).rows
+    assert rows
+    assert len({row.quantity for row in rows}) == len(rows)
+    for row in rows:
+        assert 0 <= row.draws <= FEW
+        assert (row.sigma is None) == (row.draws < 2)
+        assert row.draws == 0 or math.isfinite(row.mean)
+    json.dumps(plain([row._asdict() for row in rows]), allow_nan=False)
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_the_picture_can_be_drawn(name, results):
+    figure = results(name).figure
+    if figure is not None:
+        drawn = figure()
+        assert drawn.data
+        assert drawn.layout.xaxis.title.text
+        assert drawn.layout.yaxis.title.text
+
+
+@pytest.mark.parametrize("name", ["sillence-table-2", "sillence-table-3"])
+def test_poles_are_those_of_the_thesis(name, results):
+    for row in results(name).rows:
+        assert row.mean == pytest.approx(row.published, abs=1.2e-4), row.quantity
+
+
+def test_signal_to_noise_is_a_constant_from_the_table(results):
+    rows = [row for row in results("sillence-table-1").rows if row.quantity.endswith("as printed")]
+    assert len(rows) == 5
+    assert all(-0.113 < row.mean - row.published < -0.105 for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "draws", "sentence"),
+    [
+        ("sillence-table-44", 3, "Did you mean 'sillence-table-4'"),
+        ("sillence-table-2", 0, "`draws` must be a whole number, at least 1"),
+        ("sillence-fig-13", 3, "sillence-fig-13 is not reproduced: a drawing"),
+    ],
+)
+def test_wrong_calls(name, draws, sentence):
+    with pytest.raises(InputError, match=sentence):
+        reproductions.reproduce(name, draws=draws)
