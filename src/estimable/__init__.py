@@ -15,8 +15,9 @@ from .models.state_space import StateSpace
 from .results import Estimate, EstimateBank, Info, Interval, Outcome, Sample, Simulation
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
+from .run.monte_carlo import MonteCarlo, monte_carlo
 from .run.online import Online, online
-from .run.simulate import simulate, simulate_bank
+from .run.simulate import drawn_from, simulate, simulate_bank
 from .run.stack import Stacked, stack
 from .store import load, save
 
@@ -36,6 +37,7 @@ __all__ = [
     "Kalman",
     "KalmanGain",
     "ModelFile",
+    "MonteCarlo",
     "Online",
     "OperatingPoint",
     "Outcome",
@@ -49,12 +51,14 @@ __all__ = [
     "UnknownGain",
     "catalogue",
     "diagnostics",
+    "drawn_from",
     "estimate",
     "estimate_bank",
     "kalman_gain",
     "load",
     "log_likelihood",
     "lqr_gain",
+    "monte_carlo",
     "online",
     "packaged",
     "plants",

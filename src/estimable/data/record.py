@@ -158,6 +158,8 @@ class Record:
 
 def _column(value: Any) -> Any:
     """A 1-D array of numbers as one channel."""
+    if checks.is_traced(value):
+        return value[:, None] if value.ndim == 1 else value
     try:
         array = np.asarray(value)
     except ValueError:

@@ -4,12 +4,15 @@ State (alpha [deg], pitch_rate [deg/s]), input the elevator deflection [deg]; th
 prints 1.2915 for M_alpha, where its pole table needs 3.5, and .3 for the gain on the actuator, where it needs -.4.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..frozen import replace
 from ..models.discretisation import exponential
 from ..models.state_space import StateSpace
 
@@ -80,6 +83,33 @@ def flight(
     >>> flown.record.y.shape, float(flown.gain[-1])
     ((1651, 2), 0.5)
     """
+    clean = _clean(gain_after, failure_time, simulation)
+    noise = np.random.default_rng(seed).normal(size=clean.state.shape) * [sigma_alpha, sigma_q]
+    return clean._replace(record=replace(clean.record, y=clean.state + noise))
+
+
+def drawn_flight(
+    gain_after: float, *, failure_time: float = 4.5, simulation: str = "continuous_actuator",
+    sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
+) -> Callable[[Any], Flight]:  # fmt: skip
+    """A function of a random key that draws one `Flight`, for `monte_carlo`. Arguments as in `flight`.
+
+    >>> import jax
+    >>> drawn_flight(0.5)(jax.random.key(1)).record.y.shape
+    (1651, 2)
+    """
+    clean = _clean(gain_after, failure_time, simulation)
+    sigmas = np.array([[sigma_alpha, sigma_q]])
+
+    def draw(key) -> Flight:
+        y = clean.state + sigmas * jax.random.normal(key, clean.state.shape)
+        return clean._replace(record=replace(clean.record, y=y))
+
+    return draw
+
+
+def _clean(gain_after: float, failure_time: float, simulation: str) -> Flight:
+    """The flight without the noise of its sensors."""
     faults = checks.Faults()
     faults.choice("simulation", simulation, SIMULATIONS)
     faults.number("gain_after", gain_after)
@@ -89,9 +119,8 @@ def flight(
     gain = np.where(t >= failure_time - 1e-9, gain_after, 1.0)
     command = pitch_command(t)
     x = _fly(command, gain, held=held)
-    noise = np.random.default_rng(seed).normal(size=(len(t), 2)) * [sigma_alpha, sigma_q]
     record = Record(
-        x[:, :2] + noise, x[:, 2:3], dt=1 / RATE, outputs=OUTPUTS, inputs=INPUTS,
+        x[:, :2], x[:, 2:3], dt=1 / RATE, outputs=OUTPUTS, inputs=INPUTS,
         hold="zero_order" if held else "first_order",
         units={"alpha_deg": "deg", "pitch_rate_deg_s": "deg/s", "elevator_deg": "deg"},
     )  # fmt: skip

@@ -17,7 +17,7 @@ def scatter(groups: dict[str, Any], *, x: str, y: str) -> go.Figure:
     for (name, values), colour, symbol in zip(groups.items(), COLOURS, SYMBOLS, strict=False):
         points = np.asarray(values, complex)
         marker = {"color": colour, "symbol": symbol, "size": 11, "line": {"width": 2}}
-        figure.add_scatter(x=points.real, y=points.imag, mode="markers", name=name, marker=marker)
+        figure.add_scatter(x=np.real(points), y=np.imag(points), mode="markers", name=name, marker=marker)
     return styled(figure, x=x, y=y)
 
 

@@ -1,5 +1,6 @@
 """Draw records from a model."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..frozen import frozen
+from ..frozen import frozen, replace
 from ..kernels.small import apply, factor
 from ..models.prior import Prior
 from ..models.sampled import sample
@@ -73,6 +74,33 @@ def simulate_bank(
     leaves, structure = jax.tree_util.tree_flatten(template)
     stacked = jax.tree_util.tree_unflatten(structure, [y, *(spread(leaf) for leaf in leaves[1:])])
     return Stacked(Simulation(stacked, x), runs)
+
+
+def drawn_from(
+    model: StateSpace, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None, t=None,
+    hold: str = "zero_order",
+) -> Callable[[Any], Simulation]:  # fmt: skip
+    """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
+
+    With the key `fold_in(key(seed), i)` it draws run i of `simulate_bank`.
+
+    >>> draw = drawn_from(StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1), steps=3)
+    >>> import jax
+    >>> draw(jax.random.key(1)).state.shape
+    (3, 1)
+    """
+    _check_call(model, prior, 0, 1, steps)
+    record = _empty_record(model, u, steps, dt, t, hold)
+    sampled = sample(model, record.clock(model.dt or None))
+    drive = _Drive(record.u, np.concatenate([record.u[1:], record.u[-1:]]))
+    names = {"inputs": model.inputs, "outputs": model.outputs}
+    template = Record(record.y, record.u, dt=record.dt, t=record.t, hold=hold, **names)
+
+    def draw(key) -> Simulation:
+        y, x = _draw(sampled, drive, prior, key[None])
+        return Simulation(replace(template, y=y[0]), x[0])
+
+    return draw
 
 
 def _check_call(model, prior, seed, runs, steps) -> None:
