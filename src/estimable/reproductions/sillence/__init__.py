@@ -1,7 +1,7 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import tables
+from . import expanding, sampling, tables
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
@@ -22,7 +22,7 @@ ENTRIES = (
     _done("table-1", "Signal-to-noise ratios", tables.signal_to_noise),
     _done("table-2", "Poles of the loop under the PI law", tables.poles_of_pi_loop),
     _done("table-3", "Poles of the loop under the proportional law", tables.poles_of_p_loop),
-    _not_yet("table-4", "Final gain and settling time, expanding filter", "not yet"),
+    _done("table-4", "Final gain and settling time, expanding filter", expanding.table_4),
     _not_yet("table-5", "Time to come within 20 % of the gain, moving window", WINDOW),
     _not_yet("fig-1", "Flight control system", DRAWING),
     _not_yet("fig-2", "Longitudinal parameters of an aircraft", DRAWING),
@@ -36,15 +36,18 @@ ENTRIES = (
             (7, "Alpha", 0.03), (8, "Alpha", 0.3), (9, "Pitch rate", 0.03), (10, "Pitch rate", 0.3),
         )
     ),
-    _not_yet("fig-11", "Continuous and digital response to a step", "not yet"),
-    _not_yet("fig-12", "What sampling does to the command", "not yet"),
+    _done("fig-11", "Continuous and digital response to a step", sampling.step_response),
+    _done("fig-12", "What sampling does to the command", sampling.command),
     _not_yet("fig-13", "Elevator damage", DRAWING),
     *(_not_yet(f"fig-{i}", f"Pitch rate and alpha, PI law, K1 = {k}", LOOP) for i, k in enumerate(K1, start=14)),
-    _not_yet("fig-19", "Estimated pitch rate and alpha, K1 = 0.8", "not yet"),
-    _not_yet("fig-20", "Estimated pitch rate and alpha, K1 = 0.2", "not yet"),
+    _done("fig-19", "Estimated pitch rate and alpha, K1 = 0.8", expanding.states_over_time(0.8)),
+    _done("fig-20", "Estimated pitch rate and alpha, K1 = 0.2", expanding.states_over_time(0.2)),
     _not_yet("fig-21", "Pitch rate and alpha, proportional law, K1 = 0.2", LOOP),
     _not_yet("fig-22", "Pitch rate and alpha, proportional law, K1 = 0.1", LOOP),
-    *(_not_yet(f"fig-{i}", f"Estimated gain, expanding filter, K1 = {k}", "not yet") for i, k in enumerate(K1, start=23)),
+    *(
+        _done(f"fig-{i}", f"Estimated gain, expanding filter, K1 = {k}", expanding.gain_over_time(k))
+        for i, k in enumerate(K1, start=23)
+    ),
     _not_yet("fig-28", "Expanding filter against moving window, K1 = 0.6", WINDOW),
     _not_yet("fig-29", "Command against the window's gain, K1 = 0.6", WINDOW),
     _not_yet("fig-30", "Smoothing against delay, K1 = 0.6", WINDOW),

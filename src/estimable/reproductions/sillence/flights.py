@@ -1,0 +1,64 @@
+"""The flights of chapter 5: a gain that drops at 4.5 s, flown many times, and how an estimate of it is judged."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...filters.unknown_gain import UnknownGain
+from ...models.prior import Prior
+from ...plants import f16
+from ...run.monte_carlo import MonteCarlo, monte_carlo
+
+GAINS = (0.8, 0.6, 0.4, 0.2, 0.1)  # K1
+FAILURE = 4.5  # [s]
+BAND = 0.2  # |K - K1| <= .2 K1
+SEED = 1999
+STATE = Prior([-1.4414, -2.4314], [[0.1, 0.0], [0.0, 1.0]])  # poor on purpose, as in the thesis
+GAIN = Prior([0.8], [[0.4]])
+HELD, CONTINUOUS = f16.SIMULATIONS[1], f16.SIMULATIONS[0]
+HELD_REMARK = (
+    "Published numbers stand beside those of the thesis's simulation, in which the elevator is held over each sample; "
+    '"continuous actuator" is the same flight with an elevator that moves between the samples, and a filter that knows it.'
+)
+
+
+def filter_of(**noise: float) -> UnknownGain:
+    """The joint filter of state and gain, with the thesis's prior of the gain."""
+    return UnknownGain(f16.short_period(**noise), GAIN)
+
+
+def fly(
+    algorithm: Any, gain: float, draws: int, summary: Callable[[Any, Any], dict[str, Any]], *, simulation: str = HELD,
+    **noise: float,
+) -> MonteCarlo:  # fmt: skip
+    """Estimate over `draws` flights in which the gain drops to `gain`."""
+    draw = f16.drawn_flight(gain, failure_time=FAILURE, simulation=simulation, **noise)
+    return monte_carlo(algorithm, draw, prior=STATE, runs=draws, seed=SEED, summary=summary)
+
+
+def within(estimated: np.ndarray, gain: float) -> np.ndarray:
+    """Whether the estimates after the failure are within 20 % of the gain."""
+    return np.abs(estimated[round(FAILURE * f16.RATE) :] - gain) <= BAND * gain
+
+
+def settled(estimated: np.ndarray, gain: float) -> float:
+    """Seconds after the failure from which the estimate stays within 20 %; NaN where it never does.
+
+    >>> settled(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5)
+    0.03
+    """
+    out = np.flatnonzero(~within(estimated, gain))
+    after = len(estimated) - round(FAILURE * f16.RATE)
+    first = 0 if len(out) == 0 else int(out[-1]) + 1
+    return first / f16.RATE if first < after else float("nan")
+
+
+def reached(estimated: np.ndarray, gain: float) -> float:
+    """Seconds after the failure at which the estimate is within 20 % for the first time; NaN where it never is.
+
+    >>> reached(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5)
+    0.01
+    """
+    inside = within(estimated, gain)
+    return int(np.argmax(inside)) / f16.RATE if inside.any() else float("nan")
