@@ -8,7 +8,7 @@ import numpy as np
 from ...plants import f16
 from ..entries import Reproduced, Row
 
-FINE = 200  # points a sample
+FINE = 100  # points a sample
 COARSE = 0.1  # [s]: sampled slowly, so that the picture shows it
 REMARK = "A signal held over each sample of T seconds lags by T/2; the first-order lag (2/T)/(s + 2/T) stands for that."
 
