@@ -1,5 +1,8 @@
 """`estimable gain` and `estimable demo`."""
 
+import html
+import re
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ from estimable.packaged import path
 CALL = ("gain", "flight.csv", "--model", "model.toml")
 KEYS = {
     "command", "version", "outcome", "record", "model", "filter", "engine", "samples", "seconds", "outputs", "inputs",
-    "gains", "failure_time_s", "detected_at_s", "gain_before", "gain_before_sigma", "before_s",
+    "gains", "failure_time_s", "detected_at_s", "changes", "report", "gain_before", "gain_before_sigma", "before_s",
     "gain_after", "gain_after_sigma",
     "after_s", "findings", "log_likelihood", "nis",
 }  # fmt: skip
@@ -28,7 +31,53 @@ def test_demo_is_gain_on_the_packaged_flight(run):
     assert (demo.code, demo.stderr) == (0, "")
     assert demo.json.pop("command") == "demo"
     assert set(demo.json) == KEYS
-    assert {**demo.json, "command": "gain"} == gain.json
+    assert demo.json.pop("report") == "report.html"
+    assert {**demo.json, "command": "gain", "report": None} == gain.json
+
+
+def test_demo_and_gain_write_a_page(run, tmp_path):
+    run("demo", "--report", "demo.html")
+    run(*CALL, "--report", "gain.html", "--set", "walk=0.05", "--json")
+    demo, gain = ((tmp_path / name).read_text() for name in ("demo.html", "gain.html"))
+    assert "loses half its effectiveness" in demo
+    assert "<pre>estimable demo</pre>" in demo
+    assert "estimable gain flight.csv --model model.toml" in gain
+    assert "--set walk=0.05 --report report.html" in gain
+    assert "walk=0.05)" in gain
+    assert "SHA-256" in gain
+
+
+def test_the_python_of_the_page_gives_the_same(run, tmp_path, flight):
+    run("gain", path("f16-flight.csv"), "--model", path("f16-model.toml"), "--report", "gain.html")
+    page = (tmp_path / "gain.html").read_text()
+    script = html.unescape(re.findall(r"<pre>(import.*?)</pre>", page, flags=re.DOTALL)[0])
+    for name in ("f16-flight.csv", "f16-model.toml"):
+        (tmp_path / name).write_bytes(path(name).read_bytes())
+    names = {}
+    exec(script.replace(".show()", ""), names)
+    assert names["result"].log_likelihood == pytest.approx(flight.log_likelihood, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("where", "sentence"),
+    [
+        ("page.htm", "--report must end in .html"),
+        ("nowhere/page.html", "there is no folder"),
+        ("folder.html", "folder.html is a folder"),
+    ],
+)
+def test_a_page_that_cannot_be_written_is_refused(run, tmp_path, where, sentence):
+    (tmp_path / "folder.html").mkdir()
+    for call in (("demo",), CALL):
+        said = run(*call, "--report", where)
+        assert said.code == 2
+        assert sentence in said.stderr
+
+
+def test_a_filter_without_a_gain_is_refused(run):
+    said = run(*CALL, "--filter", "kalman")
+    assert said.code == 2
+    assert "kalman does not estimate a gain" in said.stderr
 
 
 def test_demo_says_what_the_estimate_says(run, flight):

@@ -1,6 +1,7 @@
 """`estimable estimate`: the states of a record, by any filter."""
 
 from . import estimate_report, options, show
+from .destination import check_destination
 from .run_filter import run_filter
 
 
@@ -26,7 +27,7 @@ def estimate(
       estimable estimate flight.csv --model aircraft.toml --filter kalman
       estimable estimate flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --out gain.csv
     """
-    estimate_report.check_destination(out, record)
+    check_destination("--out", out, ".csv", kept=record)
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
     with show.working(f"Running {name}"):
         run = run_filter(name, record, model, settings=settings or (), reading=reading)

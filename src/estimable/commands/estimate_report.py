@@ -50,22 +50,6 @@ def as_text(run: Run) -> list[Any]:
     return [*header(run), "", table, f"Log-likelihood: {run.result.log_likelihood:.6g}.", innovations.sentence(check)]
 
 
-def check_destination(out: Path | None, record: Path) -> None:
-    """Refuse a file that could not be written, or that would overwrite the record, before anything runs."""
-    if out is None:
-        return
-    faults = checks.Faults()
-    if out.suffix.lower() != ".csv":
-        faults.add(f"--out must end in .csv. Got {str(out)!r}.")
-    elif out.is_dir():
-        faults.add(f"--out {out} is a folder.")
-    elif not out.absolute().parent.is_dir():
-        faults.add(f"--out {out}: there is no folder {out.absolute().parent}.")
-    elif out.exists() and record.exists() and out.samefile(record):
-        faults.add(f"--out {out} is the record itself: give another name.")
-    faults.finish()
-
-
 def write_table(run: Run, out: Path) -> str:
     """Write every sample's estimate; the sentence that says so. Raises `InputError` where `out` cannot be written."""
     frame = run.result.to_pandas()

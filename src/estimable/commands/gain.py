@@ -1,13 +1,22 @@
 """`estimable gain`: how much of the input's effect is left."""
 
+from pathlib import Path
+
+from .. import checks
 from . import gain_text, options, show
+from .destination import check_destination
+from .gain_report import write_gain_report
 from .gain_summary import gain_summary
 from .run_filter import Run, run_filter
+
+DETECTOR = "unknown-gain"
 
 
 def gain(
     record: options.Record,
     model: options.Model,
+    name: options.GainFilter = DETECTOR,
+    report: options.Report = None,
     settings: options.Set = None,
     time: options.Time = None,
     dt: options.Step = None,
@@ -19,26 +28,37 @@ def gain(
     """Find how much of an input's effect is left.
 
     The model file says how the plant moves and, in its section [gain], what is believed of the gain. The gain is
-    estimated together with the state, sample by sample. Compared are the 2 s up to one third of the record, and its
-    last 2 s.
+    estimated together with the state, sample by sample; told are each change of it, the 2 s before the first (or up
+    to one third of the record), and the last 2 s.
 
     \b
     Example:
-      estimable gain flight.csv --model aircraft.toml
+      estimable gain flight.csv --model aircraft.toml --report report.html
       estimable gain flight.csv --model aircraft.toml --set walk=0.05 --json
     """
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
+    check_destination("--report", report, ".html", kept=record)
     with show.working("Estimating the gain"):
-        run = run_filter("unknown-gain", record, model, settings=settings or (), reading=reading)
-    present("gain", run, machine)
+        run = run_filter(name, record, model, settings=settings or (), reading=reading)
+    again = gain_text.command_of(run, "gain", settings or (), reading)
+    present("gain", run, machine, report, command=f"{again} --report report.html")
     if not machine:
         show.notes(*gain_text.next_steps(run, settings or (), reading))
 
 
-def present(command: str, run: Run, machine: bool) -> None:
-    """The gain of a run on stdout."""
+def present(
+    command_name: str, run: Run, machine: bool, report: Path | None, *, command: str, story: tuple[str, ...] = ()
+) -> None:
+    """The gain of a run on stdout, and as a page in the file `report`; `command` makes that page again."""
+    if run.result.gain is None:
+        checks.refuse(f"{run.filter} does not estimate a gain: leave --filter out.")
     summary = gain_summary(run.result)
+    if report is not None:
+        write_gain_report(run, summary, report, story=story, command=command)
     if machine:
-        show.data(command, gain_text.as_data(run, summary))
+        written = None if report is None else str(report)
+        show.data(command_name, {**gain_text.as_data(run, summary), "report": written})
     else:
-        show.text(lambda console: gain_text.as_text(run, summary, console))
+        show.text(lambda console: [*story, *([""] if story else []), *gain_text.as_text(run, summary, console)])
+    if report is not None and not machine:
+        show.notes("", f"Wrote {report}: open it in a browser.")

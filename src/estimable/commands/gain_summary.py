@@ -25,20 +25,38 @@ class GainWindow(NamedTuple):
 
 
 class GainSummary(NamedTuple):
-    """The gains of a record before and after; `overlap`: the record is too short to tell the two apart."""
+    """The gains of a record before and after its first change (or its first third), and the changes that were found.
+
+    `overlap`: no change was found, and the record is too short to tell before and after apart.
+    """
 
     names: tuple[str, ...]
     before: GainWindow
     after: GainWindow
     overlap: bool
+    changes: tuple[Any, ...] = ()
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the two windows say of each gain, in words."""
-        return tuple(self._finding(i) for i in range(len(self.names)))
+        """What the changes, or else the two windows, say of each gain, in words."""
+        changed = {change.gain for change in self.changes}
+        quiet = (self._finding(i) for i, name in enumerate(self.names) if name not in changed)
+        return (*(self._changed(change) for change in self.changes), *quiet)
+
+    def _called(self, name: str) -> str:
+        return "The gain" if len(self.names) == 1 else name
+
+    def _changed(self, change: Any) -> str:
+        digits = decimals(SIGMAS * change.sigma)
+        was, now, spread = (f"{value:.{digits}f}" for value in (change.before, change.after, SIGMAS * change.sigma))
+        when, seen = (f"sample {change.onset}", f"at sample {change.detected_at}")
+        if change.onset_s is not None:
+            when, seen = f"{change.onset_s:.4g} s", f"{change.detected_at_s - change.onset_s:.2g} s later"
+        verb = _verb(change.before, change.after)
+        return f"{self._called(change.gain)} {verb} from {was} to {now} (2 sigma {spread}) at {when}; that was seen {seen}."
 
     def _finding(self, i: int) -> str:
-        name = "The gain" if len(self.names) == 1 else self.names[i]
+        name = self._called(self.names[i])
         before, after = self.before.mean[i], self.after.mean[i]
         spread = SIGMAS * float(np.hypot(self.before.sigma[i], self.after.sigma[i]))
         if self.overlap:
@@ -49,25 +67,37 @@ class GainSummary(NamedTuple):
         if abs(after - before) <= spread:
             early, late = (f"{window.start:.4g} to {window.end:.4g} s" for window in (self.before, self.after))
             return f"{name}: no change is shown, {early} against {late}: {was} and {now} differ by less than 2 sigma ({chance})."
-        word = "changed" if (before < 0) != (after < 0) else "fell" if abs(after) < abs(before) else "rose"
-        return f"{name} {word} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
+        return f"{name} {_verb(before, after)} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
+
+
+def _verb(before: float, after: float) -> str:
+    return "changed" if (before < 0) != (after < 0) else "fell" if abs(after) < abs(before) else "rose"
 
 
 def gain_summary(result: Any) -> GainSummary:
-    """The gains over the 2 s that end at one third of a record, and over its last 2 s.
+    """The gains over 2 s before the first change that was found, and over the last 2 s of a record.
 
-    The mean is that of the estimates in the window, the standard deviation that of the last of them, which has seen
-    every sample before it. `findings` takes the errors of the two windows as independent: those of a constant gain are
-    alike, and the comparison is then careful. A window without a sample has the last one before its end.
+    Where no change was found, or none was looked for, the first window ends at one third of the record. The mean is that
+    of the estimates in the window, the standard deviation that of the last of them, which has seen every sample before it.
+    `findings` takes the errors of two windows as independent: those of a constant gain are alike, and the comparison is
+    then careful. A window without a sample has the last one before its end.
     """
     t = np.zeros(len(result.gain)) if result.t is None else np.asarray(result.t)
     sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
     known = np.where(np.isfinite(sigma), result.gain, np.nan)
-    third = t[0] + (t[-1] - t[0]) / 3
+    changes = changes_of(result)
+    before = float(t[max(changes[0].onset - 1, 0)]) if changes else float(t[0] + (t[-1] - t[0]) / 3)
     return GainSummary(
-        result.names.gains, _window(t, known, sigma, third), _window(t, known, sigma, t[-1]),
-        overlap=bool(third > t[-1] - WINDOW),
+        result.names.gains, _window(t, known, sigma, before), _window(t, known, sigma, t[-1]),
+        overlap=bool(before > t[-1] - WINDOW) and not changes, changes=changes,
     )  # fmt: skip
+
+
+def changes_of(result: Any) -> tuple[Any, ...]:
+    """The changes that a detector found; none where none was looked for."""
+    from .. import diagnostics
+
+    return diagnostics.changes(result) if "alarm" in result.extra else ()  # pyright: ignore
 
 
 def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float) -> GainWindow:

@@ -20,14 +20,15 @@ WIDEST = 100
 def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     """What `gain` and `demo` say to a machine."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
-    check = innovations.innovation_check(result)
+    check, first = innovations.innovation_check(result), next(iter(summary.changes), None)
     return {
         **run_filter.as_data(run),
         "outputs": result.names.outputs,
         "inputs": result.names.inputs,
         "gains": names,
-        "failure_time_s": None,
-        "detected_at_s": None,
+        "failure_time_s": first.onset_s if first else None,
+        "detected_at_s": first.detected_at_s if first else None,
+        "changes": [change._asdict() for change in summary.changes],
         "gain_before": by_name(names, before.mean),
         "gain_before_sigma": by_name(names, before.sigma),
         "before_s": [before.start, before.end],
@@ -70,14 +71,18 @@ def header(run: Run) -> list[str]:
 
 def next_steps(run: Run, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:
     """What to do after `gain`: the same run again, with a table."""
-    words = [str(run.record_path), "--model", str(run.model_path)]
+    return ("", "Every sample, as a table:", f"  {command_of(run, 'estimate', settings, reading)} --out gain.csv")
+
+
+def command_of(run: Run, command: str, settings: Iterable[str], reading: dict[str, Any]) -> str:
+    """The command line that does the same again."""
+    words = [str(run.record_path), "--model", str(run.model_path), "--filter", run.filter]
     for setting in settings:
         words += ["--set", setting]
     for name, value in reading.items():
         for one in value if isinstance(value, list) else [value]:
             words += [] if one is None else [f"--{name}", str(one)]
-    command = f"estimable estimate {shlex.join(words)} --filter unknown-gain --out gain.csv"
-    return ("", "Every sample, as a table:", f"  {command}")
+    return f"estimable {command} {shlex.join(words)}"
 
 
 def _table(run: Run, summary: GainSummary, sign: str) -> Any:
@@ -110,6 +115,9 @@ def _plots(run: Run, summary: GainSummary, width: int, unicode: bool) -> list[An
     sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
     t = np.arange(len(sigma), dtype=float) if result.t is None else result.t
     windows = {} if summary.overlap else {"before": summary.before[:2], "after": summary.after[:2]}
+    for change in summary.changes[:1]:
+        if change.onset_s is not None:
+            windows["change"] = (change.onset_s, change.detected_at_s)
     lines: list[Any] = []
     for i, name in enumerate(few):
         lines.append(f"{name} over time, with its {'±' if unicode else '+/-'} 2 sigma band")

@@ -18,6 +18,7 @@ def _at_either_end(context: typer.Context, value: bool) -> bool:
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
+GAIN_FILTER_HELP = "The filter of the gain to run."
 SET_HELP = "A setting of the filter, as walk=0.02. May be repeated."
 TIME_HELP = "The column of seconds, instead of the model file's."
 STEP_HELP = "The step between samples, instead of the model file's time column."
@@ -25,11 +26,13 @@ HOLD_HELP = "How the input moves between samples: zero_order or first_order."
 LOST_HELP = "What the actuator does when a packet is lost: zero or hold."
 ARRIVED_HELP = "A column that says whether the input arrived (1) or not (0). Repeat it for one an input."
 OUT_HELP = "Write every sample's estimate to this .csv file."
+REPORT_HELP = "Write an interactive report to this .html file."
 JSON_HELP = "Write JSON to stdout, for machines."
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
 Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
+GainFilter = Annotated[str, typer.Option("--filter", metavar="NAME", help=GAIN_FILTER_HELP)]
 Set = Annotated[list[str] | None, _option("--set", "NAME=VALUE", SET_HELP)]
 Time = Annotated[str | None, _option("--time", "NAME", TIME_HELP)]
 Step = Annotated[float | None, _option("--dt", "SECONDS", STEP_HELP)]
@@ -37,5 +40,6 @@ Hold = Annotated[str | None, _option("--hold", "HOW", HOLD_HELP)]
 Lost = Annotated[str | None, _option("--lost", "WHAT", LOST_HELP)]
 Arrived = Annotated[list[str] | None, _option("--arrived", "NAME", ARRIVED_HELP)]
 Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
+Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
 Version = Annotated[bool, _option("--version", None, "Show the version and stop.")]

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from . import options, reproduce_report, show
+from .destination import check_destination
 
 Name = Annotated[
     str | None, typer.Argument(metavar="NAME", help="The table or figure; none: list all.", show_default=False)
@@ -32,7 +33,7 @@ def reproduce(name: Name = None, draws: Draws = 200, figure: Figure = None, mach
     if name is None:
         reproduce_report.list_all(machine)
         return
-    reproduce_report.check_destination(figure)
+    check_destination("--figure", figure, ".html")
     found = reproductions.entry(name)
     result = reproductions.reproduce(name, draws=draws)
     written = None if figure is None else reproduce_report.write_figure(found, result, figure)

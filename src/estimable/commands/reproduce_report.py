@@ -20,20 +20,6 @@ def list_all(machine: bool) -> None:
     show.notes("", "One of them:", "  estimable reproduce sillence-table-2")
 
 
-def check_destination(figure: Path | None) -> None:
-    """Refuse a picture that could not be written, before anything runs."""
-    if figure is None:
-        return
-    faults = checks.Faults()
-    if figure.suffix.lower() != ".html":
-        faults.add(f"--figure must end in .html. Got {str(figure)!r}.")
-    elif not figure.absolute().parent.is_dir():
-        faults.add(f"--figure {figure}: there is no folder {figure.absolute().parent}.")
-    elif figure.is_dir():
-        faults.add(f"--figure {figure} is a folder.")
-    faults.finish()
-
-
 def write_figure(entry: Reproduction, result: Reproduced, figure: Path) -> str:
     """Write the picture; the sentence that says so."""
     if result.figure is None:

@@ -6,19 +6,24 @@ from typing import Any, NamedTuple
 
 from .. import catalogue, checks
 from ..data.record import Record
+from ..models.prior import Prior
 from ..results import Estimate
 from .settings import read_settings
 
 
 class Run(NamedTuple):
-    """What ran: the name of the filter, the algorithm, where the record and the model came from, and the estimate."""
+    """What ran: the name of the filter, the algorithm, the prior of the state, the record, the estimate; the files that
+    the record and the model came from, how the record was read, and the settings that were given."""
 
     filter: str
     algorithm: Any
+    prior: Prior
     record: Record
     result: Estimate
     record_path: Path
     model_path: Path
+    reading: dict[str, Any]
+    settings: dict[str, Any]
 
 
 def as_data(run: Run) -> dict[str, Any]:
@@ -71,4 +76,5 @@ def run_filter(
     if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
         options["dt"] = file.model.dt
     measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
-    return Run(name, algorithm, measured, estimate(algorithm, measured, prior=file.prior), record, model)
+    result = estimate(algorithm, measured, prior=file.prior)
+    return Run(name, algorithm, file.prior, measured, result, record, model, options, chosen)

@@ -27,12 +27,13 @@ def read_record(
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
+    units: Any = (),
 ) -> Record:
     """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
 
     `time` names the column of seconds or of timestamps (ISO 8601); without it give `dt` in seconds. An empty cell is
     NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector a channel, of one length.
-    Parquet needs the extra `parquet`.
+    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports.
 
     Raises `InputError` where the file is not there or not readable, a column is missing, or a cell is not a number.
     """
@@ -40,7 +41,7 @@ def read_record(
     try:
         frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
         return from_frame(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=()
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units
         )
     except checks.InputError as error:
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None

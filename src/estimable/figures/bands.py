@@ -6,6 +6,8 @@ import numpy as np
 
 from ..tables import standard_deviation
 
+MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
+
 
 class Band(NamedTuple):
     """One quantity over time: `middle` (T,), its standard deviation `sigma` (T,) or None, and its kind."""
@@ -30,6 +32,21 @@ def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tup
     high = max(np.quantile(upper[known], 0.9), np.quantile(middle[known], 0.98))
     room = 0.05 * (high - low) or 0.1 * max(abs(high), 1e-12)
     return float(low - room), float(high + room)
+
+
+def cropped(panel: Band) -> tuple[float, float] | None:
+    """The range of an axis on which a vague prior would flatten all the rest; None where all fits."""
+    if panel.sigma is None:
+        return None
+    seen = np.isfinite(panel.sigma) & ~np.isnan(panel.middle)
+    if not seen.any():
+        return None
+    middle, spread = panel.middle[seen], 2 * panel.sigma[seen]
+    centre = 0.0 * middle if panel.kind == "innovation" else middle
+    lower, upper = centre - spread, centre + spread
+    low, high = value_range(middle, lower, upper)
+    low, high = min(low, middle.min()), max(high, middle.max())
+    return (float(low), float(high)) if upper.max() - lower.min() > MOST_FLAT * (high - low) else None
 
 
 def bands(result: Any) -> list[Band]:

@@ -7,13 +7,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from .. import checks
-from .bands import Band, bands, value_range
+from .bands import Band, bands, cropped
 
 LINES = {"state": "#0072B2", "gain": "#D55E00", "innovation": "#555555"}  # told apart by colour-blind eyes too
 FILLS = {"state": "rgba(0,114,178,0.2)", "gain": "rgba(213,94,0,0.2)"}
 ROW = 170  # pixels
 GAP = 48  # pixels between two rows: a title and air
-MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
 EDGES = 130  # pixels above the first row and below the last
 
 
@@ -37,7 +36,7 @@ def plot_estimate(result: Any) -> go.Figure:
     for row, panel in enumerate(panels, start=1):
         traces = _points(t, panel) if len(t) == 1 else _curves(t, panel)
         figure.add_traces(traces, rows=row, cols=1)
-        figure.update_yaxes(range=_cropped(panel), row=row, col=1)
+        figure.update_yaxes(range=cropped(panel), row=row, col=1)
     figure.update_xaxes(showticklabels=True)
     figure.update_xaxes(title_text=axis, row=len(panels), col=1)
     return _laid_out(figure, height)
@@ -58,21 +57,6 @@ def _curves(t: np.ndarray, panel: Band) -> list[go.Scatter]:
     """The quantity above its band; an innovation below its bounds."""
     line, spread = _line(t, panel), _spread(t, panel)
     return [line, *spread] if panel.kind == "innovation" else [*spread, line]
-
-
-def _cropped(panel: Band) -> tuple[float, float] | None:
-    """The range of an axis on which a vague prior would flatten all the rest; None where all fits."""
-    if panel.sigma is None:
-        return None
-    seen = np.isfinite(panel.sigma) & ~np.isnan(panel.middle)
-    if not seen.any():
-        return None
-    middle, spread = panel.middle[seen], 2 * panel.sigma[seen]
-    centre = 0.0 * middle if panel.kind == "innovation" else middle
-    lower, upper = centre - spread, centre + spread
-    low, high = value_range(middle, lower, upper)
-    low, high = min(low, middle.min()), max(high, middle.max())
-    return (float(low), float(high)) if upper.max() - lower.min() > MOST_FLAT * (high - low) else None
 
 
 def _line(t: np.ndarray, panel: Band) -> go.Scatter:

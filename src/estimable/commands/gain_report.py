@@ -1,0 +1,70 @@
+"""The report of the gain of a record, as a page."""
+
+from pathlib import Path
+from typing import Any
+
+from . import gain_text, innovations
+from .gain_summary import GainSummary, GainWindow, is_effectiveness
+from .numbers import spread_of
+from .run_filter import Run
+
+
+def write_gain_report(run: Run, summary: GainSummary, path: Path, *, story: tuple[str, ...], command: str) -> None:
+    """Write the page: what was found, the diagrams, the checks, what was assumed, and `command`, which makes it again."""
+    from ..report import report_of, write_report
+
+    check = innovations.innovation_check(run.result)
+    report = report_of(
+        run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
+        title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(summary, check)),
+        facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", _script(run))),
+        files=(run.record_path, run.model_path),
+    )  # fmt: skip
+    write_report(report, path)
+
+
+def _facts(run: Run, summary: GainSummary) -> Any:
+    from ..report import Fact
+
+    lost = is_effectiveness(run.algorithm)
+    for change in summary.changes:
+        if change.onset_s is not None:
+            yield Fact(
+                f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"seen at {change.detected_at_s:.4g} s"
+            )
+    for i, name in enumerate(summary.names):
+        for word, window in (("before", summary.before), ("after", summary.after)):
+            yield Fact(f"{_of(name)} {word}", _spread(window, i), _when(window))
+        gain, spread = float(summary.after.mean[i]), 2 * float(summary.after.sigma[i])
+        if lost:
+            yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread, unit=" %"), _when(summary.after))
+
+
+def _of(name: str) -> str:
+    return "Gain" if name == "gain" else name
+
+
+def _spread(window: GainWindow, i: int) -> str:
+    return spread_of(float(window.mean[i]), 2 * float(window.sigma[i]))
+
+
+def _when(window: GainWindow) -> str:
+    return f"{window.start:.4g} to {window.end:.4g} s, ± 2 sigma"
+
+
+def _script(run: Run) -> str:
+    """The same in Python."""
+    reading = "".join(f",\n    {name}={value!r}" for name, value in run.reading.items() if value is not None)
+    settings = "".join(f", {name}={value!r}" for name, value in run.settings.items())
+    return "\n".join(
+        [
+            "import estimable as es",
+            f"file = es.read_model({run.model_path.name!r})",
+            "record = es.read_record(",
+            f"    {run.record_path.name!r}, outputs=file.model.outputs, inputs=file.model.inputs{reading},",
+            ")",
+            f"algorithm = es.catalogue.build({run.filter!r}, file{settings})",
+            "result = es.estimate(algorithm, record, prior=file.prior)",
+            "result.plot().show()",
+        ]
+    )

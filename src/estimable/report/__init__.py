@@ -1,0 +1,7 @@
+"""A result as one self-contained page: `write_report(report_of(result, ...), path)`."""
+
+from .contents import Chart, Fact, Key, Report, Section, Verdict
+from .estimates import report_of
+from .page import page_of, write_report
+
+__all__ = ["Chart", "Fact", "Key", "Report", "Section", "Verdict", "page_of", "report_of", "write_report"]

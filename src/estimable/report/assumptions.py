@@ -1,0 +1,121 @@
+"""What an estimate assumed, in a reader's words."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..data.record import Record
+from ..models.prior import Prior
+from ..models.state_space import StateSpace
+from ..run.binding import model_of
+from .contents import Section
+
+MOST = 8  # rows of a matrix that are shown
+HOLDS = {"zero_order": "held over each sample", "first_order": "moving linearly from sample to sample"}
+
+
+def sections_of(algorithm: Any, record: Record, prior: Prior) -> tuple[Section, ...]:
+    """The algorithm and its settings, the record, the prior, and the model's matrices."""
+    model = model_of(algorithm)
+    return (
+        Section("Algorithm", tuple(_algorithm(algorithm))),
+        Section("Record", tuple(_record(record))),
+        Section("Believed before the first sample", tuple(_priors(algorithm, model, prior))),
+        Section("Model", tuple(_model(model))),
+    )
+
+
+def _algorithm(algorithm: Any) -> Any:
+    """Each wrapper and what it wraps, outermost first, with its settings."""
+    from ..catalogue import ENTRIES
+
+    while algorithm is not None:
+        entry = next((entry for entry in ENTRIES if type(algorithm) is entry.cls), None)
+        assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
+        settings = _settings(algorithm)
+        yield type(algorithm).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
+        algorithm = getattr(algorithm, "algorithm", None)
+
+
+def _settings(algorithm: Any) -> str:
+    fields = type(algorithm).__dataclass_fields__
+    hidden = ("model", "gain", "algorithm", "_")
+    told = {name: getattr(algorithm, name) for name in fields if name not in hidden and fields[name].init}
+    return ", ".join(f"{name} = {_value(value)}" for name, value in told.items() if value is not None)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str | bool | int):
+        return str(value)
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        return type(value).__name__
+    return f"{float(array.ravel()[0]):.6g}" if array.size == 1 else _matrix(array)
+
+
+def _record(record: Record) -> Any:
+    when = "" if record.seconds is None else f" over {record.seconds:.6g} s"
+    step = "" if record.dt is None else f", every {record.dt:.6g} s"
+    yield "Samples", f"{len(record):,}{when}{step}"
+    units = dict(record.units)
+    missing = np.isnan(record.y).mean(axis=0)
+    for name, share in zip(record.outputs, missing, strict=True):
+        yield f"Output {_with_unit(name, units)}", "seen at every sample" if share == 0 else f"{share:.1%} not seen"
+    for i, name in enumerate(record.inputs):
+        lost = "" if record.arrived is None else f"; {np.mean(record.arrived[:, i] == 0):.1%} lost on the way"
+        yield f"Input {_with_unit(name, units)}", f"{HOLDS[record.hold]}; measured without error{lost}"
+
+
+def _priors(algorithm: Any, model: StateSpace, prior: Prior) -> Any:
+    for name, text in zip(model.states, _spreads(prior), strict=True):
+        yield f"State {name}", text
+    while not hasattr(algorithm, "gain") and hasattr(algorithm, "algorithm"):
+        algorithm = algorithm.algorithm
+    if hasattr(algorithm, "gain"):
+        for name, text in zip(algorithm.names.gains, _spreads(algorithm.gain), strict=True):
+            yield "Gain" if name == "gain" else f"Gain {name}", text
+
+
+def _spreads(prior: Prior) -> list[str]:
+    """Mean ± sigma of each entry; nothing where it is diffuse."""
+    diffuse = np.zeros(len(prior.mean), bool) if prior.diffuse is None else np.any(prior.diffuse != 0, axis=1)
+    sigmas = np.sqrt(np.diagonal(prior.covariance))
+    return [
+        "nothing is known (diffuse)" if wide else f"{mean:.4g} ± {sigma:.3g} (1 sigma)"
+        for mean, sigma, wide in zip(prior.mean, sigmas, diffuse, strict=True)
+    ]
+
+
+def _model(model: StateSpace) -> Any:
+    kind = "continuous, discretised exactly at each step" if model.is_continuous else f"discrete, dt = {model.dt:g} s"
+    yield "Kind", f"linear, {kind}; {model.n} states, {model.m} inputs, {model.p} outputs"
+    density = "density per second" if model.is_continuous else "covariance of a step"
+    meanings = {"A": "", "B": "", "C": "", "D": "", "Q": f"process noise, {density}", "R": "sensor noise of a sample"}
+    for letter, meaning in meanings.items():
+        matrix = getattr(model, letter)
+        if matrix is None or (letter == "D" and not np.any(matrix)):
+            continue
+        yield letter + (f", {meaning}" if meaning else ""), _matrix(np.asarray(matrix))
+    if model.operating_point is not None and np.any(model.operating_point.states != 0):
+        point = model.operating_point
+        yield "Linear about", f"states {_matrix(point.states)}, inputs {_matrix(point.inputs)}"
+
+
+def _matrix(matrix: np.ndarray) -> str:
+    """Numbers in brackets; the size of what is too large to read."""
+    if matrix.ndim > 2:
+        return f"varies over {len(matrix):,} rows of time"
+    if matrix.ndim and max(matrix.shape) > MOST:
+        return " × ".join(map(str, matrix.shape))
+    if matrix.ndim < 2:
+        return "[" + ", ".join(_number(value) for value in np.atleast_1d(matrix)) + "]"
+    return "[" + "; ".join(", ".join(_number(value) for value in row) for row in matrix) + "]"
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if math.isfinite(value) else "not known"
+
+
+def _with_unit(name: str, units: dict[str, str]) -> str:
+    return f"{name} [{units[name]}]" if name in units else name

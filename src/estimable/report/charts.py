@@ -1,0 +1,160 @@
+"""The diagrams of an estimate: gains, states beside what was measured of them, innovations."""
+
+import base64
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..figures.bands import Band, bands, cropped
+from .contents import Chart, Key
+
+GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
+SHADE = "rgba(26,26,26,0.12)"
+FILL = 0.22  # opacity of a band
+MOST_POINTS = 6000  # drawn of a curve; of a longer record every k-th row
+MOST_CHARTS = 24
+MOST_MARKS = 4  # changes whose times stand in the legend
+MOST_DOTS = 1500  # rows up to which single measurements are drawn as dots that can be told apart
+
+
+class Moment(NamedTuple):
+    """A change of a gain: its name, when it began and when it was seen, in units of the time axis."""
+
+    gain: str
+    onset: float
+    seen: float
+
+
+def thinned(rows: int) -> slice:
+    """Which rows are drawn."""
+    return slice(None, None, max(1, -(-rows // MOST_POINTS)))
+
+
+def packed(values: Any) -> dict[str, str]:
+    """Numbers as plotly.js reads them, in half the room of a list.
+
+    >>> packed([1.0])
+    {'dtype': 'f4', 'bdata': 'AACAPw=='}
+    """
+    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()}
+
+
+class Measured(NamedTuple):
+    """What was measured of a state: the output's name, its unit or "", and its values (T,)."""
+
+    output: str
+    unit: str
+    values: np.ndarray
+
+
+def charts_of(result: Any, measured: dict[str, Measured], changes: Sequence[Moment]) -> list[Chart]:
+    """The gains, then the states with what was measured of each, then the innovations."""
+    rows = thinned(len(bands(result)[0].middle))
+    panels: list[Chart] = []
+    unit = "" if result.t is None else " s"
+    order = {"gain": 0, "state": 1, "innovation": 2}
+    for band in sorted(bands(result), key=lambda band: order[band.kind])[:MOST_CHARTS]:
+        thin = band._replace(middle=band.middle[rows], sigma=None if band.sigma is None else band.sigma[rows])
+        if band.kind == "innovation":
+            panels.append(_innovation(thin, cropped(band)))
+        elif band.kind == "gain":
+            marks = [change for change in changes if change.gain == band.name]
+            panels.append(_estimate(thin, GAIN, cropped(band), None, marks, unit))
+        else:
+            output = measured.get(band.name)
+            seen = None if output is None else output._replace(values=output.values[rows])
+            panels.append(_estimate(thin, STATE, cropped(band), seen, (), unit))
+    return panels
+
+
+def _estimate(
+    band: Band, colour: str, within: Any, output: Measured | None, marks: Sequence[Moment], unit: str
+) -> Chart:
+    """A quantity above its band, what was measured of it, and its changes."""
+    sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma), band.sigma, np.nan)
+    middle = band.middle if sigma is None else np.where(np.isnan(sigma), np.nan, band.middle)
+    traces, keys = [], [Key("estimate", colour, "line")]
+    if sigma is not None:
+        traces += _band(middle, sigma, colour)
+        keys.append(Key("± 2 sigma", colour, "band"))
+    if output is not None:
+        traces.append(_dots(output.values, output.output))
+        keys.append(Key(f"measured {output.output}", MEASURED, "dots" if _is_sparse(output.values) else "line"))
+    traces.append(_line(middle, sigma, band.name, colour))
+    keys += _mark_keys(marks, unit)
+    label = f"{band.name} [{output.unit}]" if output is not None and output.unit else band.name
+    layout = {"yaxis": {"title": {"text": label}, "range": within}, **_marked(marks)}
+    heading = "Gain" if band.name == "gain" else f"{band.kind.capitalize()} {label}"
+    return Chart(heading, tuple(keys), tuple(traces), layout)
+
+
+def _innovation(band: Band, within: Any) -> Chart:
+    """Innovations and their bounds."""
+    line = {"width": 1.0, "color": INNOVATION}
+    traces = [
+        {"y": packed(band.middle), "mode": "lines", "line": line, "name": "innovation", "hovertemplate": "%{y:.3g}"}
+    ]
+    keys = [Key("innovation", INNOVATION, "line")]
+    if band.sigma is not None:
+        bound = {"mode": "lines", "line": {"color": BOUND, "width": 1.8, "dash": "dash"}, "hoverinfo": "skip"}
+        sigma = np.where(np.isfinite(band.sigma), band.sigma, np.nan)
+        traces += [{"y": packed(side * 2 * sigma), **bound} for side in (1, -1)]
+        keys.append(Key("± 2 sigma: 95 of 100 inside", BOUND, "dash"))
+    layout = {"yaxis": {"title": {"text": f"{band.name}"}, "range": within}}
+    return Chart(f"Innovation of {band.name}", tuple(keys), tuple(traces), layout)
+
+
+def _line(middle: np.ndarray, sigma: np.ndarray | None, name: str, colour: str) -> dict[str, Any]:
+    line = {"y": packed(middle), "mode": "lines", "line": {"color": colour, "width": 2}, "name": name}
+    if sigma is None:
+        return {**line, "hovertemplate": "%{y:.4g}"}
+    return {**line, "customdata": packed(2 * sigma), "hovertemplate": "%{y:.4g} ± %{customdata:.2g}"}
+
+
+def _band(middle: np.ndarray, sigma: np.ndarray, colour: str) -> list[dict[str, Any]]:
+    bare = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    fill = {"fill": "tonexty", "fillcolor": f"rgba({red},{green},{blue},{FILL})"}
+    return [{"y": packed(middle - 2 * sigma), **bare}, {"y": packed(middle + 2 * sigma), **bare, **fill}]
+
+
+def _dots(values: np.ndarray, name: str) -> dict[str, Any]:
+    """Measurements: dots, or a thin line where there are too many to tell apart."""
+    if _is_sparse(values):
+        how = {"mode": "markers", "marker": {"color": MEASURED, "size": 4, "opacity": 0.6}}
+    else:
+        how = {"mode": "lines", "line": {"color": MEASURED, "width": 1}}
+    return {"y": packed(values), "name": name, "hovertemplate": "%{y:.4g} measured", **how}
+
+
+def _is_sparse(values: np.ndarray) -> bool:
+    return len(values) <= MOST_DOTS
+
+
+def _mark_keys(marks: Sequence[Moment], unit: str) -> list[Key]:
+    """When each change began and was seen."""
+    if len(marks) > MOST_MARKS:
+        return [Key(f"{len(marks)} changes", MARK, "line"), Key("where each was seen", MARK, "dash")]
+    return [
+        key
+        for mark in marks
+        for key in (
+            Key(f"change at {mark.onset:.4g}{unit}", MARK, "line"), Key(f"seen at {mark.seen:.4g}{unit}", MARK, "dash"),
+        )
+    ]  # fmt: skip
+
+
+def _marked(marks: Sequence[Moment]) -> dict[str, Any]:
+    """A solid line where each change began, a dashed one where it was seen, and the space between them shaded."""
+    shapes = []
+    for mark in marks:
+        across = {"yref": "paper", "y0": 0, "y1": 1}
+        edge = {"type": "line", **across}
+        line = {"color": MARK, "width": 1.8}
+        shapes += [
+            {"type": "rect", "x0": mark.onset, "x1": mark.seen, "fillcolor": SHADE, "line": {"width": 0}, **across},
+            {"x0": mark.onset, "x1": mark.onset, "line": line, **edge},
+            {"x0": mark.seen, "x1": mark.seen, "line": {**line, "dash": "dash"}, **edge},
+        ]  # fmt: skip
+    return {"shapes": shapes}

@@ -1,0 +1,61 @@
+"""What a report holds: plain data, from which the page is made."""
+
+from typing import Any, NamedTuple
+
+
+class Fact(NamedTuple):
+    """One number that a reader looks for first: what it is, its value, and a word of detail."""
+
+    label: str
+    value: str
+    detail: str = ""
+
+
+class Key(NamedTuple):
+    """One line of a legend: what it means, its colour, and how it is drawn: "line", "dash", "band" or "dots"."""
+
+    label: str
+    colour: str
+    drawn: str
+
+
+class Chart(NamedTuple):
+    """One diagram: heading, legend, and the traces and layout of plotly.js, whose times are those of the report."""
+
+    heading: str
+    keys: tuple[Key, ...]
+    traces: tuple[dict[str, Any], ...]
+    layout: dict[str, Any]
+    caption: str = ""
+
+
+class Verdict(NamedTuple):
+    """One consistency check: its name, what it says, and whether it is met (None: it could not be judged)."""
+
+    name: str
+    sentence: str
+    met: bool | None
+
+
+class Section(NamedTuple):
+    """Pairs of a term and what is said of it."""
+
+    heading: str
+    items: tuple[tuple[str, str], ...]
+
+
+class Report(NamedTuple):
+    """A page: title, what was found in sentences, facts, charts over `times`, verdicts, and what stands behind them.
+
+    `commands`: (what it does, what to type) that reproduce it.
+    """
+
+    title: str
+    lead: tuple[str, ...]
+    facts: tuple[Fact, ...]
+    times: Any
+    time_axis: str
+    charts: tuple[Chart, ...]
+    verdicts: tuple[Verdict, ...]
+    sections: tuple[Section, ...]
+    commands: tuple[tuple[str, str], ...]
