@@ -2,6 +2,10 @@
 
 from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
 from . import catalogue, diagnostics, packaged, plants
+from .analysis.estimability import Estimability, estimability
+from .analysis.observability import Observability, Reachability, observability, reachability
+from .analysis.reduction import Reduction, reduce
+from .analysis.regulability import Regulability, regulability
 from .data.reading import read_record
 from .data.record import Record
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
@@ -25,6 +29,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AssumptionError",
+    "Estimability",
     "EstimableError",
     "EstimableWarning",
     "Estimate",
@@ -38,11 +43,15 @@ __all__ = [
     "KalmanGain",
     "ModelFile",
     "MonteCarlo",
+    "Observability",
     "Online",
     "OperatingPoint",
     "Outcome",
     "Prior",
+    "Reachability",
     "Record",
+    "Reduction",
+    "Regulability",
     "RunError",
     "Sample",
     "Simulation",
@@ -52,6 +61,7 @@ __all__ = [
     "catalogue",
     "diagnostics",
     "drawn_from",
+    "estimability",
     "estimate",
     "estimate_bank",
     "kalman_gain",
@@ -59,11 +69,15 @@ __all__ = [
     "log_likelihood",
     "lqr_gain",
     "monte_carlo",
+    "observability",
     "online",
     "packaged",
     "plants",
+    "reachability",
     "read_model",
     "read_record",
+    "reduce",
+    "regulability",
     "save",
     "simulate",
     "simulate_bank",

@@ -149,6 +149,22 @@ class Faults:
             return None
         return symmetric
 
+    def positive_definite(self, name: str, matrix: np.ndarray) -> bool:
+        """A symmetric matrix must not be singular, its units taken out; says whether that holds."""
+        variance = np.diagonal(matrix)
+        if np.any(wrong := variance <= 0):
+            self.add(
+                f"`{name}` must be positive definite: entry {first_index(wrong)} of its diagonal is {variance[wrong][0]:.6g}."
+            )
+            return False
+        smallest = round(np.linalg.eigvalsh(matrix / np.sqrt(variance[:, None] * variance))[0], 15) + 0.0
+        if smallest <= ROUNDING * len(matrix):
+            self.add(
+                f"`{name}` must be positive definite: with a unit diagonal, its smallest eigenvalue is {smallest:.3g}."
+            )
+            return False
+        return True
+
     def number(
         self,
         name: str,

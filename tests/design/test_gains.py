@@ -121,7 +121,7 @@ WRONG = {
     ),
     "continuous, R singular": (
         lambda: kalman_gain(StateSpace([[-1.0]], C=[[1.0], [1.0]], R=[[1.0, 2.0], [2.0, 4.0]], dt=0)),
-        ["`R` must be positive definite: scaled to a unit diagonal, its smallest eigenvalue is 0."],
+        ["`R` must be positive definite: with a unit diagonal, its smallest eigenvalue is 0."],
     ),
     "every fault of the weights": (
         lambda: lqr_gain(LEVEL, np.eye(2), [[-1.0]], [[1.0, 2.0]]),

@@ -7,6 +7,7 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen
 from ..kernels.riccati import care, dare
+from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
 
 
@@ -55,7 +56,8 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
     """
     faults = checks.Faults()
     if faults.instance("model", model, StateSpace):
-        constant_model(model, faults, noise=True)
+        check_constant(model, faults)
+        check_noise(model, faults)
     faults.finish()
     A, C, Q, R = model.A, model.C, model.G @ model.Q @ model.G.T, model.R
     if model.is_continuous:
@@ -88,39 +90,12 @@ def lqr_gain(model: StateSpace, L: Any, M: Any, N: Any = None) -> FeedbackGain:
     faults = checks.Faults()
     weights = None
     if faults.instance("model", model, StateSpace):
-        constant_model(model, faults)
+        check_constant(model, faults)
         weights = _weights(model, L, M, N, faults)
     faults.finish()
     assert weights is not None
     X, K, F = (care if model.is_continuous else dare)(model.A, model.B, *weights)
     return FeedbackGain(K, X, np.linalg.eigvals(F))
-
-
-def constant_model(model: StateSpace, faults: checks.Faults, *, noise: bool = False) -> None:
-    """What a stationary answer needs: matrices that do not vary and, with `noise`, R (positive definite at dt = 0)."""
-    if model.varying:
-        faults.add(
-            f"a stationary answer needs a constant model: {checks.listed(model.varying)} of `model` "
-            f"{'has' if len(model.varying) == 1 else 'have'} {model.steps} rows in time."
-        )
-    if noise and model.R is None:
-        faults.add("`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).")
-    elif noise and model.is_continuous and not model.varying:
-        positive_definite("R", model.R, faults)
-
-
-def positive_definite(name: str, matrix: np.ndarray, faults: checks.Faults) -> None:
-    """Note a covariance or weight that is singular, its units taken out."""
-    variance = np.diagonal(matrix)
-    if np.any(variance <= 0):
-        faults.add(f"`{name}` must be positive definite: entry {checks.first_index(variance <= 0)} of its diagonal is "
-                   f"{variance[variance <= 0][0]:.6g}.")  # fmt: skip
-        return
-    smallest = round(np.linalg.eigvalsh(matrix / np.sqrt(variance[:, None] * variance))[0], 15) + 0.0
-    if smallest <= checks.ROUNDING * len(matrix):
-        faults.add(
-            f"`{name}` must be positive definite: scaled to a unit diagonal, its smallest eigenvalue is {smallest:.3g}."
-        )
 
 
 def _weights(model: StateSpace, L, M, N, faults: checks.Faults):
@@ -136,7 +111,7 @@ def _weights(model: StateSpace, L, M, N, faults: checks.Faults):
     if L is None or M is None or N is None:
         return None
     if model.is_continuous:
-        positive_definite("M", M, faults)
+        faults.positive_definite("M", M)
     joint = np.block([[L, N], [N.T, M]])
     smallest = np.linalg.eigvalsh(joint)[0]
     if smallest < -checks.ROUNDING * len(joint) * np.abs(joint).max():

@@ -1,0 +1,1 @@
+"""Model in, verdict out, before any data."""

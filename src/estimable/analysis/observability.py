@@ -1,0 +1,193 @@
+"""What outputs show of the state, and what inputs or noise can do to it."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..errors import AssumptionError
+from ..frozen import frozen, static
+from ..kernels.reach import DOUBTFUL, ZERO, Reach, reach, reachability_matrix
+from ..kernels.riccati import clyap, dlyap
+from ..models.state_space import StateSpace
+from .directions import echelon
+from .estimability import read_horizon
+from .gramians import balancing_units, effects
+from .moments import rank
+from .tolerance import check_size, judged
+
+
+@frozen
+class _Structure:
+    """What `observability` and `reachability` have in common."""
+
+    verdict: str = static()
+    distance: float
+    singular_values: Any
+    gramian: Any
+    directions: Any
+    hidden_modes: Any
+    unstable_directions: Any
+    states: tuple[str, ...] = static()
+    channels: tuple[str, ...] = static()
+    tolerance: tuple[float, float] = static(default=(ZERO, DOUBTFUL))
+    horizon: Any = static(default=None)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict in words."""
+        from .sentences import structure_sentences
+
+        return structure_sentences(self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.verdict}: {' '.join(self.sentences)})"
+
+
+@frozen
+class Observability(_Structure):
+    """What `observability` found. `directions` (k, n): states that never show in an output, of norm 1.
+
+    `verdict` "yes", "no" or "borderline"; `observable`: whether it is "yes"; `detectable`: whether what is hidden dies out
+    (None over a horizon). `hidden_modes` (k,): eigenvalues of what is hidden; `unstable_directions`: those that do not die
+    out. `distance`: relative size of the smallest change of (A, C) found that hides a direction (over a horizon, of the
+    outputs it would give). `singular_values` (n,) of [C; C A; ..; C A^(n-1)], or of the outputs over the horizon;
+    `gramian` (n, n): x0' gramian x0 is the sum (dt = 0: the integral) of squared outputs; None for an unstable model for ever.
+    """
+
+    __repr__ = _Structure.__repr__
+
+    @property
+    def observable(self) -> bool:
+        """Whether every state shows."""
+        return self.verdict == "yes"
+
+    @property
+    def detectable(self) -> bool | None:
+        """Whether every state that does not show dies out."""
+        return None if self.horizon is not None else len(self.unstable_directions) == 0
+
+
+@frozen
+class Reachability(_Structure):
+    """What `reachability` found. `directions` (k, n): combinations g'x that nothing moves, of norm 1.
+
+    The fields are those of `Observability`, of (A, B): `reachable`, and `stabilisable`, whether what is not moved dies out.
+    `gramian` (n, n): the covariance that unit white inputs make.
+    """
+
+    __repr__ = _Structure.__repr__
+
+    @property
+    def reachable(self) -> bool:
+        """Whether every state can be moved to."""
+        return self.verdict == "yes"
+
+    @property
+    def stabilisable(self) -> bool | None:
+        """Whether every direction that is not moved dies out."""
+        return None if self.horizon is not None else len(self.unstable_directions) == 0
+
+
+def observability(model: StateSpace, *, horizon: float | None = None) -> Observability:
+    """Whether the outputs, with nothing in the way, show every direction of the state; unstable models too.
+
+    `horizon`: over so many samples (seconds where dt = 0); None: for ever (a model that varies: over its rows). Noise is
+    of no account: what noise leaves of it is `estimability`.
+
+    Returns an `Observability`. Raises `InputError` for a horizon that is no positive number, and for more than 500 states.
+
+    Cost: about 100 n³ multiplications. Reference: T. Kailath, Linear Systems (1980), §2.4 and §6.2;
+    P. Van Dooren, IEEE TAC 26 (1981) 111 (staircase).
+
+    >>> seen = observability(StateSpace([[0.5, 0.0], [0.0, 1.2]], C=[[1.0, 0.0]], dt=1))
+    >>> seen.observable, seen.detectable, seen.sentences[0]
+    (False, False, 'x2 never shows in y1.')
+    """
+    A, C, horizon, _ = _read(model, "C", horizon)
+    found = _structure(model, np.swapaxes(A, -1, -2), np.swapaxes(C, -1, -2), horizon, reverse=True)
+    return Observability(**found, states=model.states, channels=model.outputs, horizon=horizon)
+
+
+def reachability(model: StateSpace, *, horizon: float | None = None, by: str = "inputs") -> Reachability:
+    """Whether the inputs can move the state in every direction; `by="noise"`: whether the process noise does.
+
+    Reachability by noise, of (A, G Q), is Bryson's disturbability. `horizon`, errors, cost and reference are those of
+    `observability`.
+
+    >>> moved = reachability(StateSpace([[0.5, 0.0], [0.0, 0.2]], [[1.0], [0.0]], dt=1))
+    >>> moved.reachable, moved.stabilisable, moved.sentences[0]
+    (False, True, 'x2 is not moved by u1.')
+    """
+    faults = checks.Faults()
+    faults.choice("by", by, ("inputs", "noise"))
+    faults.finish()
+    A, _, horizon, M = _read(model, by, horizon)
+    found = _structure(model, A, M, horizon)
+    channels = model.inputs if by == "inputs" else ("process noise",)
+    return Reachability(**found, states=model.states, channels=channels, horizon=horizon)
+
+
+def _read(model: StateSpace, which: str, horizon: float | None):
+    """A, C, the horizon, and what moves the state."""
+    faults = checks.Faults()
+    if faults.instance("model", model, StateSpace):
+        horizon = read_horizon(model, horizon, faults)
+        check_size(model.n, faults, steps=0 if horizon is None or model.is_continuous else int(horizon))
+    faults.finish()
+    return model.A, model.C, horizon, model.B if which == "inputs" else noise_factor(model)
+
+
+def noise_factor(model: StateSpace) -> np.ndarray:
+    """G Q^(1/2): what unit white noise does."""
+    λ, V = np.linalg.eigh(model.Q)
+    return model.G @ (V * np.sqrt(np.maximum(λ, 0.0))[..., None, :])
+
+
+def _structure(model: StateSpace, F, M, horizon, *, reverse: bool = False) -> dict[str, Any]:
+    """The fields of a structure, of the pair (F, M)."""
+    if horizon is not None:
+        Γ = effects(F, M, horizon, continuous=model.is_continuous, reverse=reverse)
+        T = np.sqrt(np.maximum(np.diagonal(Γ @ Γ.T), 0.0))
+        T = np.where(T > 0, T, 1.0)
+        found, hidden = rank(Γ / T[:, None]), np.zeros(0)
+        unstable = found.Z[:, :0]
+    else:
+        Γ = reachability_matrix(F, M)
+        T = balancing_units(F, M)
+        scaled = F * (T / T[:, None])
+        found = reach(scaled, M / T[:, None]) if M.shape[1] else Reach(np.eye(len(F)), 0.0)
+        hidden, unstable = _hidden(scaled, found.Z, model.is_continuous)
+    σ = np.linalg.svd(Γ, compute_uv=False) if Γ.shape[1] else np.zeros(0)
+    return {
+        "verdict": judged(found.distance),
+        "distance": found.distance,
+        "singular_values": np.pad(σ, (0, len(T) - len(σ)))[: len(T)],
+        "gramian": Γ @ Γ.T if horizon is not None else _gramian(F, M, model.is_continuous),
+        "directions": echelon(found.Z / T[:, None]).T,
+        "hidden_modes": hidden,
+        "unstable_directions": echelon(unstable / T[:, None]).T,
+    }
+
+
+def _gramian(F: np.ndarray, M: np.ndarray, continuous: bool) -> np.ndarray | None:
+    """For ever; None where it is infinite."""
+    try:
+        return (clyap if continuous else dlyap)(F, M @ M.T)
+    except AssumptionError:
+        return None
+
+
+def _hidden(F: np.ndarray, Z: np.ndarray, continuous: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues of what is hidden, and the part of Z that does not die out."""
+    from scipy.linalg import schur
+
+    if Z.shape[1] == 0:
+        return np.zeros(0), Z
+
+    def lasting(re: float, im: float) -> bool:
+        return re >= -ZERO if continuous else float(np.hypot(re, im)) >= 1 - ZERO
+
+    found: Any = schur(Z.T @ F.T @ Z, sort=lasting)
+    T, U, growing = found
+    return np.linalg.eigvals(T), Z @ U[:, :growing]

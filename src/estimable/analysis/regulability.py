@@ -1,0 +1,112 @@
+"""Can control lower a quadratic cost, from every state?"""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, static
+from ..models.state_space import StateSpace
+from .assessment import Assessment, assess
+from .estimability import moments_of, read_horizon
+from .moments import Problem
+from .tolerance import check_size
+
+
+@frozen
+class Regulability(Assessment):
+    """What `regulability` found; the fields of `Estimability`, read of the dual problem.
+
+    `verdict`, and `regulable` whether it is "yes"; `directions` (.., n): states x0 from which control cannot lower the
+    cost; `known_directions`: that cost nothing to begin with. `prior_covariance` (n, n): the cost without control is
+    x0' Ψ x0; `covariance`: with the best control. `variance_reduction` (n,): by how much of itself the cost of each state
+    alone shrinks; `squared_correlations`, `correlation_directions`: the same for the directions in which it shrinks
+    least, first, to most. `singular_values`: of [F'S, F'²S, .., F'^n S] in steady state, S = Ψ G.
+    The `filter_` fields are of cost-to-go before the first control acts on it, (F', S).
+    """
+
+    states: tuple[str, ...] = static(default=())
+    inputs: tuple[str, ...] = static(default=())
+    horizon: Any = static(default=None)
+
+    @property
+    def regulable(self) -> bool:
+        """Whether the verdict is "yes"."""
+        return self.verdict == "yes"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict in words."""
+        from .sentences import regulability_sentences
+
+        return regulability_sentences(self)
+
+    def __repr__(self) -> str:
+        return f"Regulability({self.verdict}: {' '.join(self.sentences)})"
+
+
+def regulability(
+    model: StateSpace, L: Any, M: Any, *, horizon: float | None = None, terminal: Any = None
+) -> Regulability:
+    """Whether the best control costs strictly less than none, from every initial state.
+
+    The cost is Σ x'L x + u'M u (continuous: the integral) plus x'Ψ x at the end. L (n, n) and M (m, m), symmetric, M
+    positive definite; either may have a leading axis of time. It is the dual of estimability: the model transposed, L
+    in the place of Q, M of R, time reversed.
+
+    `horizon`: steps (seconds where dt = 0); None: for ever, which needs a stable model (one that varies: over its rows).
+    `terminal` (n, n): the weight Ψ at the end of a horizon; None: the stationary cost where there is one, else L.
+
+    Returns a `Regulability`. Raises `AssumptionError` for an unstable model without a horizon, `InputError` for weights of
+    a wrong shape or sign, a model without inputs, and for more than 500 states.
+
+    Cost: as `estimability`. Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3,
+    corrected: (F', F'S) for (F', S), L at k+1 in (3.6), the inverse in (3.10) and (3.11).
+
+    >>> idle = StateSpace([[0.0]], [[1.0]], dt=1)
+    >>> regulability(idle, [[1.0]], [[1.0]]).regulable  # the state is gone before control can act on it
+    False
+    """
+    faults = checks.Faults()
+    weights = None
+    if faults.instance("model", model, StateSpace):
+        horizon = read_horizon(model, horizon, faults)
+        check_size(model.n, faults, steps=0 if horizon is None or model.is_continuous else int(horizon))
+        weights = _read_weights(model, L, M, terminal, faults)
+    faults.finish()
+    assert weights is not None
+    L, M, terminal = weights
+    if terminal is None and model.varying:
+        terminal = L if L.ndim == 2 else L[-1]
+    steps = None if horizon is None or model.is_continuous else int(horizon)
+    moments = moments_of(dual(model, L, M, steps), terminal, horizon, model.is_continuous)
+    return Regulability(**assess(moments), states=model.states, inputs=model.inputs, horizon=horizon)
+
+
+def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = None) -> Problem:
+    """The estimation problem with the same answer: matrices transposed, and time reversed from `steps` on."""
+
+    def turned(X):
+        return np.swapaxes(X if X.ndim == 2 else X[:steps][::-1], -1, -2)
+
+    return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
+
+
+def _read_weights(model: StateSpace, L, M, terminal, faults: checks.Faults):
+    """L, M and the terminal weight; None where one is at fault."""
+    for axis in ("n", "m"):
+        size = getattr(model, axis)
+        faults.learn(axis, size, f"the model has {checks.counted(size, 'state' if axis == 'n' else 'input')}")
+    if model.steps is not None:
+        faults.learn("T", model.steps, f"the model has {model.steps} rows in time")
+    if model.m == 0:
+        faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
+        return None
+    L, M = faults.covariance("L", L, "n n", leading="T"), faults.covariance("M", M, "m m", leading="T")
+    if terminal is not None:
+        terminal = faults.covariance("terminal", terminal, "n n")
+    if M is not None:
+        for each in M.reshape(-1, model.m, model.m):
+            if not faults.positive_definite("M", each):
+                break
+    return None if L is None or M is None else (L, M, terminal)

@@ -1,0 +1,116 @@
+"""Verdicts in words, with the numbers that show them."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from .directions import words
+
+DIRECTIONS = 4  # that are written out
+
+
+def estimability_sentences(found: Any) -> tuple[str, ...]:
+    """What past outputs, then present ones too, reveal of the state; what was known; what is least known."""
+    outputs = _and(found.outputs)
+    sentences = []
+    if found.verdict == "yes":
+        sentences.append(f"Every direction of the state is revealed by {outputs}.")
+    else:
+        sentences += _hidden(found, outputs)
+    sentences += _known(found)
+    if found.verdict == "no" and found.filter_verdict != "no":
+        sentences.append(
+            "The present output reveals the rest: the filter learns what the one-step predictor cannot (a delay)."
+        )
+    return (*sentences, *(_least(found, outputs) if found.verdict == "yes" else ()))
+
+
+def regulability_sentences(found: Any) -> tuple[str, ...]:
+    """From which states control can lower the cost."""
+    inputs = _and(found.inputs)
+    if found.verdict == "yes":
+        sentences = [f"From every state, {inputs} can lower the cost."]
+    elif found.verdict == "borderline":
+        sentences = [
+            f"Borderline: from some state {inputs} can lower the cost only by an amount that rounding could hide."
+        ]
+    else:
+        several = [f"From x0 along {words(g, found.states)}, {inputs} cannot lower the cost." for g in found.directions]
+        sentences = _few(several) or ([] if len(found.known_directions) else ["No state is moved in a way that costs."])
+    sentences += [f"{words(g, found.states)} costs nothing to begin with." for g in found.known_directions[:DIRECTIONS]]
+    return tuple(sentences)
+
+
+def _hidden(found: Any, outputs: str) -> list[str]:
+    if found.verdict == "borderline":
+        least = found.correlation_directions[:1]
+        where = f", least along {words(least[0], found.states)}" if len(least) else ""
+        part = f"with a part of {found.distance:.1e} that rounding could hide"
+        return [f"Borderline: the state is revealed by {outputs}{where}, {part}."]
+    return _few([f"{words(g, found.states)} is not revealed by {outputs}." for g in found.directions])
+
+
+def _known(found: Any) -> list[str]:
+    return _few([f"{words(g, found.states)} is known already: it has no variance." for g in found.known_directions])
+
+
+def _least(found: Any, outputs: str) -> list[str]:
+    """The direction of which least is known, where something is."""
+    ρ2 = found.squared_correlations
+    told = np.flatnonzero(ρ2 > found.tolerance[0])
+    if len(told) == 0:
+        return []
+    g = words(found.correlation_directions[told[0]], found.states)
+    return [f"{g} is known least: past samples take {_percent(ρ2[told[0]])} off its variance."]
+
+
+def _percent(share: float) -> str:
+    """A share in percent, with the digits that tell it from 100 %.
+
+    >>> _percent(0.456), _percent(3e-5), _percent(0.99999)
+    ('45.6 %', '0.003 %', '99.999 %')
+    """
+    if share > 0.99:
+        return f"{100 - float(f'{100 * (1 - share):.1g}'):.9g} %"
+    return f"{100 * share:.3g} %"
+
+
+def _few(sentences: list[str]) -> list[str]:
+    more = len(sentences) - DIRECTIONS
+    return sentences[:DIRECTIONS] + ([f"And {checks.counted(more, 'more direction')}."] if more > 0 else [])
+
+
+def _and(names: tuple[str, ...]) -> str:
+    """Names as a list in a sentence.
+
+    >>> _and(("a",)), _and(("a", "b")), _and(("a", "b", "c"))
+    ('a', 'a and b', 'a, b and c')
+    """
+    if len(names) > checks.LISTED:
+        return f"{len(names)} outputs"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def structure_sentences(found: Any) -> tuple[str, ...]:
+    """What never shows, or is not moved, and whether it dies out."""
+    outputs = type(found).__name__ == "Observability"
+    channels = _and(found.channels) if found.channels else "any input"
+    within = "" if found.horizon is None else " within the horizon"
+    if found.verdict == "yes":
+        return (f"Every direction of the state {'shows in' if outputs else 'is moved by'} {channels}{within}.",)
+    if found.verdict == "borderline":
+        how = "shows in" if outputs else "is moved by"
+        return (
+            f"Borderline: some direction {how} {channels} with a part of {found.distance:.1e} that rounding could hide.",
+        )
+    does = f"never shows in {channels}" if outputs else f"is not moved by {channels}"
+    sentences = _few([f"{words(g, found.states)} {does}{within}." for g in found.directions])
+    return (*sentences, *(() if found.horizon is not None else _fate(found)))
+
+
+def _fate(found: Any) -> list[str]:
+    """Whether what is hidden dies out."""
+    if len(found.unstable_directions) == 0:
+        return ["It dies out by itself." if len(found.directions) == 1 else "All of it dies out by itself."]
+    return _few([f"{words(g, found.states)} does not die out by itself." for g in found.unstable_directions])
