@@ -32,7 +32,10 @@ def _over_time(Γ: np.ndarray, F: np.ndarray, M: np.ndarray, seconds: float, row
 
 
 def balancing_units(F: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Units of the states (n,), powers of two, in which F and M have rows and columns of like size."""
+    """Units of the states (n,), powers of two, in which the rows and columns of F and M are of like size.
+
+    What F does not join keeps the sizes that M gives it: a state that is hardly seen stays hardly seen.
+    """
     from scipy.linalg import matrix_balance
 
     n, p = M.shape

@@ -72,14 +72,14 @@ def hidden_modes(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, fl
     λ, right = np.linalg.eig(F.T)
     left = right.conj()                                                    # f*F = λ f*
     nearest, hidden = np.inf, []
-    for i in np.flatnonzero(λ.imag >= 0):
+    for i in np.flatnonzero(np.imag(λ) >= 0):
         gaps = np.abs(λ - λ[i])
         near = np.argsort(gaps, kind="stable")[:NEIGHBOURS]
         E = np.linalg.qr(left[:, near[gaps[near] <= NEAR]])[0]
         U, σ, _ = np.linalg.svd(E.conj().T @ np.hstack([F - λ[i] * np.eye(len(F)), M]), full_matrices=False)
         nearest = min(nearest, float(σ[-1]))
         f = E @ U[:, σ <= ZERO]
-        hidden += [f.real, f.imag]
+        hidden += [np.real(f), np.imag(f)]
     found = np.hstack(hidden)
     return orth(found, rcond=1e-6) if np.any(found) else np.zeros((len(F), 0)), nearest
 

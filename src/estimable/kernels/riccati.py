@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from ..errors import AssumptionError
 
-DOUBLINGS = 64        # 2^64 steps: a mode that has not settled then never will
+DOUBLINGS = 50        # 2^50 steps: a mode that has not died out then is at the limit of stability, to rounding
 RESIDUAL = 1e-13      # of the size of the equation's terms, above which the second method is tried too
 SINGULAR = 1e13       # condition number from which R + B'X B tells no direction
 EPS = np.finfo(float).eps
