@@ -1,0 +1,190 @@
+"""The output-error model: polynomials A and B for each output, and white noise on what is measured."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from .state_space import StateSpace
+
+
+@frozen
+class OutputError:
+    """A linear system by its polynomials, with noise on the measured outputs only.
+
+    Model: x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], y[k] = x°[k] + v[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, and
+    B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb); v white, independent between outputs. u° is what the actuator applied.
+    The orders are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
+
+    Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
+    steps, the same for all; `noise_variance`: of v, one number or (p,), in squared units of the outputs; `dt` in seconds,
+    greater than 0; `inputs` and `outputs` name the channels (default u1.., y1..).
+
+    Reference: H. Fang (2009), (3.1), (3.2), (3.5).
+
+    >>> plant = OutputError([0.523, 0.349], [0.440, 0.762], noise_variance=0.1, dt=1)
+    >>> plant.parameter_names, plant.is_stable
+    (('a1', 'a2', 'b0', 'b1'), True)
+    """
+
+    a: Any
+    b: Any
+    _: KW_ONLY
+    delay: int = static(default=0)
+    noise_variance: Any
+    dt: float = static()
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        b = faults.array("b", _raised(self.b, 3), "p m lags")
+        a = faults.array("a", _raised(self.a, 2), "p na")
+        faults.whole("delay", self.delay, 0)
+        dt = faults.number("dt", self.dt, above=0.0, unit="seconds")
+        for axis, what in (("p", "an output"), ("m", "an input"), ("lags", "at least b0")):
+            if faults.sizes.get(axis) == 0:
+                faults.add(f"`b` must be (p, m, nb+1) with {what}. Got {np.shape(self.b)}.")
+        noise = read_variance("noise_variance", self.noise_variance, faults)
+        names = {
+            "inputs": faults.names("inputs", self.inputs, "m", "u"),
+            "outputs": faults.names("outputs", self.outputs, "p", "y"),
+        }
+        faults.finish()
+        set_field(self, a=a, b=b, noise_variance=noise, dt=dt, **names)
+
+    @staticmethod
+    def of_parameters(
+        parameters, *, na: int, nb: int, delay: int = 0, noise_variance, dt: float, inputs=None, outputs=None
+    ) -> "OutputError":
+        """The model of a parameter vector (p (na + m (nb+1)),): output by output, a then b, input by input.
+
+        >>> OutputError.of_parameters([0.5, 1.0, 2.0], na=1, nb=1, noise_variance=1.0, dt=1).b.tolist()
+        [[[1.0, 2.0]]]
+        """
+        m, p = (1 if names is None else len(names) for names in (inputs, outputs))
+        rows = np.asarray(parameters, float).reshape(p, na + m * (nb + 1))
+        return OutputError(
+            rows[:, :na], rows[:, na:].reshape(p, m, nb + 1), delay=delay, noise_variance=noise_variance, dt=dt,
+            inputs=inputs, outputs=outputs,
+        )  # fmt: skip
+
+    @property
+    def na(self) -> int:
+        """Degree of A."""
+        return self.a.shape[-1]
+
+    @property
+    def nb(self) -> int:
+        """Degree of B without its delay."""
+        return self.b.shape[-1] - 1
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return self.b.shape[-2]
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return self.b.shape[-3]
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """θ (p (na + m (nb+1)),): output by output, a then b, input by input."""
+        return np.concatenate([self.a, np.reshape(self.b, (self.p, -1))], axis=1).ravel()
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of θ: a1, b0, ..; with the channels where there are several."""
+        return parameter_names(self.na, self.nb, self.inputs, self.outputs)
+
+    @property
+    def poles(self) -> tuple[np.ndarray, ...]:
+        """The roots of each A_i in z."""
+        return tuple(np.roots(np.concatenate([[1.0], row])) for row in self.a)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return all(np.all(np.abs(poles) < 1) for poles in self.poles)
+
+    def response(self, u) -> np.ndarray:
+        """The outputs x° (T, p) without noise, from rest, under the applied input u (T, m) or (T,).
+
+        >>> OutputError([-0.5], [1.0], noise_variance=0.0, dt=1).response([1.0, 0.0, 0.0]).ravel().tolist()
+        [1.0, 0.5, 0.25]
+        """
+        from scipy.signal import lfilter
+
+        faults = checks.Faults()
+        faults.learn("m", self.m, f"the model has {checks.counted(self.m, 'input')}")
+        u = faults.array("u", np.asarray(u)[:, None] if np.ndim(u) == 1 else u, "T m")
+        faults.finish()
+        assert u is not None
+        rows = [
+            sum(lfilter(np.pad(b, (self.delay, 0)), np.append(1.0, a), column) for b, column in zip(B, u.T, strict=True))
+            for a, B in zip(self.a, self.b, strict=True)
+        ]
+        return np.stack(rows, axis=1)
+
+    def to_state_space(self) -> StateSpace:
+        """The same system as a `StateSpace` without process noise: one observable companion form an output.
+
+        >>> OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1).to_state_space().A.tolist()
+        [[-0.5]]
+        """
+        n = max(self.na, self.nb + self.delay, 1)
+        p, m = self.p, self.m
+        A, B, C, D = np.zeros((p * n, p * n)), np.zeros((p * n, m)), np.zeros((p, p * n)), np.zeros((p, m))
+        for i in range(p):
+            rows = slice(i * n, (i + 1) * n)
+            a = np.pad(self.a[i], (0, n - self.na))
+            b = np.pad(self.b[i], ((0, 0), (self.delay, n - self.nb - self.delay)))  # (m, n + 1)
+            A[rows, rows] = np.column_stack([-a, np.eye(n)[:, : n - 1]])
+            D[i] = b[:, 0]
+            B[rows] = (b[:, 1:] - np.outer(b[:, 0], a)).T
+            C[i, i * n] = 1.0
+        return StateSpace(
+            A, B, C, D, Q=np.zeros((p * n, p * n)), R=np.diag(self.noise_variance), dt=self.dt,
+            inputs=self.inputs, outputs=self.outputs,
+        )  # fmt: skip
+
+
+def parameter_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """a1.., b0.. of one output and one input; with several, a1_y1.., b0_y1_u1..: output by output, input by input.
+
+    >>> parameter_names(1, 0, ("u1", "u2"), ("y1",))
+    ('a1_y1', 'b0_y1_u1', 'b0_y1_u2')
+    """
+    alone = len(inputs) == len(outputs) == 1
+    names = []
+    for y in outputs:
+        names += [f"a{i + 1}" + ("" if alone else f"_{y}") for i in range(na)]
+        names += [f"b{j}" + ("" if alone else f"_{y}_{u}") for u in inputs for j in range(nb + 1)]
+    return tuple(names)
+
+
+def read_variance(name: str, value: Any, faults: checks.Faults) -> Any:
+    """Variances of the outputs, (p,): one number is that of each."""
+    if checks.is_traced(value):
+        return value
+    if np.ndim(value) == 0:
+        number = faults.number(name, value, lower=0.0)
+        return None if number is None else np.full(faults.sizes.get("p", 1), number)
+    variances = faults.array(name, value, "p")
+    if variances is not None and np.any(variances < 0):
+        faults.add(f"`{name}` must be variances, at least 0. Got {checks.short(value)}.")
+        return None
+    return variances
+
+
+def _raised(value: Any, axes: int) -> Any:
+    """A 1-D list of one output (and one input) with the axes that it leaves out."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return value
+    return array.reshape((1,) * (axes - 1) + array.shape) if array.ndim == 1 and array.dtype.kind in "fiub" else value
