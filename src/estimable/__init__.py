@@ -12,13 +12,19 @@ from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
+from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import GainSection, ModelFile, read_model, write_model
 from .models.operating_point import OperatingPoint
+from .models.output_error import OutputError
 from .models.prior import Prior
 from .models.state_space import StateSpace
-from .results import Estimate, EstimateBank, Info, Interval, Outcome, Sample, Simulation
+from .networks.delivery import Delivery
+from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
+from .networks.trace import Trace
+from .results import Check, Estimate, EstimateBank, Fit, Info, Interval, Outcome, Sample, Simulation, Validation
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
+from .run.identify import identify
 from .run.monte_carlo import MonteCarlo, monte_carlo
 from .run.online import Online, online
 from .run.simulate import drawn_from, simulate, simulate_bank
@@ -29,13 +35,19 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AssumptionError",
+    "BernoulliLink",
+    "Check",
+    "DelayLink",
+    "Delivery",
     "Estimability",
     "EstimableError",
     "EstimableWarning",
     "Estimate",
     "EstimateBank",
     "FeedbackGain",
+    "Fit",
     "GainSection",
+    "GilbertElliottLink",
     "Info",
     "InputError",
     "Interval",
@@ -47,9 +59,12 @@ __all__ = [
     "Online",
     "OperatingPoint",
     "Outcome",
+    "OutputError",
+    "PerfectLink",
     "Prior",
     "Reachability",
     "Record",
+    "RecursiveOutputError",
     "Reduction",
     "Regulability",
     "RunError",
@@ -57,13 +72,16 @@ __all__ = [
     "Simulation",
     "Stacked",
     "StateSpace",
+    "Trace",
     "UnknownGain",
+    "Validation",
     "catalogue",
     "diagnostics",
     "drawn_from",
     "estimability",
     "estimate",
     "estimate_bank",
+    "identify",
     "kalman_gain",
     "load",
     "log_likelihood",

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, set_field, static
+from ..kernels import output_error as kernel
 from .state_space import StateSpace
 
 
@@ -117,18 +118,12 @@ class OutputError:
         >>> OutputError([-0.5], [1.0], noise_variance=0.0, dt=1).response([1.0, 0.0, 0.0]).ravel().tolist()
         [1.0, 0.5, 0.25]
         """
-        from scipy.signal import lfilter
-
         faults = checks.Faults()
         faults.learn("m", self.m, f"the model has {checks.counted(self.m, 'input')}")
         u = faults.array("u", np.asarray(u)[:, None] if np.ndim(u) == 1 else u, "T m")
         faults.finish()
         assert u is not None
-        rows = [
-            sum(lfilter(np.pad(b, (self.delay, 0)), np.append(1.0, a), column) for b, column in zip(B, u.T, strict=True))
-            for a, B in zip(self.a, self.b, strict=True)
-        ]
-        return np.stack(rows, axis=1)
+        return np.stack([kernel.response(a, b, self.delay, u) for a, b in zip(self.a, self.b, strict=True)], axis=1)
 
     def to_state_space(self) -> StateSpace:
         """The same system as a `StateSpace` without process noise: one observable companion form an output.

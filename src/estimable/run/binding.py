@@ -38,7 +38,14 @@ def model_of(algorithm: Any) -> StateSpace:
     return algorithm.model
 
 
-def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = None, algorithms: Any = None) -> Bound:
+def has_state_prior(algorithm: Any) -> bool:
+    """Whether the drivers' `prior` is asked for: not by an algorithm whose priors are all settings of its own."""
+    return getattr(algorithm, "has_state_prior", True)
+
+
+def bind(
+    algorithm: Any, record: Record, prior: Prior | None, *, bank: Record | None = None, algorithms: Any = None
+) -> Bound:
     """Check everything together, then match by name, resolve what was applied, and sample the model.
 
     Of a bank, `algorithm`, `record` and `prior` are one run, which stands for the shapes and names of all; `bank` and
@@ -50,7 +57,8 @@ def bind(algorithm: Any, record: Record, prior: Prior, *, bank: Record | None = 
     model, names, rows = model_of(algorithm), algorithm.names, bank or record
     outputs = columns(names.outputs, record.outputs, "output", "y", faults)
     inputs = columns(names.inputs, record.inputs, "input", "u", faults)
-    check_prior(prior, model, faults)
+    if has_state_prior(algorithm):
+        check_prior(prior, model, faults)
     _check_time(model, record, faults)
     faults.finish()
     u = rows.applied()[..., inputs]
@@ -81,8 +89,17 @@ def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults)
     check_algorithm(algorithm, faults)
     if not isinstance(record, Record):
         faults.add(f"`record` must be a Record. Got {type(record).__name__}.{_batch_hint(record)}")
-    if not isinstance(prior, Prior):
-        faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{_batch_hint(prior)}")
+    check_prior_kind(algorithm, prior, faults, _batch_hint(prior))
+
+
+def check_prior_kind(algorithm: Any, prior: Any, faults: checks.Faults, hint: str = "") -> None:
+    """A `Prior` of the state for an algorithm that estimates one, and None for one that does not."""
+    if has_state_prior(algorithm):
+        if not isinstance(prior, Prior):
+            faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{hint}")
+    elif prior is not None:
+        name = type(algorithm).__name__
+        faults.add(f"`prior` must be None: {name} has no prior of a state, and its own prior is a setting of {name}.")
 
 
 def _batch_hint(thing: Any) -> str:
@@ -150,9 +167,10 @@ def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> Non
         return
     if record.dt is None:
         steps = np.diff(record.t)
+        step = "" if model.dt is None else f" with dt = {model.dt:g} s"
         faults.add(
-            f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete with "
-            f"dt = {model.dt:g} s: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
+            f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete"
+            f"{step}: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
         )
-    elif abs(record.dt - model.dt) > scatter(record.t, model.dt):
+    elif model.dt is not None and abs(record.dt - model.dt) > scatter(record.t, model.dt):
         faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")

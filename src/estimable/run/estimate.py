@@ -29,7 +29,7 @@ def estimate(
     algorithm: Any,
     record: Record,
     *,
-    prior: Prior,
+    prior: Prior | None,
     on_failure: str = "raise",
     engine: str = "auto",
     keep: str = "all",
@@ -37,7 +37,8 @@ def estimate(
     """Run a state estimator over a record; T rows in, T rows out, row k uses the samples 0..k.
 
     `algorithm`: `Kalman`, `UnknownGain`, or any other with init, correct and predict. `record`: outputs and inputs are
-    matched to the model's channels by name. `prior`: of the state x[0], before y[0]. `on_failure`: "raise" a `RunError`
+    matched to the model's channels by name. `prior`: of the state x[0], before y[0]; None for
+    an algorithm without a state of the plant. `on_failure`: "raise" a `RunError`
     at a run that failed, or "keep" what there is, with the outcome in the result. `engine`: "auto", "native" (machine code,
     for small models that do not vary in time) or "xla". `keep`:
     "all"; "means" (no covariances); "last" (one row); "likelihood" (no row).

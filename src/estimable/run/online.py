@@ -14,7 +14,7 @@ from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
-from .binding import check_algorithm, check_hold, check_prior, model_of
+from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
 
 ENGINES = ("auto", "xla")
 
@@ -138,7 +138,12 @@ class Online:
                 faults.add("`dt` must be given to the first predict: the model is continuous.")
             return self.progress.dt if model.is_continuous else model.dt
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
-        if dt is not None and not model.is_continuous and abs(dt - model.dt) > UNIFORM * model.dt:
+        if (
+            dt is not None
+            and model.dt is not None
+            and not model.is_continuous
+            and abs(dt - model.dt) > UNIFORM * model.dt
+        ):
             faults.add(
                 f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed."
             )
@@ -177,7 +182,7 @@ class Online:
 
 
 def online(
-    algorithm: Any, *, prior: Prior, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
+    algorithm: Any, *, prior: Prior | None, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
 ) -> Online:
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
@@ -192,11 +197,11 @@ def online(
     faults.choice("hold", hold, HOLDS)
     faults.choice("lost", lost, LOST)
     check_algorithm(algorithm, faults)
-    if not isinstance(prior, Prior):
-        faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.")
+    check_prior_kind(algorithm, prior, faults)
     faults.finish()
     model = model_of(algorithm)
-    check_prior(prior, model, faults)
+    if has_state_prior(algorithm):
+        check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()
     return Online(Progress(algorithm, algorithm.init(prior), np.zeros(model.m), hold=hold, lost=lost))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,27 +10,21 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..frozen import frozen, replace
+from ..frozen import replace
 from ..kernels.small import apply, factor
+from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import sample
 from ..models.state_space import StateSpace
 from ..results import Simulation
 from .binding import check_hold, check_prior
 from .stack import Stacked
-
-
-@frozen
-class _Drive:
-    """What a simulation is driven by, row by row."""
-
-    u: Any
-    u_end: Any
+from .transmit import Links, Sent, check_links, send_inputs, send_outputs
 
 
 def simulate(
-    model: StateSpace, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t=None, hold: str = "zero_order",
+    model: StateSpace | OutputError, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Simulation:  # fmt: skip
     """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
 
@@ -43,13 +37,14 @@ def simulate(
     >>> simulate(model, [[1.0], [0.0], [0.0]], seed=1).record.y.shape
     (3, 1)
     """
-    bank = simulate_bank(model, u, seed=seed, runs=1, prior=prior, steps=steps, dt=dt, t=t, hold=hold)
+    bank = simulate_bank(model, u, seed=seed, runs=1, prior=prior, steps=steps, dt=dt, t=t, hold=hold,
+                         input_link=input_link, output_link=output_link, lost=lost)  # fmt: skip
     return jax.tree_util.tree_map(lambda leaf: leaf[0], bank.items)
 
 
 def simulate_bank(
-    model: StateSpace, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t=None, hold: str = "zero_order",
+    model: StateSpace | OutputError, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Stacked:  # fmt: skip
     """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
 
@@ -59,26 +54,20 @@ def simulate_bank(
     >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
     (5, 3, 1)
     """
+    model = model.to_state_space() if isinstance(model, OutputError) else model
+    links = Links(input_link, output_link)
     _check_call(model, prior, seed, runs, steps)
-    record = _empty_record(model, u, steps, dt, t, hold)
+    record = _empty_record(model, u, steps, dt, t, hold, links, lost)
     sampled = sample(model, record.clock(model.dt or None))
-    drive = _Drive(record.u, np.concatenate([record.u[1:], record.u[-1:]]))
     keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
-    y, x = jax.tree_util.tree_map(np.asarray, _draw(sampled, drive, prior, keys))
-
-    def spread(array):
-        return None if array is None else np.broadcast_to(array, (runs, *array.shape))
-
-    names = {"inputs": model.inputs, "outputs": model.outputs}
-    template = Record(np.zeros_like(y[0]), record.u, dt=record.dt, t=record.t, hold=hold, **names)
-    leaves, structure = jax.tree_util.tree_flatten(template)
-    stacked = jax.tree_util.tree_unflatten(structure, [y, *(spread(leaf) for leaf in leaves[1:])])
-    return Stacked(Simulation(stacked, x), runs)
+    drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, record.u, prior, links, lost, keys))
+    t_rows = None if record.t is None else np.broadcast_to(record.t, (runs, *record.t.shape))
+    return Stacked(_simulation(replace(_template(record, model, lost), t=t_rows), drawn), runs)
 
 
 def drawn_from(
-    model: StateSpace, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None, t=None,
-    hold: str = "zero_order",
+    model: StateSpace | OutputError, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
+    t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Callable[[Any], Simulation]:  # fmt: skip
     """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
 
@@ -89,18 +78,29 @@ def drawn_from(
     >>> draw(jax.random.key(1)).state.shape
     (3, 1)
     """
+    model = model.to_state_space() if isinstance(model, OutputError) else model
+    links = Links(input_link, output_link)
     _check_call(model, prior, 0, 1, steps)
-    record = _empty_record(model, u, steps, dt, t, hold)
-    sampled = sample(model, record.clock(model.dt or None))
-    drive = _Drive(record.u, np.concatenate([record.u[1:], record.u[-1:]]))
-    names = {"inputs": model.inputs, "outputs": model.outputs}
-    template = Record(record.y, record.u, dt=record.dt, t=record.t, hold=hold, **names)
+    record = _empty_record(model, u, steps, dt, t, hold, links, lost)
+    sampled, template = sample(model, record.clock(model.dt or None)), _template(record, model, lost)
 
     def draw(key) -> Simulation:
-        y, x = _draw(sampled, drive, prior, key[None])
-        return Simulation(replace(template, y=y[0]), x[0])
+        return _simulation(template, _draw(sampled, record.u, prior, links, lost, key))
 
     return draw
+
+
+def _template(record: Record, model: StateSpace, lost: str) -> Record:
+    """The record of a run, but for what is drawn."""
+    return Record(
+        record.y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
+        inputs=model.inputs, outputs=model.outputs,
+    )  # fmt: skip
+
+
+def _simulation(template: Record, drawn: "Drawn") -> Simulation:
+    record = replace(template, y=drawn.y, u=drawn.sent.logged, arrived=drawn.sent.arrived)
+    return Simulation(record, drawn.x, drawn.sent.applied, drawn.measured, drawn.sent.delay, drawn.delay)
 
 
 def _check_call(model, prior, seed, runs, steps) -> None:
@@ -117,7 +117,7 @@ def _check_call(model, prior, seed, runs, steps) -> None:
     faults.finish()
 
 
-def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold) -> Record:
+def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold, links: Links, lost: str) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
     _check_rows(model, u, steps, t, faults)
@@ -126,6 +126,7 @@ def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold) -> Record:
     if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
         faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
+    check_links(links, lost, model.m, hold, faults)
     faults.finish()
     rows = next(given if isinstance(given, int) else len(given) for given in (u, steps, t) if given is not None)
     u = np.zeros((rows, 0)) if u is None else u
@@ -156,32 +157,48 @@ def _check_rows(model: StateSpace, u, steps, t, faults: checks.Faults) -> None:
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")
 
 
-@jax.jit
-def _draw(model, drive: _Drive, prior: Prior | None, keys):
-    """Outputs (B, T, p) and states (B, T, n), one run a key, in absolute units."""
-    T, n, p = drive.u.shape[0], model.A.shape[-1], model.V.shape[-1]
+class Drawn(NamedTuple):
+    """One run: outputs y (T, p) that arrived, states x (T, n), what became of the inputs, outputs measured, their delays."""
+
+    y: Any
+    x: Any
+    sent: Sent
+    measured: Any
+    delay: Any
+
+
+def _draw(model, u, prior: Prior | None, links: Links, lost: str, key) -> Drawn:
+    """One run, in absolute units."""
+    T, n, p = u.shape[0], model.A.shape[-1], model.V.shape[-1]
     noises = p + model.W.shape[-1]
     x_mean, x_factor = model.point.states, jnp.zeros((n, n))
     if prior is not None:
         x_mean, x_factor = jnp.asarray(prior.mean), factor(prior.covariance)
+    first, rows = jax.random.split(key)
+    x0 = x_mean - model.point.states + apply(x_factor, jax.random.normal(first, (n,)))
+    noise = jax.random.normal(rows, (T, noises))
+    sent = send_inputs(links.input, u, key, lost)
+    u_end = jnp.concatenate([sent.applied[1:], sent.applied[-1:]])
+    steps = (jnp.arange(T), sent.applied, u_end, noise)
+    measured, x = jax.lax.scan(lambda x, row: _move(model, x, *row), x0, steps)[1]
+    y, delay = send_outputs(links.output, measured, key)
+    return Drawn(y, x, sent, measured, delay)
 
-    def one(key):
-        first, rows = jax.random.split(key)
-        x0 = x_mean - model.point.states + apply(x_factor, jax.random.normal(first, (n,)))
-        noise = jax.random.normal(rows, (T, noises))
-        return jax.lax.scan(lambda x, row: _move(model, x, *row), x0, (jnp.arange(T), drive, noise))[1]
 
-    return jax.vmap(one)(keys)
+@partial(jax.jit, static_argnames=("lost",))
+def _draw_all(model, u, prior, links, lost, keys) -> Drawn:
+    """One run a key."""
+    return jax.vmap(lambda key: _draw(model, u, prior, links, lost, key))(keys)
 
 
-def _move(model, x, k, drive: _Drive, noise):
+def _move(model, x, k, applied, applied_end, noise):
     """One step of the plant, about the operating point: the next state, and what is recorded of this one."""
     now, point, p = model.at(k), model.point, model.V.shape[-1]
-    e, e_free, u = noise[:p], noise[p:], drive.u - point.inputs
+    e, e_free, u = noise[:p], noise[p:], applied - point.inputs
     y = point.outputs + apply(now.C, x) + apply(now.D, u) + apply(now.V, e)
     x_next = apply(now.A, x) + apply(now.B, u) + apply(now.W, e_free)
     if now.B_end is not None:
-        x_next = x_next + apply(now.B_end, drive.u_end - point.inputs)
+        x_next = x_next + apply(now.B_end, applied_end - point.inputs)
     if now.Ω is not None:
         x_next = x_next + apply(now.Ω, e)
     return x_next, (y, point.states + x)

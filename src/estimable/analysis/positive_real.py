@@ -1,0 +1,33 @@
+"""The condition under which the pseudo-linear recursion converges."""
+
+import numpy as np
+
+from ..models.output_error import OutputError
+from ..results import Check
+
+
+def positive_real_margin(model: OutputError) -> np.ndarray:
+    """The smallest Re(1/A(e^jω) - 1/2) over all frequencies, for each output (p,): positive where 1/A - 1/2 is.
+
+    Re(1/A - 1/2) = (1 - |A - 1|²) / (2 |A|²), so that the condition is |A(e^jω) - 1| < 1. Fang (2009), (A4).
+
+    >>> round(float(positive_real_margin(OutputError([0.523, 0.349], [1.0], noise_variance=0.1, dt=1))[0]), 3)
+    0.034
+    """
+    ω = np.linspace(0.0, np.pi, 8193)
+    lags = np.exp(-1j * np.outer(ω, np.arange(1, model.na + 1)))
+    tail = lags @ np.asarray(model.a).T  # A - 1, one column an output
+    return np.min((1 - np.abs(tail) ** 2) / (2 * np.abs(1 + tail) ** 2), axis=0, initial=0.5)
+
+
+def positive_real_check(model: OutputError) -> Check:
+    """Whether 1/A - 1/2 is positive real, in words."""
+    margin = float(np.min(positive_real_margin(model)))
+    holds = f"Positive realness: the smallest Re(1/A - 1/2) is {margin:.3g}"
+    if margin > 0:
+        return Check("positive-real", True, margin, 0.0, f"{holds}: a pseudo-linear recursion converges too.")
+    advice = (
+        'not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that of the '
+        "model, or OutputErrorML."
+    )
+    return Check("positive-real", False, margin, 0.0, f"{holds}: {advice}")

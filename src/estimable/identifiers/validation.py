@@ -1,0 +1,74 @@
+"""How a fitted model stands to the records it was fitted to."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..analysis.excitation import Excitation, excitation
+from ..analysis.positive_real import positive_real_check
+from ..data.record import Record
+from ..models.output_error import OutputError
+from ..results import Check, Validation
+
+PROBABILITY = 0.999  # of the band in which the residuals' variance lies under a right noise variance
+
+
+def validated(
+    model: OutputError, records: Sequence[Record], noise_variance: Any = None
+) -> tuple[Validation, Excitation]:
+    """The residuals, the fit and the assumptions of a model from rest; `noise_variance` (p,): what was assumed, if anything."""
+    residuals = tuple(record.y - model.response(record.applied()) for record in records)
+    found = combined([excitation(model, record) for record in records])
+    checks = [found.check, stability_check(model), positive_real_check(model)]
+    if noise_variance is not None:
+        checks.append(noise_check(residuals, noise_variance))
+    return Validation(residuals, fit_percent(residuals, records), tuple(checks)), found
+
+
+def combined(found: list[Excitation]) -> Excitation:
+    """What several records tell together; the path is that of the record that tells most."""
+    best = max(found, key=lambda one: (one.check.passed, one.check.value))
+    return best
+
+
+def fit_percent(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> np.ndarray:
+    """100 (1 - |y - model| / |y - mean|) of each output, over what was seen; NaN where nothing was."""
+    e, y = np.concatenate(residuals), np.concatenate([record.y for record in records])
+    fit = np.full(y.shape[1], np.nan)
+    for i in range(y.shape[1]):
+        seen = ~np.isnan(y[:, i])
+        spread = np.linalg.norm(y[seen, i] - y[seen, i].mean()) if seen.any() else 0.0
+        fit[i] = 100 * (1 - np.linalg.norm(e[seen, i]) / spread) if spread > 0 else np.nan
+    return fit
+
+
+def stability_check(model: OutputError) -> Check:
+    """Whether the fitted poles lie inside the unit circle, in words."""
+    largest = max((float(np.abs(poles).max()) for poles in model.poles if len(poles)), default=0.0)
+    said = f"Stability: the largest pole of the fit has modulus {largest:.4g}"
+    if largest < 1:
+        return Check("stability", True, largest, 1.0, f"{said}.")
+    return Check(
+        "stability", False, largest, 1.0, f"{said}: an output-error model must be stable. Are input and output swapped?"
+    )
+
+
+def noise_check(residuals: Sequence[np.ndarray], noise_variance: Any) -> Check:
+    """Whether the residuals are as large as the assumed noise, in words."""
+    from scipy.stats import chi2
+
+    e = np.concatenate(residuals) / np.sqrt(np.asarray(noise_variance))
+    degrees = int(np.sum(~np.isnan(e)))
+    if degrees == 0:
+        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so nothing can be said of its noise.")
+    ratio = float(np.nansum(e**2) / degrees)
+    lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
+    said = f"Noise: the residuals' variance is {ratio:.3g} times the assumed one ({lower:.2f} to {upper:.2f} expected)"
+    if lower <= ratio <= upper:
+        return Check("noise", True, ratio, float(upper), f"{said}.")
+    reason = (
+        "the orders are too low, or the assumed variance is" if ratio > upper else "the assumed variance is too large"
+    )
+    advice = " Its covariance is too small." if ratio > upper else ""
+    return Check("noise", False, ratio, float(upper), f"{said}: {reason}{' too low' if ratio > upper else ''}.{advice}")

@@ -1,0 +1,60 @@
+"""What comes out of a link."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+LATE = ("drop", "use")  # of packets that come late
+
+
+class Delivery(NamedTuple):
+    """What the receiver gets at one instant, channel by channel (c,).
+
+    `value`: the newest packet that came just now, NaN where none did that is newer than those before; `age`: how many steps
+    ago it was sent, infinite without one; `delay`: of the packet sent now, 0 in time, infinite if it never comes.
+    """
+
+    value: Any
+    age: Any
+    delay: Any
+
+    @property
+    def arrived(self):
+        """Which packets sent now came in time, (c,)."""
+        return self.delay == 0
+
+
+def transmit(link: Any, packets: Any, key: Any) -> Delivery:
+    """Send packets (T, c) through a link, one an instant; everything of the delivery has rows (T, c)."""
+    T = packets.shape[0]
+    draws = jax.random.uniform(key, (T, max(link.draws, 1)), float)
+    start, _ = link.send(link.init(), packets[0], draws[0])  # a state with the shapes that a packet gives it
+    fresh = jax.tree_util.tree_map(lambda first, like: jnp.broadcast_to(first, jnp.shape(like)), link.init(), start)
+    return jax.lax.scan(lambda state, row: link.send(state, *row), fresh, (packets, draws))[1]
+
+
+def flight(longest: int):
+    """Packets in flight, sent 1 .. `longest` steps ago, with their delays; and the age of the newest that came."""
+    return jnp.full((longest, 1), jnp.nan), jnp.full((longest, 1), jnp.inf), jnp.full((1,), jnp.inf)
+
+
+def fly(state, packet, delay, late: str):
+    """Send a packet (c,) that will take `delay` (c,) steps, and see which come just now."""
+    sent, delays, newest = state
+    packet = jnp.asarray(packet)
+    sent = jnp.concatenate([packet[None], jnp.broadcast_to(sent, (sent.shape[0], packet.shape[0]))])
+    delays = jnp.concatenate([delay[None], jnp.broadcast_to(delays, (delays.shape[0], packet.shape[0]))])
+    ages = jnp.arange(sent.shape[0], dtype=float)[:, None]
+    newest = jnp.broadcast_to(newest, packet.shape) + 1
+    comes = (delays == ages) & (ages < newest) & ((ages == 0) | (late == "use"))
+    age = jnp.min(jnp.where(comes, ages, jnp.inf), axis=0)
+    value = jnp.sum(jnp.where(comes & (ages == age), sent, 0.0), axis=0)
+    delivery = Delivery(jnp.where(jnp.isfinite(age), value, jnp.nan), age, delay)
+    return (sent[:-1], delays[:-1], jnp.minimum(newest, age)), delivery
+
+
+def in_time(packet, arrived) -> Delivery:
+    """The packet (c,) where it arrived, and nothing ever where not."""
+    infinite = jnp.where(arrived, 0.0, jnp.inf)
+    return Delivery(jnp.where(arrived, packet, jnp.nan), infinite, infinite)

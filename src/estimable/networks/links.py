@@ -1,0 +1,196 @@
+"""Links: perfect, with independent losses, with bursts of losses, with random delays."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from .delivery import LATE, flight, fly, in_time
+
+
+@frozen
+class PerfectLink:
+    """Every packet comes in time.
+
+    >>> PerfectLink().send((), np.array([1.0]))[1].arrived.tolist()
+    [True]
+    """
+
+    draws = 0
+    acknowledged = True
+    late = "drop"
+
+    def init(self):
+        """Nothing to remember."""
+        return ()
+
+    def send(self, state, packet, draw=None):
+        """The packet (c,), as it is."""
+        return state, in_time(packet, jnp.ones(jnp.shape(packet), bool))
+
+
+@frozen
+class BernoulliLink:
+    """Each packet comes in time with probability `arrival`, independently; else never.
+
+    Settings: `arrival`, one number (all channels in one packet) or (c,) (a packet for each); `acknowledged`: True is
+    TCP-like (the sender is told one step later), False UDP-like (never). Reference: H. Fang (2009), (3.3), (3.4).
+
+    >>> BernoulliLink(0.8).send((), np.array([1.0]), np.array([0.7]))[1].value.tolist()
+    [1.0]
+    """
+
+    arrival: Any
+    _: KW_ONLY
+    acknowledged: bool = static(default=True)
+
+    late = "drop"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        arrival = _read_probabilities("arrival", self.arrival, faults)
+        faults.finish()
+        set_field(self, arrival=arrival)
+
+    @property
+    def draws(self) -> int:
+        """Uniform numbers that one instant takes."""
+        return np.shape(self.arrival)[-1]
+
+    def init(self):
+        """Nothing to remember."""
+        return ()
+
+    def send(self, state, packet, draw):
+        """The packet (c,), or nothing; `draw` uniform on [0, 1), one a packet."""
+        return state, in_time(packet, jnp.broadcast_to(draw < self.arrival, jnp.shape(packet)))
+
+
+@frozen
+class GilbertElliottLink:
+    """Losses come in bursts: the channel is good or bad, a Markov chain, and packets arrive with the rate of its state.
+
+    Settings: `to_bad`, `to_good`: probabilities of a change from one packet to the next; `good`, `bad`: arrival rates in the
+    two states; `acknowledged` as in `BernoulliLink`. It starts in its stationary state. `of_rate` makes one of its
+    arrival rate and mean burst. All channels travel in one packet.
+
+    Reference: E. N. Gilbert (1960); E. O. Elliott (1963).
+
+    >>> round(GilbertElliottLink.of_rate(0.8, burst=4).arrival, 6)
+    0.8
+    """
+
+    to_bad: Any
+    to_good: Any
+    _: KW_ONLY
+    good: Any = 1.0
+    bad: Any = 0.0
+    acknowledged: bool = static(default=True)
+
+    draws = 2
+    late = "drop"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        read = {
+            name: faults.number(name, getattr(self, name), lower=0.0, upper=1.0)
+            for name in ("to_bad", "to_good", "good", "bad")
+        }
+        if read["to_bad"] == 0 and read["to_good"] == 0:
+            faults.add("`to_bad` and `to_good` are both 0: nothing says in which state the channel starts. Give one.")
+        faults.finish()
+        set_field(self, **read)
+
+    @staticmethod
+    def of_rate(arrival: float, *, burst: float, acknowledged: bool = True) -> "GilbertElliottLink":
+        """The link that loses all in its bad state and nothing in its good one: arrival rate, and mean length of a burst."""
+        faults = checks.Faults()
+        rate = faults.number("arrival", arrival, above=0.0, upper=1.0)
+        length = faults.number("burst", burst, lower=1.0, unit="packets")
+        faults.finish()
+        assert rate is not None
+        assert length is not None
+        to_bad = (1 - rate) / (rate * length)
+        if to_bad > 1:
+            least = (1 - rate) / rate
+            checks.refuse(
+                f"`burst` must be at least {least:g} packets for an arrival rate of {rate:g}. Got {length:g}."
+            )
+        return GilbertElliottLink(to_bad, 1 / length, acknowledged=acknowledged)
+
+    @property
+    def arrival(self) -> float:
+        """The mean arrival rate."""
+        in_bad = self.to_bad / (self.to_bad + self.to_good)
+        return (1 - in_bad) * self.good + in_bad * self.bad
+
+    def init(self):
+        """The probability of being in the bad state."""
+        return jnp.asarray(self.to_bad / (self.to_bad + self.to_good))
+
+    def send(self, state, packet, draw):
+        """The packet (c,), or nothing; `draw` (2,) uniform: of the channel's state, and of the packet."""
+        is_bad = draw[0] < state
+        arrived = draw[1] < jnp.where(is_bad, self.bad, self.good)
+        after = jnp.where(is_bad, 1 - self.to_good, self.to_bad)
+        return after, in_time(packet, jnp.broadcast_to(arrived, jnp.shape(packet)))
+
+
+@frozen
+class DelayLink:
+    """Packets come late, and may overtake each other; each says when it was sent.
+
+    Settings: `delays`: probabilities of 0, 1, 2, .. steps of delay; what they lack to 1 is lost. `late`: "drop" packets that
+    come late, or "use" them when they come, unless a newer one came before; `acknowledged` as in `BernoulliLink`. All channels
+    travel in one packet.
+
+    >>> link = DelayLink([0.5, 0.3], late="use")
+    >>> state, first = link.send(link.init(), np.array([1.0]), np.array([0.6]))
+    >>> state, second = link.send(state, np.array([2.0]), np.array([0.9]))
+    >>> first.delay.tolist(), second.value.tolist(), second.age.tolist()
+    ([1.0], [1.0], [1.0])
+    """
+
+    delays: Any
+    _: KW_ONLY
+    late: str = static(default="drop")
+    acknowledged: bool = static(default=True)
+
+    draws = 1
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.choice("late", self.late, LATE)
+        delays = _read_probabilities("delays", self.delays, faults)
+        if delays is not None and not checks.is_traced(delays) and delays.sum() > 1 + 1e-12:
+            faults.add(f"`delays` must sum to at most 1: what lacks is lost. Got {delays.sum():g}.")
+        faults.finish()
+        set_field(self, delays=delays)
+
+    @property
+    def arrival(self) -> float:
+        """The rate of packets that come in time."""
+        return float(self.delays[0])
+
+    def init(self):
+        """Nothing in flight."""
+        return flight(len(self.delays) - 1)
+
+    def send(self, state, packet, draw):
+        """The newest packet (c,) that comes just now; `draw` (1,) uniform."""
+        steps = jnp.sum(jnp.where(draw[0] >= jnp.cumsum(jnp.asarray(self.delays)), 1.0, 0.0))
+        delay = jnp.where(steps < len(self.delays), steps, jnp.inf)
+        return fly(state, packet, jnp.broadcast_to(delay, jnp.shape(packet)), self.late)
+
+
+def _read_probabilities(name: str, value: Any, faults: checks.Faults) -> Any:
+    if checks.is_traced(value):
+        return jnp.atleast_1d(value)
+    read = faults.array(name, [value] if np.ndim(value) == 0 else value, "channels")
+    if read is not None and (len(read) == 0 or np.any((read < 0) | (read > 1))):
+        faults.add(f"`{name}` must be probabilities, from 0 to 1. Got {checks.short(value)}.")
+        return None
+    return read

@@ -1,0 +1,63 @@
+"""What a link did over a run, and the link that does it again."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from .delivery import LATE, flight, fly
+
+
+@frozen
+class Trace:
+    """What happened to each packet of a run: `delay` (T, c) in steps, 0 in time, infinite where it never came.
+
+    A trace is a link: `send` does again what was recorded, whatever the draws. `late`: "drop" or "use" of packets that came
+    late; `acknowledged`: whether the sender is told, one step later.
+
+    >>> Trace([[0.0], [np.inf]]).arrival_rate
+    0.5
+    """
+
+    delay: Any
+    late: str = static(default="drop")
+    acknowledged: bool = static(default=True)
+
+    draws = 0
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.choice("late", self.late, LATE)
+        try:
+            delay = np.asarray(self.delay, float)
+        except (TypeError, ValueError):
+            delay = np.full((1, 1), np.nan)
+        delay = delay[:, None] if delay.ndim == 1 else delay
+        whole = np.isinf(delay) | (delay == np.floor(delay))
+        if delay.ndim != 2 or np.any(np.isnan(delay)) or np.any(delay < 0) or not np.all(whole):
+            faults.add(
+                "`delay` must be (T, c): 0 in time, a whole number of steps late, or infinite where it never came."
+            )
+        faults.finish()
+        set_field(self, delay=delay)
+
+    @property
+    def arrival_rate(self) -> float:
+        """The fraction of packets that came in time."""
+        return float(np.mean(np.asarray(self.delay) == 0))
+
+    def init(self):
+        """Nothing sent yet."""
+        delay = np.asarray(self.delay)
+        late = delay[np.isfinite(delay)].max(initial=0.0) if self.late == "use" else 0.0
+        return jnp.zeros((), int), flight(int(late))
+
+    def send(self, state, packet, draw=None):
+        """Do what was done to the packet of this row; after the last row, deliver in time."""
+        row, flying = state
+        rows = jnp.asarray(self.delay)
+        delay = jnp.where(row < len(rows), rows[jnp.minimum(row, len(rows) - 1)], 0.0)
+        flying, delivery = fly(flying, packet, jnp.broadcast_to(delay, jnp.shape(packet)), self.late)
+        return (row + 1, flying), delivery

@@ -1,0 +1,81 @@
+"""Links between the controller, the plant and the estimator, in a simulation."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from .. import checks
+from ..data.record import LOST
+from ..networks.delivery import transmit
+
+INPUT, OUTPUT = 1, 2  # streams of a run's random numbers: the plant's own draws stay what they are without links
+
+
+class Links(NamedTuple):
+    """From the controller to the actuator, and from the sensors to the estimator; None where nothing gets lost."""
+
+    input: Any = None
+    output: Any = None
+
+
+class Sent(NamedTuple):
+    """What became of the inputs: what the actuator applied (T, m), what the record says was sent, and what of it arrived."""
+
+    applied: Any
+    logged: Any
+    arrived: Any
+    delay: Any
+
+
+def check_links(links: Links, lost: str, m: int, hold: str, faults: checks.Faults) -> None:
+    """Links that have the steps, and that a record can tell of."""
+    for name, link in (("input_link", links.input), ("output_link", links.output)):
+        if link is not None and (isinstance(link, type) or not all(hasattr(link, step) for step in ("init", "send"))):
+            faults.add(f"`{name}` must be a link, as BernoulliLink(0.8). Got {checks.short(link)}.")
+    faults.choice("lost", lost, LOST)
+    link = links.input
+    if link is None or isinstance(link, type):
+        return
+    if m == 0:
+        faults.add("`input_link` carries inputs, and the model has none.")
+    if hold == "first_order":
+        faults.add('`input_link` needs hold = "zero_order": an input that comes in packets does not move between them.')
+    if getattr(link, "late", "drop") == "use" and not getattr(link, "acknowledged", True):
+        faults.add(
+            '`input_link`: of late packets that are used (late = "use") a record can tell only where they are acknowledged: '
+            'give late="drop" or acknowledged=True.'
+        )
+
+
+def send_inputs(link: Any, u: Any, key: Any, lost: str) -> Sent:
+    """Send u (T, m) to the actuator."""
+    u = jnp.asarray(u)
+    if link is None:
+        return Sent(u, u, None, None)
+    delivery = transmit(link, u, jax.random.fold_in(key, INPUT))
+    came = ~jnp.isnan(delivery.value)
+    applied = _held(delivery.value, came) if lost == "hold" else jnp.where(came, delivery.value, 0.0)
+    if link.late == "use":  # then what was applied is neither u[k] nor zero
+        return Sent(applied, applied, None, delivery.delay)
+    arrived = jnp.where(delivery.arrived, 1.0, 0.0) if link.acknowledged else jnp.full(u.shape, jnp.nan)
+    return Sent(applied, u, arrived, delivery.delay)
+
+
+def send_outputs(link: Any, y: Any, key: Any) -> tuple[Any, Any]:
+    """Send y (T, p) to the estimator: NaN where it never came, or came late and was dropped; and the delays."""
+    if link is None:
+        return y, None
+    delay = transmit(link, y, jax.random.fold_in(key, OUTPUT)).delay
+    arrived = jnp.isfinite(delay) if link.late == "use" else delay == 0
+    return jnp.where(arrived, y, jnp.nan), delay
+
+
+def _held(value: Any, came: Any) -> Any:
+    """What came last; zero before anything did."""
+
+    def hold(held, row):
+        held = jnp.where(row[1], row[0], held)
+        return held, held
+
+    return jax.lax.scan(hold, jnp.zeros(value.shape[1:]), (value, came))[1]
