@@ -93,7 +93,7 @@ def _path(ψ: np.ndarray, seen: np.ndarray, M: np.ndarray, samples: np.ndarray) 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     from scipy.linalg import block_diag
 
-    return block_diag(*blocks)
+    return np.asarray(block_diag(*blocks))
 
 
 def _verdict(path: np.ndarray, directions: np.ndarray, names: tuple[str, ...]) -> Check:

@@ -47,9 +47,9 @@ def fly(state, packet, delay, late: str):
     delays = jnp.concatenate([delay[None], jnp.broadcast_to(delays, (delays.shape[0], packet.shape[0]))])
     ages = jnp.arange(sent.shape[0], dtype=float)[:, None]
     newest = jnp.broadcast_to(newest, packet.shape) + 1
-    comes = (delays == ages) & (ages < newest) & ((ages == 0) | (late == "use"))
+    comes = (delays == ages) & (ages < newest[None]) & ((ages == 0) | (late == "use"))
     age = jnp.min(jnp.where(comes, ages, jnp.inf), axis=0)
-    value = jnp.sum(jnp.where(comes & (ages == age), sent, 0.0), axis=0)
+    value = jnp.sum(jnp.where(comes & (ages == age[None]), sent, 0.0), axis=0)
     delivery = Delivery(jnp.where(jnp.isfinite(age), value, jnp.nan), age, delay)
     return (sent[:-1], delays[:-1], jnp.minimum(newest, age)), delivery
 
