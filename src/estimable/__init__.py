@@ -6,12 +6,14 @@ from .analysis.estimability import Estimability, estimability
 from .analysis.observability import Observability, Reachability, observability, reachability
 from .analysis.reduction import Reduction, reduce
 from .analysis.regulability import Regulability, regulability
+from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
 from .data.reading import read_record
 from .data.record import Record
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
+from .filters.unknown_input import UnknownInput
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import GainSection, ModelFile, read_model, write_model
 from .models.operating_point import OperatingPoint
@@ -74,6 +76,8 @@ __all__ = [
     "StateSpace",
     "Trace",
     "UnknownGain",
+    "UnknownInput",
+    "UnknownInputExistence",
     "Validation",
     "catalogue",
     "diagnostics",
@@ -100,5 +104,6 @@ __all__ = [
     "simulate",
     "simulate_bank",
     "stack",
+    "unknown_input_existence",
     "write_model",
 ]

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from . import checks
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
+from .filters.unknown_input import UnknownInput
 from .models.files import ModelFile
 
 
@@ -26,6 +27,10 @@ ENTRIES = (
     Entry(
         "unknown-gain", UnknownGain, "filter", "Pachter (1999) (31)-(37); Sillence (1999) (31)-(37)",
         "the model but its input gain is right; the input is measured without error",
+    ),
+    Entry(
+        "unknown-input", UnknownInput, "filter", "Gillijns & De Moor (2007a, b); Fang (2009) Algorithm 1",
+        "the model, Q and R are right; nothing of the unknown inputs, which the outputs must tell apart",
     ),
 )  # fmt: skip
 
@@ -56,6 +61,8 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
             )
     if cls is UnknownGain and file.gain is None:
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
+    if cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
+        faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
     faults.finish()
     if cls is UnknownGain:
         assert file.gain is not None

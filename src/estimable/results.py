@@ -54,6 +54,8 @@ OUTCOMES = {
     0: "",
     1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
     2: "an output without noise contradicts a value that is known exactly: give the output or the state some noise",
+    3: "the outputs that were seen do not tell the unknown input, which Fang's Algorithm 1 needs at every sample: use "
+    'method="auto", which waits for the outputs that tell it',
 }
 
 
@@ -83,13 +85,19 @@ class Outcome(NamedTuple):
 
 
 class Names(NamedTuple):
-    """What the columns of a result are called, and the units of the channels that have one."""
+    """What the columns of a result are called, and the units of the channels that have one.
+
+    Row k of an unknown input is that of row k - `input_delay`; `note` says which samples a row uses, where it must be said.
+    """
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     gains: tuple[str, ...] = ()
     units: tuple[tuple[str, str], ...] = ()
+    unknown_inputs: tuple[str, ...] = ()
+    input_delay: int = 0
+    note: str = ""
 
     def labelled(self, channel: str) -> str:
         """The channel with its unit, as on an axis."""
@@ -124,7 +132,7 @@ class Kept:
 
     @property
     def unknown_input(self):
-        """Estimated inputs, (T, d)."""
+        """Estimated inputs that nobody measured, (T, d); row k is of the input at row k - `names.input_delay`."""
         return self.info.unknown_input
 
     @property
@@ -178,6 +186,7 @@ class Estimate(Kept):
         for names, values, covariance in (
             (self.names.states, self.mean, self.covariance),
             (self.names.gains, self.gain, self.gain_covariance),
+            (self.names.unknown_inputs, self.unknown_input, self.unknown_input_covariance),
         ):
             if values is not None and covariance is not None:
                 sigmas = np.sqrt(np.diagonal(covariance[-1]))

@@ -125,7 +125,7 @@ def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:
     informs = seen & ~opens & (f > known)
     variance = jnp.where(opens, f_diffuse, jnp.where(informs, f, 1.0))
     gain = jnp.where(opens, covariance_diffuse, jnp.where(informs, covariance, 0.0)) / variance
-    X = jnp.where(opens, _without(a.diffuse, β), _unmoved(a, g, β, seen, states)) if len(β) else a.diffuse
+    X = _told(a, g, β, opens, seen, states) if len(β) else a.diffuse
     at_j = jnp.arange(a.error.shape[0]) == j
     return _Array(
         finite=a.finite - gain[:, None] * row[None, :],
@@ -137,27 +137,26 @@ def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:
     )
 
 
-def _unmoved(a: _Array, g, β, seen, states: int) -> Real:
-    """X of which row j is zero where it was seen and is rounding: the rest of β is moved along what is known of the state.
+def _told(a: _Array, g, β, opens, seen, states: int) -> Real:
+    """X when row j has its datum: X less a rank-one term, whichever of three cases it is.
 
-    Otherwise rounding in a direction that was determined would outlive directions that decay, and pass for one of them.
+    Where the datum opens a direction, what is left is the part of X orthogonal to β, with one column exactly zero: the rank
+    falls by one, to the last bit (a Householder reflection turns β onto its largest entry). Where it opens none, β is
+    rounding, and is moved out along what is known of the state: otherwise it would outlive directions that decay, and pass
+    for one of them. Where it was not seen, X stays.
     """
-    g = jnp.where(jnp.arange(len(g)) < states, g, 0.0)                     # of the states' own variables, not of v
-    f = jnp.sum(g * g)
-    along = jnp.where(f > 0, apply(a.finite, g) / jnp.where(f > 0, f, 1.0), 0.0)
-    return a.diffuse - jnp.where(seen, 1.0, 0.0) * along[:, None] * β[None, :]
-
-
-def _without(X: Float[Real, "k r"], β: Float[Real, " r"]) -> Float[Real, "k r"]:
-    """The part of X orthogonal to β, with one column exactly zero: the rank falls by one, to the last bit.
-
-    A Householder reflection turns β onto its largest entry; that column is what has been determined.
-    """
+    X = a.diffuse
     pivot = jnp.arange(X.shape[1]) == jnp.argmax(jnp.abs(β))
     turned = jnp.sqrt(jnp.sum(β * β) + jnp.where(jnp.any(β != 0), 0.0, 1.0))
     v = β + jnp.where(pivot, jnp.where(β < 0, -turned, turned), 0.0)
-    reflected = X - apply(X, v)[:, None] * (2 / jnp.sum(v * v)) * v[None, :]
-    return jnp.where(pivot[None, :] | _is_rounding(reflected, jnp.max(jnp.abs(X), axis=1)[:, None]), 0.0, reflected)
+    g = jnp.where(jnp.arange(len(g)) < states, g, 0.0)                     # of the states' own variables, not of the noise
+    f = jnp.sum(g * g)
+    reflected = apply(X, v) * (2 / jnp.sum(v * v))
+    along = apply(a.finite, g) * jnp.where(f > 0, 1 / jnp.where(f > 0, f, 1.0), 0.0)
+    row = jnp.where(opens, v, jnp.where(seen, β, 0.0))
+    left = X - jnp.where(opens, reflected, along)[:, None] * row[None, :]
+    zero = opens & (pivot[None, :] | _is_rounding(left, jnp.max(jnp.abs(X), axis=1)[:, None]))
+    return jnp.where(zero, 0.0, left)
 
 
 def _is_rounding(difference, terms):

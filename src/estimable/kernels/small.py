@@ -70,6 +70,27 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
     return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]
 
 
+def solve_lower(L: Float[Real, "n n"], B: Float[Real, "n k"], *, transpose: bool = False) -> Float[Real, "n k"]:
+    """L^-1 B for a lower triangular L, or L'^-1 B; where a diagonal entry is zero, zero stands for what it cannot tell."""
+    if transpose:
+        return solve_upper(jnp.asarray(L).T, B)
+    n = L.shape[0]
+
+    def eliminate(j, B):
+        """Take unknown j out of the rows below."""
+        pivot = L[j, j]
+        row = jnp.where(pivot != 0, B[j] / jnp.where(pivot != 0, pivot, 1.0), 0.0)
+        below = jnp.where(jnp.arange(n) > j, L[:, j], 0.0)
+        return jnp.where((jnp.arange(n) == j)[:, None], row[None, :], B - below[:, None] * row[None, :])
+
+    return repeat(n, eliminate, jnp.asarray(B))
+
+
+def solve_upper(U: Float[Real, "n n"], B: Float[Real, "n k"]) -> Float[Real, "n k"]:
+    """U^-1 B for an upper triangular U, with zeros as in `solve_lower`."""
+    return solve_lower(jnp.asarray(U)[::-1, ::-1], jnp.asarray(B)[::-1])[::-1]
+
+
 def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     """A lower triangular L with L L' = P for a positive semidefinite P; a zero pivot gives a zero column.
 

@@ -70,9 +70,9 @@ def bind(
     samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
-    return Bound(
-        (algorithms or algorithm).sampled(clock), samples, intervals, names._replace(units=record.units), rows.t
-    )
+    ready = (algorithms or algorithm).sampled(clock)
+    names = names._replace(units=record.units, **getattr(ready, "told", {}))
+    return Bound(ready, samples, intervals, names, rows.t)
 
 
 def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:

@@ -86,7 +86,7 @@ class Online:
             faults.add(
                 "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
             )
-        if u is None and np.any(model.D):
+        if u is None and np.any(model.D[..., self._inputs]):
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
@@ -104,14 +104,14 @@ class Online:
 
         `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
         """
-        model, faults = model_of(self.algorithm), checks.Faults()
+        faults = checks.Faults()
         dt = self._step(dt, faults)
         self._check_room(faults)
-        if u is None and model.m:
-            faults.add(f"`u` must be given to predict: the model has {checks.counted(model.m, 'input')}.")
+        if u is None and self._inputs:
+            faults.add(f"`u` must be given to predict: the model has {self._counted_inputs()}.")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         end = applied
-        if self.progress.hold == "first_order" and model.m:
+        if self.progress.hold == "first_order" and self._inputs:
             if u_end is None:
                 faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
             else:
@@ -151,8 +151,7 @@ class Online:
 
     def _applied(self, u: Any, arrived: Any, faults: checks.Faults):
         """What the actuator applies: u where it arrived, else zero or what it holds."""
-        model = model_of(self.algorithm)
-        faults.learn("m", model.m, f"the model has {model.m} inputs")
+        faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
         u = faults.array("u", u, "m")
         if arrived is None or u is None:
             return u
@@ -163,7 +162,17 @@ class Online:
 
     def _rest(self):
         point = model_of(self.algorithm).operating_point
-        return np.zeros(model_of(self.algorithm).m) if point is None else point.inputs
+        return np.zeros(len(self._inputs)) if point is None else point.inputs[self._inputs]
+
+    @property
+    def _inputs(self) -> list[int]:
+        """The model's inputs that are known, which is all but those of an `UnknownInput`."""
+        inputs = model_of(self.algorithm).inputs
+        return [inputs.index(name) for name in self.algorithm.names.inputs]
+
+    def _counted_inputs(self) -> str:
+        known = "" if len(self._inputs) == model_of(self.algorithm).m else "known "
+        return checks.counted(len(self._inputs), f"{known}input")
 
     def _check_room(self, faults: checks.Faults) -> None:
         steps = model_of(self.algorithm).steps
@@ -204,4 +213,5 @@ def online(
         check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()
-    return Online(Progress(algorithm, algorithm.init(prior), np.zeros(model.m), hold=hold, lost=lost))
+    state = algorithm.sampled(Clock.every(model.dt, hold)).init(prior)
+    return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost))

@@ -1,0 +1,269 @@
+"""Whether inputs that nobody measured can be known from the outputs, and how late."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, static
+from ..kernels.steady_unknown_input import closed_loop, fang_closed_loop
+from ..models.state_space import StateSpace
+from .zeros import invariant_zeros
+
+ON_THE_CIRCLE = 1e-9  # how far inside the unit circle a zero must lie to count as inside
+RANK = 1e-10  # of the largest singular value, after scaling: what a rank is counted down to
+METHODS = {
+    "feedthrough": "Gillijns & De Moor (2007b), with feedthrough",
+    "no_feedthrough": "Gillijns & De Moor (2007a), without feedthrough",
+    "partial": "exact conditioning, D of partial rank",
+    "delayed": "exact conditioning, with delay",
+}
+
+
+@frozen
+class UnknownInputExistence:
+    """What `unknown_input_existence` returns.
+
+    `exists`: every unknown input can be told, and the errors die out. `method`: which case the ranks make it; `delay`:
+    after how many samples an input is known (None: never); `rank_D`, `rank_next` (of [C B N, D] with N the null space of
+    D, at most twice as many as inputs) and `normal_rank` of the transfer function. `zeros`: the invariant zeros;
+    `unstable_zeros`: those not inside the unit circle, along which an input acts unseen for ever. `spectral_radius`: of
+    the error of the steady filter; `fang_spectral_radius`: of Fang's Algorithm 1, where it applies. With `seen`:
+    `input_delay` (T, d), NaN where the pattern never tells, `state_known` (T,) and `undetermined` (T,) inputs.
+    """
+
+    exists: bool = static()
+    method: str | None = static()
+    delay: int | None = static()
+    rank_D: int = static()  # noqa: N815  of the matrix D
+    rank_next: int = static()
+    normal_rank: int | None = static()
+    zeros: Any
+    unstable_zeros: Any
+    spectral_radius: float | None
+    fang_spectral_radius: float | None
+    sentence: str = static()
+    input_delay: Any = None
+    state_known: Any = None
+
+    def __repr__(self) -> str:
+        return f"UnknownInputExistence({self.sentence})"
+
+
+def unknown_input_existence(model: StateSpace, *, unknown: Any, seen: Any = None) -> UnknownInputExistence:
+    """Whether the inputs named in `unknown` can be estimated from the outputs, before any data.
+
+    Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], of which the columns `unknown` of B and D count.
+
+    An input is known after L samples where rank M[L] = d + rank of M[L] without its first d columns, M[L] being the
+    block-Toeplitz map from inputs to outputs 0..L (Sain & Massey 1969, for a state known with finite variance). Errors
+    die out where every invariant zero lies inside the unit circle (strong detectability, Hautus 1983); the spectral
+    radius of the steady filter is the number that shows it.
+
+    `unknown`: names, or column numbers. `seen` (T, p): which outputs of the next T samples arrive; then `input_delay`
+    says for each of them how late its input is known, NaN for never. A continuous model counts derivatives in the place
+    of samples, and its zeros must lie in the open left half plane. A time-varying one has ranks, and no zeros.
+
+    Cost: a few singular value decompositions; with `seen` about T of them, of size T d.
+
+    Raises `InputError` for names that are no input, and a `seen` that does not fit.
+
+    Reference: M. L. J. Hautus, Linear Algebra and its Applications 50 (1983) 353-368; M. K. Sain, J. L. Massey, IEEE TAC
+    14 (1969) 141-149; H. Fang (2009) §2.4, §5.2.
+
+    >>> model = StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1)
+    >>> unknown_input_existence(model, unknown=["u1"]).delay
+    1
+    """
+    faults = checks.Faults()
+    if not faults.instance("model", model, StateSpace):
+        faults.finish()
+    columns = unknown_columns(model, unknown, faults)
+    pattern = None if seen is None else _read_seen(seen, model, faults)
+    faults.finish()
+    verdict = existence(model, columns, steady=True)
+    if pattern is None:
+        return verdict
+    from ..frozen import replace
+
+    input_delay, state_known = _delays(model, columns, pattern)
+    return replace(verdict, input_delay=input_delay, state_known=state_known)
+
+
+def unknown_columns(model: StateSpace, unknown: Any, faults: checks.Faults) -> tuple[int, ...]:
+    """Columns of the inputs given by name or number, checked."""
+    given = [unknown] if isinstance(unknown, str | int) else list(unknown)
+    columns = []
+    for one in given:
+        if isinstance(one, int | np.integer) and not isinstance(one, bool) and 0 <= one < model.m:
+            columns.append(int(one))
+        elif one in model.inputs:
+            columns.append(model.inputs.index(one))
+        else:
+            faults.add(
+                f"`unknown` names {checks.short(one)}, which is no input of the model: "
+                f"{checks.listed(model.inputs)}.{checks.suggestion(one, model.inputs)}"
+            )
+    if not given:
+        faults.add("`unknown` must name at least one input.")
+    if len(set(columns)) < len(columns):
+        faults.add("`unknown` names an input twice.")
+    return tuple(columns)
+
+
+def existence(model: StateSpace, columns: tuple[int, ...], *, steady: bool = False) -> UnknownInputExistence:
+    """The verdict on the columns `unknown`; the spectral radii, which take an iteration, where `steady`."""
+    systems = list(_systems(model, columns))
+    ranks = [_ranks(*system) for system in systems]
+    worst = max(range(len(ranks)), key=lambda i: np.inf if ranks[i][2] is None else ranks[i][2])
+    rank_D, rank_next, delay = ranks[worst]
+    constant = len(systems) == 1
+    zeros = invariant_zeros(*systems[0]) if constant else None
+    values = np.zeros(0, complex) if zeros is None else zeros.values
+    outside = values.real >= -ON_THE_CIRCLE if model.is_continuous else np.abs(values) >= 1 - ON_THE_CIRCLE
+    radius = fang = None
+    if steady and constant and not model.is_continuous and model.R is not None and delay in (0, 1):
+        radius = closed_loop(*systems[0], *_noises(model))
+        if delay == 0 and model.B_end is None:
+            fang = fang_closed_loop(*systems[0], *_noises(model)[:2])
+    method = None if delay is None else _method(rank_D, delay)
+    sentence = _sentence(model, columns, ranks[worst], values[outside], radius)
+    return UnknownInputExistence(
+        delay is not None and not outside.any(), method, delay, rank_D, rank_next,
+        None if zeros is None else zeros.normal_rank, values, values[outside], radius, fang, sentence,
+    )  # fmt: skip
+
+
+def _systems(model: StateSpace, columns: tuple[int, ...]):
+    """(A, B, C, D) of the unknown inputs at each row of time (one where the model does not vary).
+
+    Where the input moves between samples, x - B_end u is the state that it enters without delay.
+    """
+    rows = range(model.steps or 1) if model.varying else [None]
+    for k in rows:
+        A, B, C, D = (_at(model, name, k) for name in ("A", "B", "C", "D"))
+        B, D = B[:, columns], D[:, columns]
+        if model.B_end is not None:
+            B_end = _at(model, "B_end", k)[:, columns]
+            B, D = B + A @ B_end, D + C @ B_end
+        yield A, B, C, D
+
+
+def _at(model: StateSpace, name: str, k: int | None) -> np.ndarray:
+    M = np.asarray(getattr(model, name))
+    return M[k] if name in model.varying else M
+
+
+def _noises(model: StateSpace):
+    """Covariances of the process noise, of the measurement noise, and between them."""
+    Q = model.G @ model.Q @ model.G.T
+    S = np.zeros((model.n, model.p)) if model.S is None else model.G @ model.S
+    return Q, model.R, S
+
+
+def rank(M: np.ndarray) -> int:
+    """The rank, whatever the units of rows and columns."""
+    if M.size == 0:
+        return 0
+    rows = np.abs(M).max(axis=1, keepdims=True)
+    M = M / np.where(rows > 0, rows, 1.0)
+    columns = np.abs(M).max(axis=0, keepdims=True)
+    s = np.linalg.svd(M / np.where(columns > 0, columns, 1.0), compute_uv=False)
+    return int(np.sum(s > RANK * max(s.max(), 1e-300)))
+
+
+def null_space(M: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the null space, whatever the units of the rows."""
+    if M.size == 0:
+        return np.eye(M.shape[1])
+    rows = np.abs(M).max(axis=1, keepdims=True)
+    _, s, V = np.linalg.svd(M / np.where(rows > 0, rows, 1.0))
+    return V[int(np.sum(s > RANK * max(s.max(initial=0.0), 1e-300))) :].T
+
+
+def _ranks(A, B, C, D) -> tuple[int, int, int | None]:
+    """rank D, rank of [C B N, D], and the delay after which the input is known."""
+    d = B.shape[1]
+    N = null_space(D)
+    beside = np.hstack([C @ B @ N, D])
+    blocks, power = [D], B
+    for L in range(len(A) + 1):
+        if _is_told(blocks, d):
+            return rank(D), rank(beside), L
+        blocks.append(C @ power)
+        power = A @ power
+    return rank(D), rank(beside), None
+
+
+def _is_told(blocks: list[np.ndarray], d: int) -> bool:
+    """Whether the first input is told by as many samples as there are blocks D, CB, CAB, .."""
+    L, p = len(blocks), blocks[0].shape[0]
+    M = np.zeros((L * p, L * d))
+    for i in range(L):
+        for j in range(i + 1):
+            M[i * p : (i + 1) * p, j * d : (j + 1) * d] = blocks[i - j]
+    return rank(M) == d + rank(M[:, d:])
+
+
+def _method(rank_D: int, delay: int) -> str:
+    if delay == 0:
+        return "feedthrough"
+    if delay == 1:
+        return "no_feedthrough" if rank_D == 0 else "partial"
+    return "delayed"
+
+
+def _sentence(model: StateSpace, columns, ranks, outside, radius) -> str:
+    rank_D, rank_next, delay = ranks
+    d, names = len(columns), checks.listed(model.inputs[i] for i in columns)
+    if d > model.p:
+        return f"{d} unknown inputs ({names}) cannot be told by {checks.counted(model.p, 'output')}"
+    if delay is None:
+        return (
+            f"the outputs never tell {names} apart from nothing: rank D is {rank_D} and rank [C B N, D] {rank_next} "
+            f"where {d} inputs need {d} and {d + d - rank_D}, and more samples do not help"
+        )
+    when = "derivatives" if model.is_continuous else ("sample" if delay == 1 else "samples")
+    at_once = "at once" if delay == 0 else f"after {delay} {when}"
+    if len(outside):
+        where = "in the right half plane or on its edge" if model.is_continuous else "not inside the unit circle"
+        shown = ", ".join(f"{z.real:.6g}" if abs(z.imag) < 1e-9 else f"{z:.6g}" for z in outside)
+        return f"{names} can act unseen for ever: the invariant zero {shown} is {where}"
+    told = "" if radius is None else f"; errors shrink by {radius:.4g} a sample"
+    return f"{names} is known {at_once} (rank D = {rank_D}, {d} unknown){told}"
+
+
+def _read_seen(seen: Any, model: StateSpace, faults: checks.Faults) -> np.ndarray | None:
+    faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
+    pattern = faults.array("seen", seen, "T p")
+    if model.is_continuous:
+        faults.add("`seen` counts samples, and the model is continuous (dt = 0): discretise it.")
+    if pattern is not None and model.steps not in (None, len(pattern)):
+        faults.add(f"`seen` must have {model.steps} rows: the model varies over as many. Got {len(pattern)}.")
+    return None if pattern is None else pattern.astype(bool)
+
+
+def _delays(model: StateSpace, columns: tuple[int, ...], seen: np.ndarray):
+    """(T, d) how many samples later each input is known; (T,) whether x[k] is known from the outputs up to k.
+
+    The null space of the map from all inputs so far to what was seen is carried along: an input is known when no vector
+    of it moves that input.
+    """
+    systems = list(_systems(model, columns))
+    T, d, n = len(seen), len(columns), model.n
+    delay, known = np.full((T, d), np.nan), np.zeros(T, bool)
+    basis, states = np.zeros((0, 0)), np.zeros((n, 0))
+    for k in range(T):
+        A, B, C, D = systems[k % len(systems)]
+        free = basis.shape[1]
+        basis = np.block([[basis, np.zeros((k * d, d))], [np.zeros((d, free)), np.eye(d)]])
+        states = np.hstack([states, np.zeros((n, d))])
+        told = (C @ states + D @ basis[k * d :])[seen[k]]
+        left = null_space(told) if len(told) else np.eye(free + d)
+        basis, states = basis @ left, states @ left
+        silent = np.abs(basis).max(axis=1, initial=0.0).reshape(k + 1, d) < 1e-9
+        new = silent & np.isnan(delay[: k + 1])
+        delay[: k + 1] = np.where(new, k - np.arange(k + 1)[:, None], delay[: k + 1])
+        known[k] = np.abs(states).max(initial=0.0) < 1e-9
+        states = A @ states + B @ basis[k * d :]
+    return delay, known
