@@ -10,6 +10,8 @@ import numpy as np
 from . import catalogue, checks
 from .data.record import Record
 from .filters.belief import Belief
+from .filters.fang import FangState
+from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .models.operating_point import OperatingPoint
 from .models.prior import Prior
@@ -22,11 +24,11 @@ FORMAT = 1
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Belief, Info, Estimate,
+        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Belief, FangState, Info, Estimate,
         EstimateBank, Simulation, Stacked, Progress,
     )
 }  # fmt: skip
-TUPLES = {cls.__name__: cls for cls in (Names, Outcome)}
+TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}
 
 
 def save(path: str | Path, thing: Any) -> None:

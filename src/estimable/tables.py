@@ -9,8 +9,10 @@ from . import checks
 BLOCKS = (  # field, covariance, which names, prefix of the columns
     ("mean", "covariance", "states", ""),
     ("gain", "gain_covariance", "gains", ""),
+    ("unknown_input", "unknown_input_covariance", "unknown_inputs", ""),
     ("innovation", "innovation_covariance", "outputs", "innovation_"),
 )
+KINDS = ("states", "gains", "unknown_inputs", "outputs")
 NEGLIGIBLE = 1e-12  # of the largest diffuse variance of a row: rounding, in a direction that has been determined
 
 
@@ -32,18 +34,41 @@ def _diagonal(matrices: Any) -> np.ndarray:
     return np.diagonal(np.asarray(matrices, float), axis1=-2, axis2=-1)
 
 
+def at_its_instant(field: str, values: Any, delay: int) -> Any:
+    """An unknown input that is told `delay` rows later, in its own row; what is not told any more is NaN.
+
+    >>> at_its_instant("unknown_input", np.array([0.0, 1.0, 2.0]), 1).tolist()
+    [1.0, 2.0, nan]
+    """
+    if not field.startswith("unknown_input") or delay == 0 or values is None or len(values) == 1:
+        return values
+    moved = np.full(np.shape(values), np.nan)
+    moved[: len(values) - delay] = values[delay:]
+    return moved
+
+
+def diffuse_of(result: Any) -> dict[str, Any]:
+    """What is infinite in each of the quantities."""
+    return {
+        "mean": result.diffuse_covariance,
+        "gain": result.extra.get("gain_diffuse_covariance"),
+        "unknown_input": result.extra.get("unknown_input_diffuse_covariance"),
+    }
+
+
 def to_pandas(result):
     """One row a sample, indexed by time (or by sample): each quantity beside its standard deviation, which is infinite
-    where nothing is known of it (a diffuse prior)."""
+    where nothing is known of it (a diffuse prior). An unknown input stands in its own row, however late it was told."""
     import pandas as pd
 
     columns = {}
-    diffuse = {"mean": result.diffuse_covariance, "gain": result.extra.get("gain_diffuse_covariance")}
+    diffuse, delay = diffuse_of(result), result.names.input_delay
     for field, covariance, kind, prefix in BLOCKS:
         values, P = getattr(result, field), getattr(result, covariance)
         if values is None:
             continue
         sigma = None if P is None else standard_deviation(P, diffuse.get(field))
+        values, sigma = at_its_instant(field, values, delay), at_its_instant(field, sigma, delay)
         for i, name in enumerate(getattr(result.names, kind)):
             columns[prefix + name] = values[:, i]
             if sigma is not None:
@@ -63,13 +88,14 @@ def to_xarray(result):
     except ImportError:
         checks.refuse("xarray is not installed: pip install 'estimable[xarray]'.")
     names = result.names
-    coordinates = {kind: list(getattr(names, kind)) for kind in ("states", "gains", "outputs") if getattr(names, kind)}
+    coordinates = {kind: list(getattr(names, kind)) for kind in KINDS if getattr(names, kind)}
     coordinates |= {f"{kind}_2": labels for kind, labels in coordinates.items()}
     variables = {}
     for field, covariance, kind, _ in BLOCKS:
         for name, shape in ((field, (kind,)), (covariance, (kind, f"{kind}_2"))):
             if getattr(result, name) is not None:
-                variables[name] = (("time", *shape), getattr(result, name))
+                values = at_its_instant(name, getattr(result, name), names.input_delay)
+                variables[name] = (("time", *shape), values)
     if result.log_likelihood_steps is not None:
         variables["log_likelihood_steps"] = (("time",), result.log_likelihood_steps)
     if not variables:

@@ -27,7 +27,7 @@ from estimable.frozen import leaf_fields
 from estimable.models.sampled import Clock
 from estimable.results import Info, Interval, Sample
 
-FILE = read_model(packaged.path("f16-model.toml"))
+FILE = read_model(packaged.path("f16-model.toml"))._replace(unknown=("elevator_deg",))
 RNG = np.random.default_rng(0)
 ENTRIES = pytest.mark.parametrize("name", [entry.name for entry in catalogue.ENTRIES])
 DOCS = Path(__file__).parents[2] / "docs" / "methods"
@@ -39,6 +39,11 @@ def record(seed=0, rows=15, missing=0.3):
     y[rng.random((rows, 2)) < missing] = np.nan
     return Record(y, rng.normal(size=(rows, 1)), dt=0.01, hold="first_order",
                   outputs=FILE.model.outputs, inputs=FILE.model.inputs)  # fmt: skip
+
+
+def rounding(values):
+    """What rounding may leave of a run whose largest estimate is that large: it is carried on when estimates fall again."""
+    return 1e-12 * max(1.0, np.nanmax(np.abs(values)))
 
 
 def shapes(tree):
@@ -90,7 +95,8 @@ def test_a_bank_equals_a_loop(name):
         alone = estimate(algorithms[i], records[i], prior=FILE.prior)
         for field in leaf_fields(Info):
             if field not in ("extra",) and getattr(alone.info, field) is not None:
-                assert_allclose(getattr(bank[i].info, field), getattr(alone.info, field), rtol=1e-10, atol=1e-12)
+                value = getattr(alone.info, field)
+                assert_allclose(getattr(bank[i].info, field), value, rtol=1e-10, atol=rounding(value))
 
 
 @ENTRIES
@@ -103,8 +109,9 @@ def test_online_equals_offline_and_resumes(name, tmp_path):
             running.save(tmp_path / "half.npz")
             running = load(tmp_path / "half.npz")
         info = running.correct(data.y[k])
-        assert_allclose(info.mean, whole.mean[k], rtol=1e-12, atol=1e-12)
-        running.predict(data.u[k], u_end=data.u[k + 1], dt=0.01)
+        assert_allclose(info.mean, whole.mean[k], rtol=1e-12, atol=rounding(whole.mean))
+        known = [i for i, name in enumerate(data.inputs) if name in algorithm.names.inputs]
+        running.predict(data.u[k, known], u_end=data.u[k + 1, known] if known else None, dt=0.01)
 
 
 @ENTRIES

@@ -9,6 +9,7 @@ def estimate(
     record: options.Record,
     model: options.Model,
     name: options.Filter,
+    unknown: options.Unknown = None,
     settings: options.Set = None,
     out: options.Out = None,
     time: options.Time = None,
@@ -26,11 +27,12 @@ def estimate(
     Example:
       estimable estimate flight.csv --model aircraft.toml --filter kalman
       estimable estimate flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --out gain.csv
+      estimable estimate flight.csv --model aircraft.toml --filter unknown-input --unknown elevator
     """
     check_destination("--out", out, ".csv", kept=record)
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
     with show.working(f"Running {name}"):
-        run = run_filter(name, record, model, settings=settings or (), reading=reading)
+        run = run_filter(name, record, model, settings=settings or (), unknown=unknown or (), reading=reading)
     written = None if out is None else estimate_report.write_table(run, out)
     if machine:
         show.data("estimate", estimate_report.as_data(run, out))

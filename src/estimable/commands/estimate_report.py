@@ -10,14 +10,26 @@ from .gain_text import header
 from .numbers import counted, decimals
 from .run_filter import Run
 
+KINDS = (("mean", "state"), ("gain", "gain"), ("unknown_input", "unknown_input"))
+
 
 def last_estimates(result: Any) -> dict[str, dict[str, tuple[float, float]]]:
-    """{"state": {name: (mean, sigma)}, "gain": {...}} of the last row; sigma is infinite where nothing is known."""
-    last: dict[str, dict[str, tuple[float, float]]] = {"state": {}, "gain": {}}
+    """{"state": {name: (mean, sigma)}, "gain": {...}, "unknown_input": {...}} of the last row that tells of it.
+
+    Sigma is infinite where nothing is known.
+    """
+    last: dict[str, dict[str, tuple[float, float]]] = {"state": {}, "gain": {}, "unknown_input": {}}
     for band in bands(result):
         if band.kind in last and band.sigma is not None:
-            last[band.kind][band.name] = (float(band.middle[-1]), float(band.sigma[-1]))
+            row = -1 - (_delay(result) if band.kind == "unknown_input" else 0)
+            last[band.kind][band.name] = (float(band.middle[row]), float(band.sigma[row]))
     return last
+
+
+def _delay(result: Any) -> int:
+    """How many rows before the last the last unknown input is."""
+    rows = 0 if result.unknown_input is None else len(result.unknown_input)
+    return result.names.input_delay if rows > max(result.names.input_delay, 1) else 0
 
 
 def as_data(run: Run, out: Path | None) -> dict[str, Any]:
@@ -25,8 +37,10 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
     result, last = run.result, last_estimates(run.result)
     return {
         **run_filter.as_data(run),
-        **{key: _named(last[kind], 0) for key, kind in (("mean", "state"), ("gain", "gain"))},
-        **{key: _named(last[kind], 1) for key, kind in (("mean_sigma", "state"), ("gain_sigma", "gain"))},
+        **{key: _named(last[kind], 0) for key, kind in KINDS},
+        **{f"{key}_sigma": _named(last[kind], 1) for key, kind in KINDS},
+        "unknown_input_delay": result.names.input_delay if result.names.unknown_inputs else None,
+        "note": result.names.note or None,
         "log_likelihood": result.log_likelihood,
         "nis": innovations.described(innovations.innovation_check(result)),
         "out": None if out is None else str(out),
@@ -43,11 +57,21 @@ def as_text(run: Run) -> list[Any]:
     table.add_column(when)
     table.add_column("estimate", justify="right", style="bold")
     table.add_column("sigma", justify="right")
-    for named in last_estimates(run.result).values():
+    delay = _delay(run.result)
+    for kind, named in last_estimates(run.result).items():
+        earlier = f", {counted(delay, 'sample')} earlier" if kind == "unknown_input" and delay else ""
         for name, (mean, sigma) in named.items():
-            table.add_row(name, *_shown(mean, sigma))
+            table.add_row(name + earlier, *_shown(mean, sigma))
     check = innovations.innovation_check(run.result)
-    return [*header(run), "", table, f"Log-likelihood: {run.result.log_likelihood:.6g}.", innovations.sentence(check)]
+    note = [run.result.names.note] if run.result.names.note else []
+    return [
+        *header(run),
+        *note,
+        "",
+        table,
+        f"Log-likelihood: {run.result.log_likelihood:.6g}.",
+        innovations.sentence(check),
+    ]
 
 
 def write_table(run: Run, out: Path) -> str:

@@ -19,6 +19,7 @@ RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
 GAIN_FILTER_HELP = "The filter of the gain to run."
+UNKNOWN_HELP = "An input that nobody measured, for unknown-input; instead of the model file's. May be repeated."
 SET_HELP = "A setting of the filter, as walk=0.02. May be repeated."
 TIME_HELP = "The column of seconds, instead of the model file's."
 STEP_HELP = "The step between samples, instead of the model file's time column."
@@ -33,6 +34,7 @@ Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show
 Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
 GainFilter = Annotated[str, typer.Option("--filter", metavar="NAME", help=GAIN_FILTER_HELP)]
+Unknown = Annotated[list[str] | None, _option("--unknown", "NAME", UNKNOWN_HELP)]
 Set = Annotated[list[str] | None, _option("--set", "NAME=VALUE", SET_HELP)]
 Time = Annotated[str | None, _option("--time", "NAME", TIME_HELP)]
 Step = Annotated[float | None, _option("--dt", "SECONDS", STEP_HELP)]

@@ -54,11 +54,18 @@ def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, 
 
 
 def run_filter(
-    name: str, record: Path, model: Path, *, settings: Iterable[str] = (), reading: dict[str, Any] | None = None
+    name: str,
+    record: Path,
+    model: Path,
+    *,
+    settings: Iterable[str] = (),
+    unknown: Iterable[str] = (),
+    reading: dict[str, Any] | None = None,
 ) -> Run:
     """Read a model file and a record, and run the filter `name` of the catalogue.
 
-    `settings`: texts name=value. `reading`: arguments of `read_record` instead of those in the model file.
+    `settings`: texts name=value. `unknown`: inputs that nobody measured. `reading`: arguments of `read_record`
+    instead of those in the model file.
 
     Raises `InputError` for what is wrong with the files and settings, `RunError` where the numbers fail.
     """
@@ -70,6 +77,8 @@ def run_filter(
         filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
         checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
     chosen = read_settings(settings)
+    if unknown:
+        chosen["unknown"] = tuple(unknown)
     file = read_model(model)
     algorithm = catalogue.build(name, file, **chosen)
     options = record_options(file.record, reading or {})

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..tables import standard_deviation
+from ..tables import at_its_instant, diffuse_of, standard_deviation
 
 MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
 
@@ -50,11 +50,16 @@ def cropped(panel: Band) -> tuple[float, float] | None:
 
 
 def bands(result: Any) -> list[Band]:
-    """The states and gains of a result, then its innovations."""
-    gain_diffuse = result.extra.get("gain_diffuse_covariance")
+    """The states, gains and unknown inputs of a result, then its innovations."""
+    diffuse, names, delay = diffuse_of(result), result.names, result.names.input_delay
+    inputs = [
+        at_its_instant("unknown_input", values, delay)
+        for values in (result.unknown_input, result.unknown_input_covariance, diffuse["unknown_input"])
+    ]
     return [
-        *_of("state", result.names.states, result.mean, result.covariance, result.diffuse_covariance),
-        *_of("gain", result.names.gains, result.gain, result.gain_covariance, gain_diffuse),
+        *_of("state", names.states, result.mean, result.covariance, diffuse["mean"]),
+        *_of("gain", names.gains, result.gain, result.gain_covariance, diffuse["gain"]),
+        *_of("unknown_input", tuple(map(names.labelled, names.unknown_inputs)), *inputs),
         *_of(
             "innovation",
             tuple(map(result.names.labelled, result.names.outputs)),

@@ -9,15 +9,20 @@ from plotly.subplots import make_subplots
 from .. import checks
 from .bands import Band, bands, cropped
 
-LINES = {"state": "#0072B2", "gain": "#D55E00", "innovation": "#555555"}  # told apart by colour-blind eyes too
-FILLS = {"state": "rgba(0,114,178,0.2)", "gain": "rgba(213,94,0,0.2)"}
+LINES = {
+    "state": "#0072B2",
+    "gain": "#D55E00",
+    "unknown_input": "#009E73",
+    "innovation": "#555555",
+}  # told apart by colour-blind eyes too
+FILLS = {"state": "rgba(0,114,178,0.2)", "gain": "rgba(213,94,0,0.2)", "unknown_input": "rgba(0,158,115,0.2)"}
 ROW = 170  # pixels
 GAP = 48  # pixels between two rows: a title and air
 EDGES = 130  # pixels above the first row and below the last
 
 
 def plot_estimate(result: Any) -> go.Figure:
-    """States and gains with their 2 sigma bands, innovations with their ±2 sigma bounds: one row each, one time axis.
+    """States, gains and unknown inputs with their 2 sigma bands, innovations with their ±2 sigma bounds, a row each.
 
     What was not kept is left out; where nothing is known of a quantity (a diffuse prior) its line has a gap. A result
     of one row is drawn as points with error bars.
@@ -48,9 +53,9 @@ def _time(result: Any, rows: int) -> tuple[np.ndarray, str]:
 
 
 def _title(panel: Band) -> str:
-    titles = {"state": panel.name, "gain": panel.name, "innovation": f"innovation of {panel.name}"}
-    spread = {"state": ", ± 2 sigma", "gain": ", ± 2 sigma", "innovation": ", bounds ± 2 sigma"}
-    return titles[panel.kind] + ("" if panel.sigma is None else spread[panel.kind])
+    titles = {"unknown_input": f"unknown input {panel.name}", "innovation": f"innovation of {panel.name}"}
+    spread = ", bounds ± 2 sigma" if panel.kind == "innovation" else ", ± 2 sigma"
+    return titles.get(panel.kind, panel.name) + ("" if panel.sigma is None else spread)
 
 
 def _curves(t: np.ndarray, panel: Band) -> list[go.Scatter]:

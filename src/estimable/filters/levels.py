@@ -12,8 +12,6 @@ from ..kernels.small import solve_lower, triangularise
 from .belief import Belief
 from .unknown_layout import Layout
 
-NEGLIGIBLE = 1e-20
-
 
 def read(given: Any, faults: checks.Faults) -> Any:
     """The levels as (q, d)."""

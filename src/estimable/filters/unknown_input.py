@@ -45,7 +45,8 @@ class UnknownInput:
 
     Row k of a result uses the samples 0..k; its `unknown_input` is that of row k - `names.input_delay`. (Fang: row k of
     `mean` is predicted from 0..k-1.) What is not determined yet is infinite in `diffuse_covariance` and in
-    `extra["unknown_input_diffuse_covariance"]`.
+    `extra["unknown_input_diffuse_covariance"]`. `innovation` is of each output given those before it in the same sample,
+    NaN where it told of an unknown input only: the others judge the model.
 
     Cost: that of `Kalman` with n + d (delay + 1) states and as many diffuse directions: measured, 2 to 2.5 times `Kalman`.
 
@@ -239,13 +240,16 @@ def _tell(s: Belief, post: Any, log_likelihood: Any, model: SampledModel, layout
     if s.diffuse.shape[1]:
         diffuse = gram(s.diffuse[:n])
         extra["unknown_input_diffuse_covariance"] = gram(s.diffuse[at])
+    innovation, innovation_covariance = post.innovation, post.innovation_covariance
+    if layout.freedom == "none":
+        innovation, innovation_covariance = post.error, jnp.where(jnp.eye(len(post.error)) > 0, post.variance, 0.0)
     return Info(
         mean=s.mean[:n] + model.point.states,
         covariance=gram(s.factor[:n]),
         unknown_input=s.mean[at] + pick(model.point.inputs, layout.unknown),
         unknown_input_covariance=gram(s.factor[at]),
-        innovation=post.innovation,
-        innovation_covariance=post.innovation_covariance,
+        innovation=innovation,
+        innovation_covariance=innovation_covariance,
         log_likelihood=log_likelihood,
         diffuse_covariance=diffuse,
         outcome=outcome_code(post.contradicted, s.mean, s.factor, s.diffuse),

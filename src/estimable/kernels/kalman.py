@@ -31,7 +31,8 @@ SAFE = 2.0**100       # X is scaled back when it leaves 1 / SAFE .. SAFE: only i
 class Posterior(NamedTuple):
     """What one measurement update gives; `drift` and `Z_drift` are mean and factor of ω, None where Ω is.
 
-    The innovation covariance is NaN where it is infinite: of an output with a diffuse part.
+    The innovation covariance is NaN where it is infinite: of an output with a diffuse part. `error` and `variance` (p,)
+    are those of each output given those before it in the same sample, NaN where it told only of a diffuse direction.
     """
 
     m: Real
@@ -43,6 +44,8 @@ class Posterior(NamedTuple):
     innovation_covariance: Real
     log_likelihood: Real
     contradicted: Real
+    error: Real
+    variance: Real
 
 
 class _Array(NamedTuple):
@@ -102,6 +105,8 @@ def correct(
         innovation=jnp.where(seen, e, jnp.nan),
         innovation_covariance=jnp.where(infinite[:, None] | infinite[None, :], jnp.nan, gram(Y)),
         log_likelihood=-jnp.sum(jnp.where(array.opened | array.informed, density, 0.0)) / 2,
+        error=jnp.where(array.informed, array.error, jnp.nan),
+        variance=jnp.where(array.informed, array.variance, jnp.nan),
         contradicted=jnp.any(ignored & (jnp.abs(array.error) > CONTRADICTION * magnitude)),
     )
 
