@@ -11,6 +11,7 @@ from ..models.state_space import StateSpace
 from .zeros import invariant_zeros
 
 ON_THE_CIRCLE = 1e-9  # how far inside the unit circle a zero must lie to count as inside
+ROUNDING = 1e-13  # of the terms of a sum: what is left of it is rounding
 RANK = 1e-10  # of the largest singular value, after scaling: what a rank is counted down to
 METHODS = {
     "feedthrough": "Gillijns & De Moor (2007b), with feedthrough",
@@ -172,6 +173,12 @@ def rank(M: np.ndarray) -> int:
     return int(np.sum(s > RANK * max(s.max(), 1e-300)))
 
 
+def product(M: np.ndarray, N: np.ndarray) -> np.ndarray:
+    """M N, in which what is the rounding of its terms is zero."""
+    found, terms = M @ N, np.abs(M) @ np.abs(N)
+    return np.where(np.abs(found) <= ROUNDING * terms, 0.0, found)
+
+
 def null_space(M: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the null space, whatever the units of the rows."""
     if M.size == 0:
@@ -185,13 +192,13 @@ def _ranks(A, B, C, D) -> tuple[int, int, int | None]:
     """rank D, rank of [C B N, D], and the delay after which the input is known."""
     d = B.shape[1]
     N = null_space(D)
-    beside = np.hstack([C @ B @ N, D])
+    beside = np.hstack([product(C, product(B, N)), D])
     blocks, power = [D], B
     for L in range(len(A) + 1):
         if _is_told(blocks, d):
             return rank(D), rank(beside), L
-        blocks.append(C @ power)
-        power = A @ power
+        blocks.append(product(C, power))
+        power = product(A, power)
     return rank(D), rank(beside), None
 
 
@@ -258,12 +265,12 @@ def _delays(model: StateSpace, columns: tuple[int, ...], seen: np.ndarray):
         free = basis.shape[1]
         basis = np.block([[basis, np.zeros((k * d, d))], [np.zeros((d, free)), np.eye(d)]])
         states = np.hstack([states, np.zeros((n, d))])
-        told = (C @ states + D @ basis[k * d :])[seen[k]]
+        told = product(np.hstack([C, D]), np.vstack([states, basis[k * d :]]))[seen[k]]
         left = null_space(told) if len(told) else np.eye(free + d)
         basis, states = basis @ left, states @ left
         silent = np.abs(basis).max(axis=1, initial=0.0).reshape(k + 1, d) < 1e-9
         new = silent & np.isnan(delay[: k + 1])
         delay[: k + 1] = np.where(new, k - np.arange(k + 1)[:, None], delay[: k + 1])
         known[k] = np.abs(states).max(initial=0.0) < 1e-9
-        states = A @ states + B @ basis[k * d :]
+        states = product(np.hstack([A, B]), np.vstack([states, basis[k * d :]]))
     return delay, known

@@ -33,7 +33,7 @@ def decide(s: Belief, levels: Any, layout: Layout) -> tuple[Belief, dict, Any]:
     n, d = layout.n, layout.d
     at = slice(n, n + d)
     L = triangularise(s.factor[at])
-    distance = solve_lower(L, (levels - s.mean[at]).T)
+    distance = solve_lower(L, (levels - s.mean[at][None, :]).T)
     distance = jnp.sum(distance * distance, axis=0)  # squared, in standard deviations: (q,)
     best = jnp.argmin(distance)
     told = jnp.sum(s.diffuse[at] ** 2) == 0.0

@@ -136,7 +136,7 @@ class UnknownInput:
                                  _grown(model.Ω, layout), sample)  # fmt: skip
         told, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
-            s, told, gained = levels.decide(s, ready.levels - pick(model.point.inputs, layout.unknown), layout)
+            s, told, gained = levels.decide(s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout)
             log_likelihood = log_likelihood + gained
         return s, _tell(s, post, log_likelihood, model, layout, told)
 

@@ -51,7 +51,7 @@ def masked(M: Float[Real, "p k"], seen: Bool[Real, " p"]) -> Float[Real, "p k"]:
     return jnp.where(seen[:, None], M, 0.0)
 
 
-def noise(V: Float[Real, "p p"], seen: Bool[Real, " p"]) -> Float[Real, "p 2p"]:
+def noise(V: Float[Real, "p p"], seen: Bool[Real, " p"]) -> Float[Real, "p 2*p"]:
     """The factor of the noise of what was seen; an output that was not has a unit noise of its own, and no say."""
     return jnp.concatenate([masked(V, seen), jnp.where(seen[:, None], 0.0, jnp.eye(len(V)))], axis=1)
 
