@@ -12,6 +12,7 @@ from estimable import (
     Record,
     StateSpace,
     UnknownGain,
+    UnknownInput,
     estimate,
     estimate_bank,
     load,
@@ -56,6 +57,13 @@ def last_state():
     return running.progress
 
 
+def fang_state():
+    model = StateSpace([[0.5]], [[1.0]], D=[[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
+    running = online(UnknownInput(model, unknown=["u1"], method="fang"), prior=Prior([0.0], [[1.0]]))
+    running.correct([1.0])
+    return running.progress.state
+
+
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
@@ -68,6 +76,9 @@ THINGS = {
     "Kalman": lambda: Kalman(MODEL),
     "UnknownGain": lambda: GAIN,
     "UnknownGain directions": lambda: UnknownGain(MODEL, Prior([1.0], [[1.0]]), directions=np.ones((1, 2, 1))),
+    "UnknownInput": lambda: UnknownInput(MODEL, unknown=["δ"], walk=0.3),
+    "FangState": fang_state,
+    "Estimate of an unknown input": lambda: estimate(UnknownInput(MODEL, unknown=["δ"]), RECORD, prior=PRIOR),
     "Estimate": lambda: estimate(GAIN, RECORD, prior=PRIOR),
     "Estimate means": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="means"),
     "Estimate likelihood": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood"),
