@@ -105,7 +105,8 @@ def problem_of(model: StateSpace) -> Problem:
 def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None, continuous: bool) -> Moments:
     """In steady state (`horizon` None), or over a horizon from the covariance `start`."""
     if horizon is None:
-        refuse_unstable(problem.F, continuous)
+        longest = "horizon=10.0 (seconds)" if continuous else f"horizon={2 * len(problem.F)}"
+        refuse_unstable(problem.F, continuous, f"give a horizon, as {longest}")
         return stationary(problem, continuous=continuous)
     start = _start(problem, continuous) if start is None else start
     if continuous:
@@ -126,18 +127,15 @@ def _start(problem: Problem, continuous: bool) -> np.ndarray:
         return np.zeros(problem.F.shape)
 
 
-def refuse_unstable(F: np.ndarray, continuous: bool) -> None:
-    """A steady state needs a stable model."""
+def refuse_unstable(F: np.ndarray, continuous: bool, remedy: str) -> None:
+    """A steady state needs a stable model; `remedy` is what to do about one that is not."""
     λ = np.linalg.eigvals(F)
     worst = λ[np.argmax(λ.real if continuous else np.abs(λ))]
     size, limit = (worst.real, 0.0) if continuous else (abs(worst), 1.0)
     if size >= limit:
         shown = f"{worst.real:.6g}" if worst.imag == 0 else f"{worst.real:.6g} ± {abs(worst.imag):.6g}i"
         rule = "real parts below 0" if continuous else "moduli below 1"
-        raise AssumptionError(
-            f"a steady state needs eigenvalues of A with {rule}, and one is {shown}: give a horizon, as horizon="
-            f"{f'{2 * len(F)}' if not continuous else '10.0'}, and the prior of the state."
-        )
+        raise AssumptionError(f"a steady state needs eigenvalues of A with {rule}, and one is {shown}: {remedy}.")
 
 
 def read_horizon(model: StateSpace, horizon: float | None, faults: checks.Faults) -> float | None:

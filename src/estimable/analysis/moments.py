@@ -15,6 +15,7 @@ from ..kernels.riccati import care, clyap, dare, dlyap
 from .tolerance import judged, scale
 
 EVERY = 40  # states up to which the rank is looked at after every step, and not at the horizon only
+LARGEST = 1e140  # of a covariance: its square is still a number
 SETTLED = 5000  # steps of the recursion where the Riccati equation cannot be solved
 
 
@@ -72,6 +73,7 @@ def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> Moments:
     worst = Reach(np.zeros((n, 0)), np.inf)
     for k in range(steps):
         F, Q, H, R, J = problem.at(k)
+        _refuse_growth(F, Π, k)
         M, E = F @ Π @ H.T + J, scale(np.diagonal(H @ Π @ H.T + R))
         Γ, Γ_scaled = compressed(M, F @ Γ), compressed(M / E, F @ Γ_scaled)
         S = H @ P @ H.T + R
@@ -79,8 +81,6 @@ def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> Moments:
         Σ = symmetric(F @ Σ @ F.T + K @ S @ K.T)
         P = _joseph(F - K @ H, P, K, Q, R, J)
         Π = symmetric(F @ Π @ F.T + Q)  # (2.5)
-        if not np.isfinite(Π).all():
-            raise AssumptionError(f"the model grows beyond any number within {k + 1} steps: take a shorter horizon.")
         if k + 1 == steps or (k + 1 >= n and n <= EVERY):
             worst = min(worst, rank(Γ_scaled / scale(np.diagonal(Π))[:, None]), key=lambda found: found.distance)
     H, R = problem.at(steps).H, problem.at(steps).R
@@ -88,6 +88,12 @@ def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> Moments:
     L = solve_semidefinite(S, H @ P).T
     with_present = rank(np.hstack([N, Γ_scaled]) / scale(np.diagonal(Π))[:, None])
     return Moments(Π, Σ, symmetric(Σ + L @ S @ L.T), Γ, worst, with_present)
+
+
+def _refuse_growth(F: np.ndarray, Π: np.ndarray, k: int) -> None:
+    """Numbers that leave no room for the next step."""
+    if np.abs(Π).max() * max(1.0, np.abs(F).max()) ** 2 > LARGEST:
+        raise AssumptionError(f"the model grows beyond any number within {k + 1} steps: take a shorter horizon.")
 
 
 def rank(Γ: np.ndarray) -> Reach:

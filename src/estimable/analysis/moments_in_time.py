@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import AssumptionError
 from ..models.discretisation import exponential, over
-from .moments import Moments, Problem, compressed, rank, symmetric
+from .moments import LARGEST, Moments, Problem, compressed, rank, symmetric
 from .tolerance import scale
 
 NODES = (np.polynomial.legendre.leggauss(4)[0] + 1) / 2
@@ -35,7 +35,7 @@ def over_time(problem: Problem, Π: np.ndarray, seconds: float) -> Moments:
             Γ, Γ_scaled = compressed(N, Φ[4] @ Γ), compressed(N / np.tile(E, 4), Φ[4] @ Γ_scaled)
             Π = symmetric(Φ[4] @ Π @ Φ[4].T + Qd[4])
             P = _riccati_step(pencil, P)
-            if not np.isfinite(Π).all():
+            if not np.abs(Π).max() < LARGEST:
                 raise AssumptionError(
                     f"the model grows beyond any number within {seconds:g} s: take a shorter horizon."
                 )

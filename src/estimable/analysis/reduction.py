@@ -19,6 +19,7 @@ from .moments import steady_predictor
 from .observability import noise_factor
 from .tolerance import check_size, scale
 
+REMEDY = "method='minimal' needs none"
 METHODS = ("output_process", "minimal", "balanced")
 
 
@@ -97,7 +98,7 @@ def _check(model: StateSpace, method: str, order: int | None, faults: checks.Fau
 
 def _output_process(model: StateSpace) -> Reduction:
     """Theorem 2.3: what past outputs or the inputs reach, and of that what the outputs show."""
-    refuse_unstable(model.A, continuous=False)
+    refuse_unstable(model.A, False, REMEDY)
     problem = problem_of(model)
     F, Q, H, R, J = problem
     Π = dlyap(F, Q)
@@ -127,7 +128,7 @@ def _minimal(model: StateSpace) -> Reduction:
 
 def _balanced(model: StateSpace, order: int) -> Reduction:
     """Square-root balancing: to = Σ^-1/2 U' Lo', back = Lc V Σ^-1/2 with Lo' Lc = U Σ V'."""
-    refuse_unstable(model.A, model.is_continuous)
+    refuse_unstable(model.A, model.is_continuous, REMEDY)
     lyapunov = clyap if model.is_continuous else dlyap
     moves = np.hstack([model.B, noise_factor(model)])
     Lc = _root(lyapunov(model.A, moves @ moves.T))

@@ -10,6 +10,7 @@ from io import TextIOWrapper
 import typer
 
 from . import options, show
+from .check import check
 from .demo import demo
 from .edge import Edge
 from .estimate import estimate
@@ -42,6 +43,7 @@ def estimable(
 app.command("demo")(demo)
 app.command("gain")(gain)
 app.command("estimate")(estimate)
+app.command("check")(check)
 app.command("reproduce")(reproduce)
 
 

@@ -15,6 +15,9 @@ def _at_either_end(context: typer.Context, value: bool) -> bool:
     return value or bool(context.find_root().params.get("machine"))
 
 
+CHECKED_MODEL_HELP = "The model file, TOML or Python."
+CHECK_STEP_HELP = "Sample a continuous model at this step, instead of the model file's."
+HORIZON_HELP = "Judge after so many samples (seconds, of a continuous model)."
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
@@ -32,6 +35,9 @@ JSON_HELP = "Write JSON to stdout, for machines."
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
 Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
+CheckedModel = Annotated[Path, typer.Argument(metavar="MODEL", help=CHECKED_MODEL_HELP, show_default=False)]
+CheckStep = Annotated[float | None, _option("--dt", "SECONDS", CHECK_STEP_HELP)]
+Horizon = Annotated[float | None, _option("--horizon", "LENGTH", HORIZON_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
 GainFilter = Annotated[str, typer.Option("--filter", metavar="NAME", help=GAIN_FILTER_HELP)]
 Unknown = Annotated[list[str] | None, _option("--unknown", "NAME", UNKNOWN_HELP)]

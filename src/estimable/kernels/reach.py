@@ -35,6 +35,8 @@ def reach(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> Reach:
     >>> reach(np.diag([0.5, 0.2]), np.array([[1.0], [0.0]])).Z.round(12).tolist()
     [[0.0], [1.0]]
     """
+    if len(F) == 0:
+        return Reach(np.zeros((0, 0)), np.inf)
     V, coupling = staircase(F, M)
     Z, mode = hidden_modes(F, M)
     missing = complement(V)

@@ -1,0 +1,202 @@
+"""What can be known with a model, for machines and for people."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..analysis.estimability import Estimability, estimability
+from ..analysis.observability import Observability, Reachability, observability, reachability
+from ..models.files import ModelFile, read_model
+from ..models.state_space import StateSpace
+from .numbers import counted
+
+WORDS = {
+    "estimable": "estimable one step ahead",
+    "estimable_with_present": "estimable with the present output",
+    "observable": "observable",
+    "detectable": "detectable",
+    "reachable": "reachable by inputs",
+    "stabilisable": "stabilisable by inputs",
+    "disturbable": "reachable by process noise",
+}
+
+
+class Checked(NamedTuple):
+    """A model file, the model that was judged (sampled, where a step was given), and the verdicts."""
+
+    path: Path
+    file: ModelFile
+    model: StateSpace
+    estimability: Estimability
+    observability: Observability
+    reachability: Reachability | None
+    disturbability: Reachability
+
+
+def checked(path: Path, *, dt: float | None = None, horizon: float | None = None) -> Checked:
+    """Read a model file and judge its model, in steady state where it has one.
+
+    `dt`: the step at which a continuous model is sampled, instead of the model file's. `horizon`: in samples, or in
+    seconds where the model stays continuous.
+    """
+    file = read_model(path)
+    model = _sampled(file, dt)
+    steps = _horizon(model, horizon)
+    prior = None if steps is None or file.prior.diffuse is not None else file.prior
+    return Checked(
+        path,
+        file,
+        model,
+        estimability(model, horizon=steps, prior=prior),
+        observability(model),
+        reachability(model) if model.m else None,
+        reachability(model, by="noise"),
+    )
+
+
+def _sampled(file: ModelFile, dt: float | None) -> StateSpace:
+    if not file.model.is_continuous:
+        if dt is not None:
+            checks.refuse(f"--dt is for continuous models: this one has dt = {file.model.dt:g} s.")
+        return file.model
+    step = file.record.get("dt") if dt is None else dt
+    return file.model if step is None else file.model.discretise(step)
+
+
+def _horizon(model: StateSpace, horizon: float | None) -> float | None:
+    """As given; for an unstable model 2 n samples, or 2 n of its fastest time constants."""
+    if horizon is not None:
+        return horizon if model.is_continuous or horizon != int(horizon) else int(horizon)
+    λ = np.linalg.eigvals(model.A)
+    if np.all(λ.real < 0 if model.is_continuous else np.abs(λ) < 1):
+        return None
+    return 2 * model.n if not model.is_continuous else float(2 * model.n / (np.abs(λ).max() or 1.0))
+
+
+def knows_remainders(found: Checked) -> bool:
+    """Whether R, which is of a sample, says what is left: not of a continuous model that was not sampled."""
+    return not found.model.is_continuous
+
+
+def answers(found: Checked) -> dict[str, dict[str, Any]]:
+    """Each question with its answer, the distance to the opposite one, and the directions it concerns."""
+    e, o, r, d = found.estimability, found.observability, found.reachability, found.disturbability
+    said = {
+        "estimable": (e.verdict, e.distance, e.directions),
+        "estimable_with_present": (e.filter_verdict, e.filter_distance, e.filter_directions),
+        "observable": (o.verdict, o.distance, o.directions),
+        "detectable": (_yes(o.detectable), None, o.unstable_directions),
+    }
+    if r is not None:
+        said["reachable"] = (r.verdict, r.distance, r.directions)
+        said["stabilisable"] = (_yes(r.stabilisable), None, r.unstable_directions)
+    said["disturbable"] = (d.verdict, d.distance, d.directions)
+    return {
+        name: {
+            "answer": answer,
+            "distance": distance,
+            "directions": [_named(g, found.model.states) for g in directions],
+        }
+        for name, (answer, distance, directions) in said.items()
+    }
+
+
+def as_data(found: Checked) -> dict[str, Any]:
+    """What `check` says to a machine."""
+    e, states = found.estimability, found.model.states
+    sure = knows_remainders(found)
+    return {
+        "outcome": {"code": 0, "sentence": ""},
+        "model": str(found.path),
+        "dt": found.model.dt,
+        "horizon": e.horizon,
+        "states": states,
+        "inputs": found.model.inputs,
+        "outputs": found.model.outputs,
+        "estimable": e.estimable,
+        "answers": answers(found),
+        "known_directions": [_named(g, states) for g in e.known_directions],
+        "singular_values": e.singular_values.tolist(),
+        "squared_correlations": e.squared_correlations.tolist() if sure else None,
+        "sigma": _by_state(np.sqrt(np.diagonal(e.prior_covariance)), states),
+        "variance_reduction": _by_state(e.variance_reduction, states) if sure else None,
+        "variance_reduction_with_present": _by_state(e.filter_variance_reduction, states) if sure else None,
+        "sentences": sentences(found),
+    }
+
+
+def sentences(found: Checked) -> list[str]:
+    """What is hidden, in words; of questions answered with yes, one sentence on what is known least."""
+    parts = [found.estimability, found.observability, found.reachability, found.disturbability]
+    told = [sentence for part in parts if part is not None and part.verdict != "yes" for sentence in part.sentences]
+    if found.estimability.estimable:
+        told = [*found.estimability.sentences[: None if knows_remainders(found) else 1], *told]
+    return list(dict.fromkeys(told))
+
+
+def as_text(found: Checked) -> list[Any]:
+    """What `check` says to people."""
+    return [_header(found), "", _verdicts(found), "", _states(found), "", *sentences(found)]
+
+
+def next_steps(found: Checked) -> tuple[str, ...]:
+    """What would say more."""
+    if knows_remainders(found):
+        return ()
+    return ("", "R is the covariance of a sample: with --dt SECONDS, what remains of each sigma is shown too.")
+
+
+def _header(found: Checked) -> str:
+    model, e = found.model, found.estimability
+    when = "in steady state" if e.horizon is None else f"after {e.horizon:.4g} s" if model.is_continuous else (
+        f"after {counted(int(e.horizon), 'sample')}")  # fmt: skip
+    step = "continuous" if model.is_continuous else f"step {model.dt:g} s"
+    sizes = ", ".join(
+        counted(size, word) for size, word in ((model.n, "state"), (model.m, "input"), (model.p, "output"))
+    )
+    return f"{found.path.name}: {sizes}; {step}; {when}"
+
+
+def _verdicts(found: Checked) -> Any:
+    table = _table("", "answer", "distance")
+    for name, said in answers(found).items():
+        distance = "" if said["distance"] is None else f"{said['distance']:.2g}"
+        table.add_row(WORDS[name], said["answer"], distance)
+    return table
+
+
+def _states(found: Checked) -> Any:
+    """Each state's standard deviation by the model alone, and with the outputs."""
+    e, sure = found.estimability, knows_remainders(found)
+    table = _table("state", "sigma", *(("with past outputs", "and the present", "variance less by") if sure else ()))
+    sigma = np.sqrt(np.diagonal(e.prior_covariance))
+    for i, name in enumerate(found.model.states):
+        left = [np.sqrt(1 - share[i]) for share in (e.variance_reduction, e.filter_variance_reduction)]
+        after = [f"{sigma[i] * part:.3g}" for part in left] + [f"{100 * e.filter_variance_reduction[i]:.1f} %"]
+        table.add_row(name, f"{sigma[i]:.3g}", *(after if sure else ()))
+    return table
+
+
+def _table(first: str, *others: str) -> Any:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
+    table.add_column(first)
+    for heading in others:
+        table.add_column(heading, justify="right", style="bold" if heading == "answer" else None)
+    return table
+
+
+def _yes(answer: bool | None) -> str:
+    return "yes" if answer else "no"
+
+
+def _named(g: np.ndarray, names: tuple[str, ...]) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, g, strict=True) if value != 0}
+
+
+def _by_state(values: np.ndarray, names: tuple[str, ...]) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}

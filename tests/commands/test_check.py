@@ -1,0 +1,93 @@
+"""`estimable check`."""
+
+import numpy as np
+import pytest
+
+from estimable import estimability, read_model
+from estimable.packaged import path
+
+HIDING = (
+    '[model]\ndt = 1\nstates = ["alpha", "q"]\noutputs = ["rate"]\nA = [[0.7, -0.1], [1.0, 0.0]]\nC = [[1.0, -2.0]]\n'
+    "G = [[1.0], [0.0]]\nQ = [[1.0]]\nR = [[0.3]]\n[prior]\nmean = [0.0, 0.0]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]\n"
+)
+KEYS = {
+    "command", "version", "outcome", "model", "dt", "horizon", "states", "inputs", "outputs", "estimable", "answers",
+    "known_directions", "singular_values", "squared_correlations", "sigma", "variance_reduction",
+    "variance_reduction_with_present", "sentences",
+}  # fmt: skip
+QUESTIONS = (
+    "estimable", "estimable_with_present", "observable", "detectable", "reachable", "stabilisable", "disturbable",
+)  # fmt: skip
+
+
+@pytest.fixture
+def write_model(tmp_path):
+    """Write model.toml."""
+    return lambda text: (tmp_path / "model.toml").write_text(text)
+
+
+def test_a_model_that_hides_a_direction(run, write_model):
+    write_model(HIDING)
+    said = run("check", "model.toml", "--json").json
+    assert set(said) == KEYS
+    assert (said["estimable"], said["horizon"], said["outcome"]) == (False, None, {"code": 0, "sentence": ""})
+    assert said["answers"]["estimable"]["answer"] == "no"
+    assert said["answers"]["estimable"]["directions"] == [pytest.approx({"alpha": 0.980581, "q": -0.196116}, abs=1e-6)]
+    assert said["answers"]["observable"]["answer"] == "yes"
+    assert said["singular_values"] == pytest.approx([0.48148, 0.0], abs=5e-6)
+    assert tuple(said["answers"]) == tuple(name for name in QUESTIONS if name not in ("reachable", "stabilisable"))
+    people = run("check", "model.toml").stdout
+    assert "0.98 alpha - 0.2 q is not revealed by rate." in people
+    assert "model.toml: 2 states, 0 inputs, 1 output; step 1 s; in steady state" in people
+    assert "reachable by inputs" not in people
+
+
+def test_it_says_what_the_function_says(run):
+    said = run("check", path("f16-model.toml"), "--dt", "0.01", "--json").json
+    found = estimability(read_model(path("f16-model.toml")).model.discretise(0.01))
+    assert tuple(said["answers"]) == QUESTIONS
+    assert said["dt"] == 0.01
+    assert list(said["variance_reduction"].values()) == pytest.approx(found.variance_reduction.tolist(), rel=1e-12)
+    assert list(said["sigma"].values()) == pytest.approx(
+        np.sqrt(np.diagonal(found.prior_covariance)).tolist(), rel=1e-12
+    )
+    assert said["sentences"] == list(found.sentences)
+
+
+def test_what_is_left_is_not_said_where_nobody_said_how_often_it_is_measured(run):
+    answer = run("check", path("f16-model.toml"), "--json")
+    assert answer.json["variance_reduction"] is None
+    assert answer.json["squared_correlations"] is None
+    people = run("check", path("f16-model.toml"))
+    assert "with past outputs" not in people.stdout
+    assert "--dt SECONDS" in people.stderr
+
+
+@pytest.mark.parametrize(("dt", "when", "horizon"), [("1", "after 4 samples", 4), ("0", "after 3.077 s", 4 / 1.3)])
+def test_an_unstable_model_is_judged_over_a_horizon(run, write_model, dt, when, horizon):
+    write_model(
+        HIDING.replace("0.7", "1.3")
+        .replace("-0.1]", "0.0]")
+        .replace("[1.0, 0.0]]\nC", "[0.0, 0.2]]\nC")
+        .replace("dt = 1", f"dt = {dt}")
+    )
+    said = run("check", "model.toml", "--json").json
+    assert said["horizon"] == pytest.approx(horizon)
+    assert when in run("check", "model.toml").stdout
+    assert run("check", "model.toml", "--horizon", "3", "--json").json["horizon"] == 3
+
+
+def test_the_step_of_the_model_file_is_used(run, write_model):
+    write_model(HIDING.replace("dt = 1", "dt = 0").replace("0.7", "-0.7") + "[record]\ndt = 0.5\n")
+    assert run("check", "model.toml", "--json").json["dt"] == 0.5
+    assert run("check", "model.toml", "--json", "--dt", "0.1").json["dt"] == 0.1
+
+
+def test_what_is_wrong_is_said(run, write_model):
+    write_model(HIDING)
+    assert "there" in run("check", "other.toml").stderr
+    assert run("check", "other.toml").code == 2
+    assert "--dt is for continuous models: this one has dt = 1 s." in run("check", "model.toml", "--dt", "1").stderr
+    refused = run("check", "model.toml", "--horizon", "2.5", "--json")
+    assert (refused.code, refused.json["error"]) == (2, "InputError")
+    assert refused.json["message"] == "`horizon` must be a whole number, at least 1. Got 2.5."
