@@ -23,13 +23,26 @@ from .models.state_space import StateSpace
 from .networks.delivery import Delivery
 from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
 from .networks.trace import Trace
-from .results import Check, Estimate, EstimateBank, Fit, Info, Interval, Outcome, Sample, Simulation, Validation
+from .results import (
+    Check,
+    Estimate,
+    EstimateBank,
+    Fit,
+    Info,
+    Interval,
+    Outcome,
+    Sample,
+    Simulation,
+    SmoothedEstimate,
+    Validation,
+)
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
 from .run.identify import identify
 from .run.monte_carlo import MonteCarlo, monte_carlo
 from .run.online import Online, online
 from .run.simulate import drawn_from, simulate, simulate_bank
+from .run.smooth import smooth
 from .run.stack import Stacked, stack
 from .store import load, save
 
@@ -72,6 +85,7 @@ __all__ = [
     "RunError",
     "Sample",
     "Simulation",
+    "SmoothedEstimate",
     "Stacked",
     "StateSpace",
     "Trace",
@@ -103,6 +117,7 @@ __all__ = [
     "save",
     "simulate",
     "simulate_bank",
+    "smooth",
     "stack",
     "unknown_input_existence",
     "write_model",

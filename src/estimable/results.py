@@ -166,20 +166,13 @@ class Kept:
         return self.info.extra or {}
 
 
-@frozen
-class Estimate(Kept):
-    """What `estimate` returns: row k of every array uses the samples 0..k. What does not apply, or was not kept, is None.
+class Shown(Kept):
+    """A result of one run: printed, as a table, as a figure."""
 
-    `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
-    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last.
-    """
-
-    info: Info
-    t: Any
     log_likelihood: float
-    outcome: Outcome = static()
-    engine: str = static()
-    names: Names = static()
+    outcome: Outcome
+    engine: str
+    names: Names
 
     def __repr__(self) -> str:
         parts = [f"log-likelihood {self.log_likelihood:.6g}", f"engine {self.engine}"]
@@ -193,7 +186,7 @@ class Estimate(Kept):
                 parts += [f"{n} = {x:.4g} ± {s:.3g}" for n, x, s in zip(names, values[-1], sigmas, strict=True)]
         if self.outcome.code:
             parts.append(self.outcome.sentence)
-        return f"Estimate({', '.join(parts)})"
+        return f"{type(self).__name__}({', '.join(parts)})"
 
     def to_pandas(self):
         """A DataFrame, one row a sample, indexed by time: each state, gain and innovation with its standard deviation."""
@@ -212,6 +205,40 @@ class Estimate(Kept):
         from .figures.estimates import plot_estimate
 
         return plot_estimate(self)
+
+
+@frozen
+class Estimate(Shown):
+    """What `estimate` returns: row k of every array uses the samples 0..k. What does not apply, or was not kept, is None.
+
+    `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
+    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last.
+    """
+
+    info: Info
+    t: Any
+    log_likelihood: float
+    outcome: Outcome = static()
+    engine: str = static()
+    names: Names = static()
+    __repr__ = Shown.__repr__
+
+
+@frozen
+class SmoothedEstimate(Shown):
+    """What `smooth` returns: row k uses the samples 0..`used[k]`, and there are no innovations: nothing was predicted.
+
+    Otherwise as `Estimate`; `log_likelihood` is that of the record, and `diffuse_covariance` spans what it leaves unknown.
+    """
+
+    info: Info
+    t: Any
+    log_likelihood: float
+    used: Any
+    outcome: Outcome = static()
+    engine: str = static()
+    names: Names = static()
+    __repr__ = Shown.__repr__
 
 
 @frozen

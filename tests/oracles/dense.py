@@ -84,3 +84,21 @@ def diffuse_log_likelihood(model, prior, y, u):
     return -0.5 * (
         len(e) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + np.linalg.slogdet(information)[1] + r @ Sinv @ r
     )
+
+
+def smoothed(model, prior, y, u):
+    """Means and covariances of x[0..T-1] given all of y; where x[0] is diffuse, by least squares with a flat prior."""
+    T = len(y)
+    mx, X, my, Y, cov = joint(model, prior, u, T)
+    seen = ~np.isnan(y.ravel())
+    Yf, e = Y.reshape(T * model.p, -1)[seen], (y.ravel() - my.ravel())[seen]
+    S = Yf @ cov @ Yf.T
+    cross = np.einsum("tij,jk,lk->til", X, cov, Yf)
+    gain = np.linalg.solve(S, np.swapaxes(cross, 1, 2).reshape(T, len(e), model.n)).swapaxes(1, 2)
+    mean, covariance = mx + gain @ e, X @ cov @ np.swapaxes(X, 1, 2) - gain @ np.swapaxes(cross, 1, 2)
+    if prior.diffuse is None:
+        return mean, covariance
+    H, J = Yf[:, : model.n] @ prior.diffuse, X[:, :, : model.n] @ prior.diffuse
+    spread = np.linalg.inv(H.T @ np.linalg.solve(S, H))
+    M = J - gain @ H
+    return mean + M @ (spread @ (H.T @ np.linalg.solve(S, e))), covariance + M @ spread @ np.swapaxes(M, 1, 2)

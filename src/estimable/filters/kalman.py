@@ -10,7 +10,7 @@ from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
-from .belief import Belief
+from .belief import Belief, Instant
 
 
 @frozen
@@ -71,23 +71,41 @@ class Kalman:
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
         model = self._ready
-        d = model.point.outputs + apply(model.D, sample.u - model.point.inputs)
-        state, post = belief.correct(state, model, model.C, d, model.Ω, sample)
-        info = Info(
-            mean=state.mean + model.point.states,
-            covariance=state.covariance,
+        state, post = belief.correct(state, model, model.C, self._known_output(sample), model.Ω, sample)
+        info = replace(
+            self.tell(state),
             innovation=post.innovation,
             innovation_covariance=post.innovation_covariance,
             log_likelihood=post.log_likelihood,
-            diffuse_covariance=gram(state.diffuse) if state.diffuse.shape[1] else None,
             outcome=outcome_code(post.contradicted, state.mean, state.factor, state.diffuse),
         )
         return state, info
 
+    def tell(self, state: Belief) -> Info:
+        """What a belief says, in the user's units."""
+        diffuse = gram(state.diffuse) if state.diffuse.shape[1] else None
+        return Info(state.mean + self._ready.point.states, state.covariance, diffuse_covariance=diffuse)
+
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
+        model = self._ready
+        return belief.predict(state, model.A, self._known_change(interval), model.W, model.Ω)
+
+    def instant(self, sample: Sample, interval: Interval) -> Instant:
+        """This row of the model, for the smoother."""
+        model = self._ready
+        moved = (model.A, self._known_change(interval), model.W, model.Ω)
+        return Instant.of(*moved, model.C, self._known_output(sample), model.V)
+
+    def _known_output(self, sample: Sample):
+        """What the known input adds to the outputs."""
+        point = self._ready.point
+        return point.outputs + apply(self._ready.D, sample.u - point.inputs)
+
+    def _known_change(self, interval: Interval):
+        """What the known input adds to the next state."""
         model = self._ready
         c = apply(model.B, interval.u - model.point.inputs)
         if model.B_end is not None:
             c = c + apply(model.B_end, interval.u_end - model.point.inputs)
-        return belief.predict(state, model.A, c, model.W, model.Ω)
+        return c

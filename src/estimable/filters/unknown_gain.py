@@ -15,7 +15,7 @@ from ..models.sampled import Clock, SampledModel, point_of, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
-from .belief import Belief
+from .belief import Belief, Instant
 
 WORDS = ("one", "per_input", "every_entry")
 
@@ -158,18 +158,20 @@ class UnknownGain:
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        model, p = self._ready.ready, self.gain.mean.shape[0]
-        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
-        H = joint_gain.observation(model.C, d[:, 1:])
-        state, post = belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
-        return state, self._tell(state, post, model.point)
+        model = self._ready.ready
+        H, d = self._observation(sample)
+        state, post = belief.correct(state, model, H, d, self._cross_noise(model), sample)
+        info = replace(
+            self.tell(state),
+            innovation=post.innovation,
+            innovation_covariance=post.innovation_covariance,
+            log_likelihood=post.log_likelihood,
+            outcome=outcome_code(post.contradicted, state.mean, state.factor, state.diffuse),
+        )
+        return state, info
 
-    def _cross_noise(self, model: SampledModel):
-        """Ω of (x, θ): the process noise of θ is told of by no output."""
-        p = self.gain.mean.shape[0]
-        return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
-
-    def _tell(self, state: Belief, post, point) -> Info:
+    def tell(self, state: Belief) -> Info:
+        """What a belief about (x, θ) says, in the user's units."""
         n = state.mean.shape[0] - self.gain.mean.shape[0]
         covariance, extra, diffuse = state.covariance, {}, None
         extra["state_gain_covariance"] = covariance[:n, n:]
@@ -177,28 +179,44 @@ class UnknownGain:
             diffuse = gram(state.diffuse)
             extra["gain_diffuse_covariance"] = diffuse[n:, n:]
         return Info(
-            mean=state.mean[:n] + point.states,
+            mean=state.mean[:n] + self._ready.ready.point.states,
             covariance=covariance[:n, :n],
             gain=state.mean[n:],
             gain_covariance=covariance[n:, n:],
-            innovation=post.innovation,
-            innovation_covariance=post.innovation_covariance,
-            log_likelihood=post.log_likelihood,
             diffuse_covariance=None if diffuse is None else diffuse[:n, :n],
-            outcome=outcome_code(post.contradicted, state.mean, state.factor, state.diffuse),
             extra=extra,
         )
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
+        F, c, W = self._transition(interval)
+        return self._forget(belief.predict(state, F, c, W, self._cross_noise(self._ready.ready)))
+
+    def instant(self, sample: Sample, interval: Interval) -> Instant:
+        """This row of the model of (x, θ), for the smoother; of forgetting there is none."""
+        model = self._ready.ready
+        H, d = self._observation(sample)
+        return Instant.of(*self._transition(interval), self._cross_noise(model), H, d, model.V)
+
+    def _observation(self, sample: Sample):
+        """H and d of y = H (x, θ) + d + v."""
+        model = self._ready.ready
+        d = joint_gain.effects(model.D, sample.u - model.point.inputs, self.gain.mean.shape[0] + 1)
+        return joint_gain.observation(model.C, d[:, 1:]), model.point.outputs + d[:, 0]
+
+    def _transition(self, interval: Interval):
+        """F, c and W of the next (x, θ)."""
         model, p = self._ready.ready, self.gain.mean.shape[0]
         b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
         if model.B_end is not None:
             b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
         W = joint_gain.block_diagonal(model.W, self._ready.walk_factor * jnp.sqrt(interval.dt))
-        c = jnp.concatenate([b[:, 0], jnp.zeros(p)])
-        state = belief.predict(state, joint_gain.transition(model.A, b[:, 1:]), c, W, self._cross_noise(model))
-        return self._forget(state)
+        return joint_gain.transition(model.A, b[:, 1:]), jnp.concatenate([b[:, 0], jnp.zeros(p)]), W
+
+    def _cross_noise(self, model: SampledModel):
+        """Ω of (x, θ): the process noise of θ is told of by no output."""
+        p = self.gain.mean.shape[0]
+        return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
 
     def _forget(self, state: Belief) -> Belief:
         """P <- D P D with D = diag(I, λ^-1/2 I)."""
