@@ -5,7 +5,7 @@ import pytest
 
 from cases import case
 from estimable import Prior, StateSpace, estimability, kalman_gain
-from estimable.kernels.reach import reach
+from estimable.kernels.reach import hidden_modes, reach, staircase
 from models_for_verdicts import KINDS, drawn
 from oracles.exact_rank import smallest_ratio
 from oracles.stacked import covariances, explained
@@ -243,9 +243,12 @@ def test_a_pair_that_one_method_overlooks_is_found_by_the_other():
     hidden = np.column_stack([f.real, f.imag])
     M = rng.normal(size=(60, 1))
     M = M - hidden @ np.linalg.lstsq(hidden, M, rcond=None)[0]
-    assert reach(F, M).Z.shape[1] == np.linalg.matrix_rank(hidden, tol=1e-9)  # a chain of 58 couplings loses it
+    assert np.linalg.matrix_rank(hidden) == reach(F, M).Z.shape[1] == 2
+    assert staircase(F, M)[0].shape[1] == 60  # a chain of 58 couplings loses it
     chain = 0.5 * np.eye(4) + np.eye(4, k=1)
-    assert reach(chain, np.array([[0.0], [1.0], [0.0], [0.0]])).Z.shape[1] == 2  # eigenvectors alone see one
+    M = np.array([[0.0], [1.0], [0.0], [0.0]])
+    assert reach(chain, M).Z.shape[1] == 2
+    assert hidden_modes(chain, M)[0].shape[1] == 1  # a Jordan block has one eigenvector
 
 
 def test_the_figure_shows_each_state_and_each_singular_value():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimable import estimability, read_model
+from estimable import estimability, read_model, unknown_input_existence
 from estimable.packaged import path
 
 HIDING = (
@@ -81,6 +81,17 @@ def test_the_step_of_the_model_file_is_used(run, write_model):
     write_model(HIDING.replace("dt = 1", "dt = 0").replace("0.7", "-0.7") + "[record]\ndt = 0.5\n")
     assert run("check", "model.toml", "--json").json["dt"] == 0.5
     assert run("check", "model.toml", "--json", "--dt", "0.1").json["dt"] == 0.1
+
+
+def test_inputs_that_nobody_measured(run, write_model):
+    text = HIDING.replace('outputs = ["rate"]', 'inputs = ["wind"]\nB = [[1.0], [0.0]]\noutputs = ["rate"]')
+    write_model(text + '[unknown]\ninputs = ["wind"]\n')
+    said = run("check", "model.toml", "--json").json
+    model = read_model("model.toml")
+    verdict = unknown_input_existence(model.model, unknown=["wind"])
+    assert said["answers"]["unknown_inputs"]["answer"] == ("yes" if verdict.exists else "no")
+    assert said["sentences"][-1] == verdict.sentence
+    assert "unknown inputs can be told" in run("check", "model.toml").stdout
 
 
 def test_what_is_wrong_is_said(run, write_model):

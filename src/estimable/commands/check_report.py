@@ -8,6 +8,7 @@ import numpy as np
 from .. import checks
 from ..analysis.estimability import Estimability, estimability
 from ..analysis.observability import Observability, Reachability, observability, reachability
+from ..analysis.unknown_input import UnknownInputExistence, unknown_input_existence
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
 from .numbers import counted
@@ -20,6 +21,7 @@ WORDS = {
     "reachable": "reachable by inputs",
     "stabilisable": "stabilisable by inputs",
     "disturbable": "reachable by process noise",
+    "unknown_inputs": "unknown inputs can be told",
 }
 
 
@@ -33,6 +35,7 @@ class Checked(NamedTuple):
     observability: Observability
     reachability: Reachability | None
     disturbability: Reachability
+    unknown: UnknownInputExistence | None
 
 
 def checked(path: Path, *, dt: float | None = None, horizon: float | None = None) -> Checked:
@@ -53,6 +56,7 @@ def checked(path: Path, *, dt: float | None = None, horizon: float | None = None
         observability(model),
         reachability(model) if model.m else None,
         reachability(model, by="noise"),
+        unknown_input_existence(model, unknown=file.unknown) if file.unknown else None,
     )
 
 
@@ -93,6 +97,8 @@ def answers(found: Checked) -> dict[str, dict[str, Any]]:
         said["reachable"] = (r.verdict, r.distance, r.directions)
         said["stabilisable"] = (_yes(r.stabilisable), None, r.unstable_directions)
     said["disturbable"] = (d.verdict, d.distance, d.directions)
+    if found.unknown is not None:
+        said["unknown_inputs"] = (_yes(found.unknown.exists), None, ())
     return {
         name: {
             "answer": answer,
@@ -133,7 +139,8 @@ def sentences(found: Checked) -> list[str]:
     told = [sentence for part in parts if part is not None and part.verdict != "yes" for sentence in part.sentences]
     if found.estimability.estimable:
         told = [*found.estimability.sentences[: None if knows_remainders(found) else 1], *told]
-    return list(dict.fromkeys(told))
+    unknown = [] if found.unknown is None else [found.unknown.sentence]
+    return list(dict.fromkeys(told + unknown))
 
 
 def as_text(found: Checked) -> list[Any]:
