@@ -11,6 +11,7 @@ from .data.reading import read_record
 from .data.record import Record
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
+from .filters.change_detection import ChangeDetection
 from .filters.kalman import Kalman
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
@@ -51,6 +52,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AssumptionError",
     "BernoulliLink",
+    "ChangeDetection",
     "Check",
     "DelayLink",
     "Delivery",

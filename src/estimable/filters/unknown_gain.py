@@ -73,7 +73,7 @@ class UnknownGain:
         directions = self._read_directions(faults)
         feedthrough = self._read_feedthrough(faults)
         fixed = None if self.fixed is None else faults.array("fixed", self.fixed, "n m")
-        walk = self._read_walk(faults)
+        walk = self.read_walk(self.walk, faults)
         if self.model.B_end is not None and (fixed is not None or not _is_word(directions)):
             faults.add(
                 "the model was discretised for an input that moves between samples (it has `B_end`), where `fixed` and "
@@ -112,17 +112,18 @@ class UnknownGain:
             )
         return given
 
-    def _read_walk(self, faults: checks.Faults) -> Any:
-        if checks.is_traced(self.walk):
-            return self.walk
+    def read_walk(self, given: Any, faults: checks.Faults) -> Any:
+        """A walk of these gains as a covariance per second (p, p)."""
+        if checks.is_traced(given):
+            return given
         p = self.gain.size
         faults.learn("gains", p, f"`gain` is a prior of {checks.counted(p, 'gain')}")
-        walk = [self.walk] * p if isinstance(self.walk, int | float) else self.walk
+        walk = [given] * p if isinstance(given, int | float) else given
         if np.ndim(np.asarray(walk, object)) == 2:
             return faults.covariance("walk", walk, "gains gains")
         variances = faults.array("walk", walk, "gains")
         if variances is not None and np.any(variances < 0):
-            faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(self.walk)}.")
+            faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(given)}.")
         return None if variances is None else np.diag(variances)
 
     @property
@@ -162,6 +163,11 @@ class UnknownGain:
         H, d = self._observation(sample)
         state, post = belief.correct(state, model, H, d, self._cross_noise(model), sample)
         info = replace(
+        model, p = self._ready.ready, self.gain.mean.shape[0]
+        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
+        H = joint_gain.observation(model.C, d[:, 1:])
+        state, post = belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
+        return state, replace(
             self.tell(state),
             innovation=post.innovation,
             innovation_covariance=post.innovation_covariance,
@@ -172,6 +178,11 @@ class UnknownGain:
 
     def tell(self, state: Belief) -> Info:
         """What a belief about (x, θ) says, in the user's units."""
+    def _cross_noise(self, model: SampledModel):
+        """Ω of (x, θ): the process noise of θ is told of by no output."""
+        p = self.gain.mean.shape[0]
+        return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
+        """What a belief says of state and gain, in the user's units."""
         n = state.mean.shape[0] - self.gain.mean.shape[0]
         covariance, extra, diffuse = state.covariance, {}, None
         extra["state_gain_covariance"] = covariance[:n, n:]

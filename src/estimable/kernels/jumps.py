@@ -1,0 +1,62 @@
+"""Likelihood ratios of jumps in the state of a linear Gaussian filter.
+
+Letters: hypothesis h is that the state z jumped by ν_h e_h, ν_h ~ N(0, V_h), where e_h is a fixed direction and ν_h a number.
+A filter that knows of no jump has mean m; had z jumped by ν, the true mean would be m + f ν, with f (n,) the response (column
+h of Φ). The log-likelihood of a sample given the mean m + f ν is a parabola in ν; with the `slope` and `curvature` of it as a
+function of the mean, d ν - c ν² / 2 with d = slope' f, c = -f' curvature f.
+
+References: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108-112, (14)-(22): their G is H f, their C the
+sum of c and their d that of d; M. Pollak, Annals of Statistics 13 (1985) 206-227 for the sum of ratios.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from .small import Real, apply, gram, product
+
+
+def learn(
+    Φ: Float[Real, "n h"],
+    d: Float[Real, " h"],
+    c: Float[Real, " h"],
+    slope: Float[Real, " n"],
+    curvature: Float[Real, "n n"],
+) -> tuple[Float[Real, " h"], Float[Real, " h"]]:
+    """What a sample adds to the score d and the information c of the size of each jump."""
+    return d + jnp.sum(slope[:, None] * Φ, axis=0), c - jnp.sum(Φ * product(curvature, Φ), axis=0)
+
+
+class Verdict(NamedTuple):
+    """The log of the summed ratios; the probability of each hypothesis, given that one holds; the sizes of their jumps."""
+
+    log_sum: Real
+    probability: Real
+    ν: Real
+    variance: Real
+
+
+def judge(
+    d: Float[Real, " h"], c: Float[Real, " h"], V: Float[Real, " h"], weight: Float[Real, " h"]
+) -> Verdict:
+    """The ratios of the likelihoods with ν integrated out, exp(ν̂² / 2 v) / sqrt(1 + V c), summed with their weights."""
+    variance = V / (1 + V * c)                                   # v, of ν given the samples
+    ν = variance * d
+    log_ratio = (ν * d - jnp.log(1 + V * c)) / 2
+    possible = weight > 0
+    largest = jnp.max(jnp.where(possible, log_ratio, -jnp.inf), initial=-1e300)
+    ratio = weight * jnp.exp(jnp.where(possible, log_ratio - largest, 0.0))
+    total = jnp.sum(ratio)
+    some = total > 0
+    total = jnp.where(some, total, 1.0)
+    return Verdict(jnp.where(some, largest + jnp.log(total), -jnp.inf), ratio / total, ν, variance)
+
+
+def mixture(Φ: Float[Real, "n h"], verdict: Verdict) -> tuple[Float[Real, " n"], Float[Real, "n n"]]:
+    """What the hypotheses, averaged, add to the mean and to the covariance of the filter that knows of no jump."""
+    π = verdict.probability
+    shift = apply(Φ, π * verdict.ν)                              # mean of f ν
+    apart = Φ * verdict.ν[None, :] - shift[:, None]
+    within = Φ * jnp.sqrt(π * verdict.variance)[None, :]
+    return shift, gram(jnp.concatenate([within, apart * jnp.sqrt(π)[None, :]], axis=1))
