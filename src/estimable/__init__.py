@@ -11,8 +11,12 @@ from .data.reading import read_record
 from .data.record import Record
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
+from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
+from .filters.gated import Gated
 from .filters.kalman import Kalman
+from .filters.moving_window import MovingWindow
+from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .identifiers.recursive_output_error import RecursiveOutputError
@@ -52,6 +56,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AssumptionError",
     "BernoulliLink",
+    "Bounded",
     "ChangeDetection",
     "Check",
     "DelayLink",
@@ -64,6 +69,7 @@ __all__ = [
     "FeedbackGain",
     "Fit",
     "GainSection",
+    "Gated",
     "GilbertElliottLink",
     "Info",
     "InputError",
@@ -72,6 +78,7 @@ __all__ = [
     "KalmanGain",
     "ModelFile",
     "MonteCarlo",
+    "MovingWindow",
     "Observability",
     "Online",
     "OperatingPoint",
@@ -87,6 +94,7 @@ __all__ = [
     "RunError",
     "Sample",
     "Simulation",
+    "Smoothed",
     "SmoothedEstimate",
     "Stacked",
     "StateSpace",

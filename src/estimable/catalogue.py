@@ -1,23 +1,37 @@
 """One table of the algorithms: what tests, the command line and files go through."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from . import checks
+from .filters.bounded import Bounded
+from .filters.change_detection import ChangeDetection
+from .filters.gated import Gated
 from .filters.kalman import Kalman
+from .filters.moving_window import MovingWindow
+from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .models.files import ModelFile
 
 
 class Entry(NamedTuple):
-    """An algorithm: its name on the command line, its class, where it comes from, and what it assumes."""
+    """An algorithm: its name on the command line, its class, where it comes from, and what it assumes.
+
+    A wrapper says which entries it `wraps`, the first that the model file can make by default; `settings` are what it is
+    made with where nothing else is said.
+    """
 
     name: str
     cls: type
     kind: str
     reference: str
     assumes: str
+    wraps: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = {}
 
+
+GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed")
 
 ENTRIES = (
     Entry(
@@ -31,6 +45,24 @@ ENTRIES = (
     Entry(
         "unknown-input", UnknownInput, "filter", "Gillijns & De Moor (2007a, b); Fang (2009) Algorithm 1",
         "the model, Q and R are right; nothing of the unknown inputs, which the outputs must tell apart",
+        "change-detection", ChangeDetection, "filter", "Willsky & Jones (1976); Pollak (1985)",
+        "the model but its gains is right; between jumps the gains are constant", ("unknown-gain",),
+    ),
+    Entry(
+        "moving-window", MovingWindow, "filter", "Sillence (1999) §5.4",
+        "the gain is constant over a window", ("unknown-gain", "kalman", "gated"), {"length": 30},
+    ),
+    Entry(
+        "bounded", Bounded, "filter", "Sillence (1999) §5.5",
+        "the gain lies between the bounds", GAINS, {"lower": 0.0, "upper": 1.0},
+    ),
+    Entry(
+        "smoothed", Smoothed, "filter", "Sillence (1999) (85)",
+        "the gain changes slowly beside 1 / (1 - weight) samples", GAINS, {"weight": 0.9},
+    ),
+    Entry(
+        "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
+        "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window"), {"probability": 0.999},
     ),
 )  # fmt: skip
 
@@ -46,25 +78,48 @@ def entry(name: str) -> Entry:
 
 
 def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
-    """The algorithm `name` on the model of a file, with the file's settings and then those given here."""
-    cls = entry(name).cls
+    """The algorithm `name` on the model of a file, with the file's settings and then those given here.
+
+    Of a wrapper the setting `algorithm` names what it wraps, and settings that are not its own go there.
+    """
+    built, wraps = entry(name), None
     faults = checks.Faults()
-    allowed = [
-        field
-        for field in cls.__dataclass_fields__
-        if field not in ("model", "gain", "_") and cls.__dataclass_fields__[field].init
-    ]
+    if built.wraps:
+        wraps = settings.pop("algorithm", _default(built, file))
+        faults.choice("algorithm", wraps, built.wraps)
+        faults.finish()
+    allowed = _settings(built) + (_every_setting(entry(wraps), file) if wraps else [])
     for key in settings:
         if key not in allowed:
             faults.add(
                 f"{name} has no setting {key!r}: it has {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
             )
-    if cls is UnknownGain and file.gain is None:
+    if built.cls is UnknownGain and file.gain is None:
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
     if cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
         faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
     faults.finish()
-    if cls is UnknownGain:
+    if wraps:
+        own = {key: settings.pop(key) for key in _settings(built) if key in settings}
+        return built.cls(build(wraps, file, **settings), **{**built.settings, **own})
+    if built.cls is UnknownGain:
         assert file.gain is not None
         return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **settings})
-    return cls(file.model, **settings)
+    return built.cls(file.model, **settings)
+
+
+def _default(wrapper: Entry, file: ModelFile) -> str:
+    """What a wrapper wraps where nothing is said: a filter of the gain where the file has one."""
+    return "kalman" if file.gain is None and "kalman" in wrapper.wraps else wrapper.wraps[0]
+
+
+def _settings(built: Entry) -> list[str]:
+    """The settings of an entry's own."""
+    fields = built.cls.__dataclass_fields__
+    return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
+
+
+def _every_setting(built: Entry, file: ModelFile) -> list[str]:
+    """The settings of an entry and of what it wraps by default."""
+    inner = _every_setting(entry(_default(built, file)), file) if built.wraps else []
+    return [*_settings(built), *(name for name in inner if name not in _settings(built))]

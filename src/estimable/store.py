@@ -12,6 +12,9 @@ from .data.record import Record
 from .filters.belief import Belief
 from .filters.fang import FangState
 from .filters.unknown_layout import Layout
+from .filters.change_detection import Watch
+from .filters.moving_window import Copies
+from .filters.smoothed import Average
 from .frozen import leaf_fields, static_fields
 from .models.operating_point import OperatingPoint
 from .models.prior import Prior
@@ -26,6 +29,8 @@ RECORDS = {
     for cls in (
         *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Belief, FangState, Info, Estimate,
         EstimateBank, Simulation, Stacked, Progress,
+        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies, Watch,
+        Info, Estimate, EstimateBank, Simulation, Stacked, Progress,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-MOST = 6_000  # operations: above it compilation takes seconds, and arrays are as good
+MOST = 10_000  # operations: above it compilation takes seconds, and arrays are as good
 
 
 class UnsupportedError(Exception):
@@ -215,7 +215,7 @@ def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tupl
 
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
-    name, parameters = equation.primitive.name, equation.params
+    name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
     if name in CALLS:
         inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
         jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())

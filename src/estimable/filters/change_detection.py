@@ -1,6 +1,6 @@
 """That a gain jumped, when, and to what."""
 
-from dataclasses import KW_ONLY, field
+from dataclasses import KW_ONLY
 from typing import Any
 
 import jax
@@ -88,7 +88,6 @@ class ChangeDetection:
     seconds_between_false_alarms: Any = 3600.0
     walk: Any = 0.0
     persistence: Any = 15.0
-    ready: UnknownGain | None = field(default=None, init=False)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -99,7 +98,8 @@ class ChangeDetection:
         faults.finish()
         jump, walk = self._read_jump(faults), self.algorithm.read_walk(self.walk, faults)
         faults.finish()
-        set_field(self, jump=jump, seconds_between_false_alarms=seconds, walk=walk, persistence=persistence)
+        set_field(self, jump=jump, seconds_between_false_alarms=seconds, walk=walk)
+        set_field(self, persistence=persistence if checks.is_traced(persistence) else np.asarray(persistence))
 
     def _read_jump(self, faults: checks.Faults) -> Any:
         gain = self.algorithm.gain
@@ -121,53 +121,57 @@ class ChangeDetection:
 
     def sampled(self, clock: Clock) -> "ChangeDetection":
         """The same detector, its algorithm sampled."""
-        plain, model = self.algorithm, self.algorithm.model
-        persistence = np.reshape(self.persistence, (*np.shape(self.persistence), *(1,) * (np.ndim(model.Q) - np.ndim(self.persistence))))
+        model = self.algorithm.model
+        lasting = self.persistence.reshape(self.persistence.shape + (1,) * (model.Q.ndim - self.persistence.ndim))
         constant = replace(
-            plain, walk=self.walk, forgetting=np.ones_like(plain.forgetting), model=replace(model, Q=persistence * model.Q)
-        )
-        return replace(self, ready=constant.sampled(clock), algorithm=None)
+            self.algorithm, walk=self.walk, forgetting=0 * self.algorithm.forgetting + 1,
+            model=replace(model, Q=lasting * model.Q),
+        )  # fmt: skip
+        return replace(self, algorithm=constant.sampled(clock))
 
     def at(self, k) -> "ChangeDetection":
         """The detector at row k of a time-varying model."""
-        return replace(self, ready=self._ready.at(k))
+        return replace(self, algorithm=self._ready.at(k))
 
     @property
     def _ready(self) -> UnknownGain:
         """The algorithm as it runs here: its gain constant, its process noise lasting."""
-        return self.sampled(Clock.every(self.algorithm.model.dt)).ready if self.ready is None else self.ready
+        if self.algorithm.ready is not None:
+            return self.algorithm
+        return self.sampled(Clock.every(self.algorithm.model.dt)).algorithm
 
     def init(self, prior: Prior) -> Watch:
         """What is believed before y[0]; no jump can precede it."""
         belief, p = self._ready.init(prior), self.jump.shape[0]
         none = jnp.zeros(self.length * p)
         response = jnp.zeros((belief.mean.shape[0], self.length * p))
-        return Watch(belief, response, none, none, none, row=jnp.zeros(()), onset=-jnp.ones(()), jump=jnp.zeros(p))
+        return Watch(
+            belief, response, none, none, none, row=jnp.zeros((), int), onset=-jnp.ones((), int), jump=jnp.zeros(p)
+        )
 
     def correct(self, state: Watch, sample: Sample) -> tuple[Watch, Info]:
         """Learn from one sample, about the state, the gain, and every possible jump."""
         belief, info = self._ready.correct(state.belief, sample)
-        J, J_drift, slope, curvature = self._sensitivities(state.belief, sample)
-        score, information = jumps.learn(state.response, state.score, state.information, slope, curvature)
+        white = self._ready.condition(state.belief, sample)[1].white
+        J, J_drift, E = self._sensitivities(state.belief, sample)
+        score, information = jumps.learn(state.response, state.score, state.information, E, white)
         watch = replace(
             state, belief=belief, score=score, information=information, response=product(J, state.response),
             drift_response=None if J_drift is None else product(J_drift, state.response),
         )  # fmt: skip
-        verdict = jumps.judge(score, information, jnp.tile(self.jump, self.length), state.weight)
+        verdict = jumps.judge(score, information, jnp.concatenate([self.jump] * self.length), state.weight)
         statistic = verdict.log_sum - jnp.log(self.seconds_between_false_alarms)
         watch = self._restart(watch, verdict, statistic > 0)
         return watch, self._tell(watch, info, statistic)
 
     def _sensitivities(self, belief: Belief, sample: Sample):
-        """Derivatives with respect to the predicted mean: of what becomes of it, and twice of the log-likelihood."""
+        """Derivatives with respect to the predicted mean: of what becomes of it, of the drift, and of the white innovations."""
 
         def after(mean):
-            moved, info = self._ready.correct(replace(belief, mean=mean), sample)
-            return moved.mean, moved.drift_mean, info.log_likelihood
+            moved, post = self._ready.condition(replace(belief, mean=mean), sample)
+            return moved.mean, moved.drift_mean, post.white
 
-        J, J_drift, slope = jax.jacfwd(after)(belief.mean)
-        curvature = jax.jacfwd(jax.jacfwd(lambda mean: after(mean)[2]))(belief.mean)
-        return J, J_drift, slope, curvature
+        return jax.jacfwd(after)(belief.mean)
 
     def _restart(self, watch: Watch, verdict: jumps.Verdict, alarm) -> Watch:
         """At an alarm: the belief averaged over the onsets, and a watch that starts anew."""

@@ -9,6 +9,7 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
+from ..kernels.kalman import Posterior
 from ..kernels.small import factors, gram
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, point_of, sample
@@ -167,6 +168,7 @@ class UnknownGain:
         d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
         H = joint_gain.observation(model.C, d[:, 1:])
         state, post = belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
+        state, post = self.condition(state, sample)
         return state, replace(
             self.tell(state),
             innovation=post.innovation,
@@ -178,6 +180,13 @@ class UnknownGain:
 
     def tell(self, state: Belief) -> Info:
         """What a belief about (x, θ) says, in the user's units."""
+    def condition(self, state: Belief, sample: Sample) -> tuple[Belief, Posterior]:
+        """The belief about (x, θ) after one sample, and all that the sample told."""
+        model, p = self._ready.ready, self.gain.mean.shape[0]
+        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
+        H = joint_gain.observation(model.C, d[:, 1:])
+        return belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
+
     def _cross_noise(self, model: SampledModel):
         """Ω of (x, θ): the process noise of θ is told of by no output."""
         p = self.gain.mean.shape[0]

@@ -1,9 +1,9 @@
 """Likelihood ratios of jumps in the state of a linear Gaussian filter.
 
 Letters: hypothesis h is that the state z jumped by ν_h e_h, ν_h ~ N(0, V_h), where e_h is a fixed direction and ν_h a number.
-A filter that knows of no jump has mean m; had z jumped by ν, the true mean would be m + f ν, with f (n,) the response (column
-h of Φ). The log-likelihood of a sample given the mean m + f ν is a parabola in ν; with the `slope` and `curvature` of it as a
-function of the mean, d ν - c ν² / 2 with d = slope' f, c = -f' curvature f.
+A filter that knows of no jump has mean m; had z jumped by ν, the true mean would be m + f ν, with f (n,) the response, column h
+of Φ. Its innovations, made white and of variance one, are ε; E (p, n) is their derivative with respect to m, so that given
+the jump they have mean -E f ν, and the log of the likelihood ratio is d ν - c ν² / 2, d = -f' E' ε and c = |E f|².
 
 References: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108-112, (14)-(22): their G is H f, their C the
 sum of c and their d that of d; M. Pollak, Annals of Statistics 13 (1985) 206-227 for the sum of ratios.
@@ -14,18 +14,19 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from .small import Real, apply, gram, product
+from .small import Real, apply, product
 
 
 def learn(
     Φ: Float[Real, "n h"],
     d: Float[Real, " h"],
     c: Float[Real, " h"],
-    slope: Float[Real, " n"],
-    curvature: Float[Real, "n n"],
+    E: Float[Real, "p n"],
+    ε: Float[Real, " p"],
 ) -> tuple[Float[Real, " h"], Float[Real, " h"]]:
     """What a sample adds to the score d and the information c of the size of each jump."""
-    return d + jnp.sum(slope[:, None] * Φ, axis=0), c - jnp.sum(Φ * product(curvature, Φ), axis=0)
+    G = -product(E, Φ)  # (17) of the reference, made white
+    return d + apply(G.T, ε), c + jnp.sum(G * G, axis=0)  # (21), (22)
 
 
 class Verdict(NamedTuple):
@@ -56,7 +57,7 @@ def judge(
 def mixture(Φ: Float[Real, "n h"], verdict: Verdict) -> tuple[Float[Real, " n"], Float[Real, "n n"]]:
     """What the hypotheses, averaged, add to the mean and to the covariance of the filter that knows of no jump."""
     π = verdict.probability
-    shift = apply(Φ, π * verdict.ν)                              # mean of f ν
+    shift = apply(Φ, π * verdict.ν)  # mean of f ν
     apart = Φ * verdict.ν[None, :] - shift[:, None]
-    within = Φ * jnp.sqrt(π * verdict.variance)[None, :]
-    return shift, gram(jnp.concatenate([within, apart * jnp.sqrt(π)[None, :]], axis=1))
+    within = product(Φ * (π * verdict.variance)[None, :], Φ.T)  # mean of f v f'
+    return shift, within + product(apart * π[None, :], apart.T)

@@ -60,6 +60,7 @@ def bind(
     if has_state_prior(algorithm):
         check_prior(prior, model, faults)
     _check_time(model, record, faults)
+    _check_lengths(algorithm, record, faults)
     faults.finish()
     u = rows.applied()[..., inputs]
     check_known(u, names.inputs, faults)
@@ -73,6 +74,14 @@ def bind(
     ready = (algorithms or algorithm).sampled(clock)
     names = names._replace(units=record.units, **getattr(ready, "told", {}))
     return Bound(ready, samples, intervals, names, rows.t)
+
+
+def _check_lengths(algorithm: Any, record: Record, faults: checks.Faults) -> None:
+    """What an algorithm and its wrappers ask of the length of a record."""
+    while algorithm is not None:
+        if hasattr(algorithm, "check_record"):
+            algorithm.check_record(len(record), faults)
+        algorithm = getattr(algorithm, "algorithm", None)
 
 
 def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:

@@ -1,0 +1,64 @@
+"""What a change detector found, as a list."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..results import Estimate
+
+
+class Change(NamedTuple):
+    """That a gain jumped: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
+    the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record."""
+
+    gain: str
+    onset: int
+    detected_at: int
+    onset_s: float | None
+    detected_at_s: float | None
+    before: float
+    after: float
+    sigma: float
+
+    @property
+    def sentence(self) -> str:
+        """The change in words."""
+        when = f"at row {self.onset}" if self.onset_s is None else f"at {self.onset_s:.6g} s"
+        seen = f"row {self.detected_at}" if self.detected_at_s is None else f"{self.detected_at_s:.6g} s"
+        return f"{self.gain} went from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, seen at {seen}."
+
+
+def changes(result: Any) -> tuple[Change, ...]:
+    """The changes that `ChangeDetection` found, in order of their alarms.
+
+    `result`: of `estimate`, or one of a bank (`bank[i]`), kept with "all". Where several gains may jump, the one named is
+    that whose jump was largest. Raises `InputError` for a result that knows
+    of no alarms.
+
+    >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
+    >>> record = Record([0.0, 1.0, 1.5, 1.75, 1.4, 1.2], np.ones(6), dt=1)
+    >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0, length=10)
+    >>> [change] = diagnostics.changes(estimate(watched, record, prior=Prior([0.0], [[0.0]])))
+    >>> change.sentence
+    'gain went from 1 to 0.512 ± 0.058 at 3 s, seen at 4 s.'
+    """
+    if not isinstance(result, Estimate) or "alarm" not in result.extra:
+        told = f"keep = {'all'!r}" if isinstance(result, Estimate) else "one result of the bank, as in changes(bank[0])"
+        checks.refuse(f"`result` must be the estimate of a ChangeDetection, with {told}. Got {checks.short(result)}.")
+    alarms = np.flatnonzero(result.extra["alarm"])
+    ends = [*(alarms[1:] - 1), len(result.gain) - 1]
+    return tuple(_change(result, int(alarm), int(end)) for alarm, end in zip(alarms, ends, strict=False))
+
+
+def _change(result: Estimate, alarm: int, end: int) -> Change:
+    """The change of which row `alarm` told, and what is known of it at row `end`."""
+    onset, jump = int(result.extra["onset"][alarm]), result.extra["jump"][alarm]
+    i = int(np.argmax(np.abs(jump)))
+    before = max(onset - 1, 0)
+    variance = result.gain_covariance[end, i, i]
+    times = (None, None) if result.t is None else (float(result.t[onset]), float(result.t[alarm]))
+    return Change(
+        result.names.gains[i], onset, alarm, *times,
+        float(result.gain[before, i]), float(result.gain[end, i]), float(np.sqrt(variance)),
+    )  # fmt: skip

@@ -1,0 +1,93 @@
+"""An algorithm that leaves out samples which its own prediction makes incredible."""
+
+from dataclasses import field
+from typing import Any
+
+import jax.numpy as jnp
+from jax.scipy.special import erfinv
+
+from .. import checks
+from ..frozen import frozen, replace, set_field
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample
+from . import wrapped
+
+
+@frozen
+class Gated:
+    """An algorithm that takes an output for not seen where the innovation is too large to be believed.
+
+    Model: that of the algorithm. Output i is left out where e_i² > q S_ii, q the quantile of χ² with one degree of freedom
+    that a good sample stays below with `probability`. Each output has its own gate, and its neighbours stay; an output that
+    was predicted from nothing (a diffuse prior) passes.
+
+    Assumes that the innovation covariance is right and good samples Gaussian: then 1 - probability of them are lost. What
+    is left out teaches nothing, so a state that truly jumped away is never found again where the covariance does not grow
+    (no process noise): to follow jumps use `ChangeDetection`, and give Q.
+
+    Settings: `algorithm`; `probability`, in (0, 1), that a good sample of an output passes.
+
+    Says, in `extra`: `rejected` (outputs,), what was seen and left out.
+
+    Cost: the correction twice.
+
+    Reference: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation (2001)
+    §5.4 (the normalised innovation).
+
+    >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.1]], R=[[1.0]], dt=1)
+    >>> gated = Gated(Kalman(model), 0.999)
+    >>> result = estimate(gated, Record([0.0, 90.0, 0.0], dt=1), prior=Prior([0.0], [[1.0]]))
+    >>> result.mean.ravel().tolist(), result.extra["rejected"].ravel().tolist()
+    ([0.0, 0.0, 0.0], [False, True, False])
+    """
+
+    algorithm: Any
+    probability: Any
+    limit: Any = field(default=None, init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        wrapped.check_algorithm(self.algorithm, faults)
+        probability = faults.number("probability", self.probability, above=0.0)
+        if probability is not None and not checks.is_traced(probability) and probability >= 1:
+            hint = ": a gate that every good sample passes leaves nothing out" if probability == 1 else ""
+            faults.add(f"`probability` must be below 1{hint}. Got {probability:g}.")
+        faults.finish()
+        set_field(self, probability=probability)
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and gains."""
+        return self.algorithm.names
+
+    def sampled(self, clock: Clock) -> "Gated":
+        """The same gate before the algorithm sampled, and the quantile worked out."""
+        return replace(self, algorithm=self.algorithm.sampled(clock), limit=_quantile(self.probability))
+
+    def at(self, k) -> "Gated":
+        """The same gate before the algorithm at row k of a time-varying model."""
+        return replace(self, algorithm=self.algorithm.at(k))
+
+    def init(self, prior: Prior) -> Any:
+        """What the algorithm believes before y[0]."""
+        return self.algorithm.init(prior)
+
+    def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
+        """Learn from what of one sample is credible."""
+        _, foreseen = self.algorithm.correct(state, sample)
+        variance = jnp.sum(foreseen.innovation_covariance * jnp.eye(sample.y.shape[0]), axis=1)
+        error = jnp.where(sample.seen, foreseen.innovation, 0.0)
+        limit = _quantile(self.probability) if self.limit is None else self.limit
+        rejected = sample.seen & (error * error > limit * variance)
+        state, info = self.algorithm.correct(state, replace(sample, seen=sample.seen & ~rejected))
+        return state, replace(info, extra={**(info.extra or {}), "rejected": rejected})
+
+    def predict(self, state: Any, interval: Interval) -> Any:
+        """Move to the next sample."""
+        return self.algorithm.predict(state, interval)
+
+
+def _quantile(probability):
+    """Of χ² with one degree of freedom."""
+    return 2 * erfinv(jnp.asarray(probability)) ** 2

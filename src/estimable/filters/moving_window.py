@@ -1,0 +1,135 @@
+"""An algorithm that remembers the last samples only."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, static
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample
+from . import wrapped
+
+
+@frozen
+class Copies:
+    """`length` copies of what an algorithm believes, the one begun last first; and what the next to begin will believe."""
+
+    copies: Any
+    fresh: Any
+
+
+@frozen
+class MovingWindow:
+    """An algorithm that is started anew on the last `length` samples, at every sample.
+
+    Model: that of the algorithm. Row k is what the algorithm says at k when it was started at row k - length + 1 from its
+    own prior of gains, and from `state_prior`; before row length - 1, started at row 0 from the prior of the run.
+
+    Assumes that the gain is constant over a window. A window forgets a jump completely after `length` samples, and has for
+    ever the noise of so few. The state's prior is diffuse by default: a window that begins with the same wrong state each
+    time, as in the reference, is biased at a low signal-to-noise ratio. `ChangeDetection` is as fresh after a jump, and quiet
+    before it.
+
+    Settings: `algorithm`, any; `length`, in samples; `state_prior`, a `Prior` of the state at the first sample of a full
+    window (default None: diffuse, exactly).
+
+    Cost: that of the algorithm `length` times, online; offline, for `UnknownGain` and `Kalman`, see `estimate`.
+
+    Reference: A. G. Sillence (1999) §5.4.
+
+    >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> mean_of_two = MovingWindow(Kalman(model), 2)
+    >>> result = estimate(mean_of_two, Record([1.0, 3.0, 7.0], dt=1), prior=Prior([0.0], [[1.0]]))
+    >>> result.mean.ravel().round(9).tolist()
+    [0.5, 2.0, 5.0]
+    """
+
+    algorithm: Any
+    length: int = static()
+    state_prior: Prior | None = None
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        wrapped.check_algorithm(self.algorithm, faults)
+        faults.whole("length", self.length, 1)
+        if self.state_prior is not None:
+            faults.instance("state_prior", self.state_prior, Prior, " None means diffuse.")
+        faults.finish()
+        self._check_sizes(faults)
+        faults.finish()
+
+    def _check_sizes(self, faults: checks.Faults) -> None:
+        n, p, gains = (len(getattr(self.algorithm.names, kind)) for kind in ("states", "outputs", "gains"))
+        if self.state_prior is not None:
+            if self.state_prior.size != n:
+                faults.add(f"`state_prior` must describe n = {n} states. Got {self.state_prior.size}.")
+        elif self.length * p < n + gains:
+            unknown = checks.counted(n, "state") + (f" and {checks.counted(gains, 'gain')}" if gains else "")
+            faults.add(
+                f"`length` must be at least {-(-(n + gains) // p)}: a window of {checks.counted(self.length, 'sample')} "
+                f"holds {checks.counted(self.length * p, 'number')}, which cannot determine {unknown}. "
+                "Give a longer window, or a `state_prior`."
+            )
+
+    def check_record(self, rows: int, faults: checks.Faults) -> None:
+        """A window is not longer than the record."""
+        if rows < self.length:
+            faults.add(f"the window has {self.length} samples, and the record only {rows}: no window is ever full.")
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and gains."""
+        return self.algorithm.names
+
+    def sampled(self, clock: Clock) -> "MovingWindow":
+        """The same window on the algorithm sampled."""
+        return replace(self, algorithm=self.algorithm.sampled(clock))
+
+    def at(self, k) -> "MovingWindow":
+        """The same window on the algorithm at row k of a time-varying model."""
+        return replace(self, algorithm=self.algorithm.at(k))
+
+    def init(self, prior: Prior) -> Copies:
+        """What the copies believe before y[0]: the one that will fill the first whole window, and those before it."""
+        n = prior.mean.shape[0]
+        own = self.state_prior
+        if own is None:
+            own = replace(prior, covariance=0.0 * prior.covariance, diffuse=np.eye(n))
+        columns = max(_columns(own), _columns(prior))
+        fresh, first = (self.algorithm.init(_with_columns(p, columns)) for p in (own, prior))
+
+        def side_by_side(new, old):
+            return jnp.concatenate([new[None], jnp.broadcast_to(old, (self.length - 1, *jnp.shape(old)))])
+
+        return Copies(jax.tree_util.tree_map(side_by_side, fresh, first), fresh)
+
+    def correct(self, state: Copies, sample: Sample) -> tuple[Copies, Info]:
+        """Learn from one sample, in every copy; the oldest reports."""
+        copies, infos = jax.vmap(self.algorithm.correct, in_axes=(0, None))(state.copies, sample)
+        return replace(state, copies=copies), jax.tree_util.tree_map(lambda leaf: leaf[-1], infos)
+
+    def predict(self, state: Copies, interval: Interval) -> Copies:
+        """Move to the next sample, at which a copy begins and the oldest ends."""
+        moved = jax.vmap(self.algorithm.predict, in_axes=(0, None))(state.copies, interval)
+        copies = jax.tree_util.tree_map(
+            lambda new, old: jnp.concatenate([jnp.asarray(new)[None], old[:-1]]), state.fresh, moved
+        )
+        return replace(state, copies=copies)
+
+
+def _columns(prior: Prior) -> int:
+    """How many directions nothing is known of."""
+    return 0 if prior.diffuse is None else prior.diffuse.shape[-1]
+
+
+def _with_columns(prior: Prior, columns: int) -> Prior:
+    """The same prior with as many diffuse directions, the added ones of length zero: of which all is known."""
+    missing = columns - _columns(prior)
+    if missing == 0:
+        return prior
+    zeros = jnp.zeros((prior.mean.shape[0], missing))
+    return replace(prior, diffuse=zeros if prior.diffuse is None else jnp.concatenate([prior.diffuse, zeros], axis=1))
