@@ -9,6 +9,9 @@ from estimable import Prior, Record, StateSpace
 SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))  # n, m, p: few, so that little is compiled
 
 
+SHORT = {"moving-window": {"length": 3}, "change-detection": {"length": 10}}  # settings of the catalogue's for few rows
+
+
 class Case(NamedTuple):
     model: StateSpace
     prior: Prior

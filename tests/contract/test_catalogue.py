@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import estimable
+from cases import SHORT
 from estimable import (
     Record,
     catalogue,
@@ -32,9 +33,6 @@ FILE = read_model(packaged.path("f16-model.toml"))._replace(unknown=("elevator_d
 RNG = np.random.default_rng(0)
 ENTRIES = pytest.mark.parametrize("name", [entry.name for entry in catalogue.ENTRIES])
 DOCS = Path(__file__).parents[2] / "docs" / "methods"
-
-
-SHORT = {"moving-window": {"length": 3}, "change-detection": {"length": 10}}  # to fit the few rows of a test
 
 
 def build(name, file=FILE):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from cases import case
+from cases import SHORT, case
 from estimable import (
     InputError,
     Kalman,
@@ -150,7 +150,7 @@ def test_every_entry_of_the_catalogue_gives_the_same(name, keep):
     y[rng.random(y.shape) < 0.3] = np.nan
     record = Record(y, rng.normal(size=(200, 1)), dt=0.01, hold="first_order",
                     inputs=FILE.model.inputs, outputs=FILE.model.outputs)  # fmt: skip
-    assert_same(*both(catalogue.build(name, FILE), record, FILE.prior, keep=keep))
+    assert_same(*both(catalogue.build(name, FILE, **SHORT.get(name, {})), record, FILE.prior, keep=keep))
 
 
 @pytest.mark.parametrize("features", [{"cross": True}, {"singular": True}, {"missing": 0.8}], ids=str)

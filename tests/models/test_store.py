@@ -5,11 +5,16 @@ import numpy as np
 import pytest
 
 from estimable import (
+    Bounded,
+    ChangeDetection,
+    Gated,
     Kalman,
+    MovingWindow,
     Online,
     Outcome,
     Prior,
     Record,
+    Smoothed,
     StateSpace,
     UnknownGain,
     UnknownInput,
@@ -47,6 +52,8 @@ GAPS = Record(
     units={"y1": "deg"},
 )
 GAIN = UnknownGain(MODEL, Prior([1.0], [[0.25]]), walk=0.02, forgetting=0.99, fixed=[[0.0], [0.1]])
+WATCHED = ChangeDetection(GAIN, length=4, jump=[0.3])
+WINDOW = MovingWindow(GAIN, 3, state_prior=Prior([0.0, 1.0], np.eye(2)))
 OVER_TIME = StateSpace(np.stack([np.eye(2)] * 3), R=np.eye(2), S=0.1 * np.eye(2), Q=np.eye(2), dt=1)
 
 
@@ -79,6 +86,14 @@ THINGS = {
     "UnknownInput": lambda: UnknownInput(MODEL, unknown=["δ"], walk=0.3),
     "FangState": fang_state,
     "Estimate of an unknown input": lambda: estimate(UnknownInput(MODEL, unknown=["δ"]), RECORD, prior=PRIOR),
+    "ChangeDetection": lambda: WATCHED,
+    "Watch": lambda: WATCHED.init(PRIOR),
+    "MovingWindow": lambda: WINDOW,
+    "Copies": lambda: WINDOW.init(PRIOR),
+    "Bounded": lambda: Bounded(GAIN, 0.0, 1.0),
+    "Smoothed": lambda: Smoothed(WINDOW, 0.9),
+    "Average": lambda: Smoothed(GAIN, 0.9).init(PRIOR),
+    "Gated": lambda: Gated(Kalman(MODEL), 0.999),
     "Estimate": lambda: estimate(GAIN, RECORD, prior=PRIOR),
     "Estimate means": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="means"),
     "Estimate likelihood": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood"),

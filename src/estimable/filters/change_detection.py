@@ -65,7 +65,7 @@ class ChangeDetection:
     the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts, by which Q is
     multiplied (default 15; 1 where Q is white indeed).
 
-    Says, in `extra`: `statistic` (log of the sum over its threshold), `alarm`, and of the last jump `onset` (row; -1 before
+    Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump `onset` (row; -1 before
     the first) and `jump` (p,). `diagnostics.changes` lists them.
 
     Cost: three times that of `UnknownGain`, and about p length (2 (n + p)² + 40) multiplications.

@@ -30,7 +30,7 @@ def learn(
 
 
 class Verdict(NamedTuple):
-    """The log of the summed ratios; the probability of each hypothesis, given that one holds; the sizes of their jumps."""
+    """The log of the summed ratios, NaN where there is no hypothesis; the probability of each hypothesis, given that one holds; the sizes of their jumps."""
 
     log_sum: Real
     probability: Real
@@ -51,7 +51,7 @@ def judge(
     total = jnp.sum(ratio)
     some = total > 0
     total = jnp.where(some, total, 1.0)
-    return Verdict(jnp.where(some, largest + jnp.log(total), -jnp.inf), ratio / total, ν, variance)
+    return Verdict(jnp.where(some, largest + jnp.log(total), jnp.nan), ratio / total, ν, variance)
 
 
 def mixture(Φ: Float[Real, "n h"], verdict: Verdict) -> tuple[Float[Real, " n"], Float[Real, "n n"]]:
