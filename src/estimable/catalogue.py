@@ -45,6 +45,8 @@ ENTRIES = (
     Entry(
         "unknown-input", UnknownInput, "filter", "Gillijns & De Moor (2007a, b); Fang (2009) Algorithm 1",
         "the model, Q and R are right; nothing of the unknown inputs, which the outputs must tell apart",
+    ),
+    Entry(
         "change-detection", ChangeDetection, "filter", "Willsky & Jones (1976); Pollak (1985)",
         "the model but its gains is right; between jumps the gains are constant", ("unknown-gain",),
     ),
@@ -96,7 +98,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
             )
     if built.cls is UnknownGain and file.gain is None:
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
-    if cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
+    if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
         faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
     faults.finish()
     if wraps:

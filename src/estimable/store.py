@@ -10,11 +10,11 @@ import numpy as np
 from . import catalogue, checks
 from .data.record import Record
 from .filters.belief import Belief
-from .filters.fang import FangState
-from .filters.unknown_layout import Layout
 from .filters.change_detection import Watch
+from .filters.fang import FangState
 from .filters.moving_window import Copies
 from .filters.smoothed import Average
+from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .models.operating_point import OperatingPoint
 from .models.prior import Prior
@@ -27,10 +27,8 @@ FORMAT = 1
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Belief, FangState, Info, Estimate,
-        EstimateBank, Simulation, Stacked, Progress,
-        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies, Watch,
-        Info, Estimate, EstimateBank, Simulation, Stacked, Progress,
+        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies,
+        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}

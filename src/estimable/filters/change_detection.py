@@ -65,8 +65,8 @@ class ChangeDetection:
     the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts, by which Q is
     multiplied (default 15; 1 where Q is white indeed).
 
-    Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump `onset` (row; -1 before
-    the first) and `jump` (p,). `diagnostics.changes` lists them.
+    Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump
+    `onset` (row; -1 before the first) and `jump` (p,). `diagnostics.changes` lists them.
 
     Cost: three times that of `UnknownGain`, and about p length (2 (n + p)² + 40) multiplications.
 
@@ -152,8 +152,7 @@ class ChangeDetection:
     def correct(self, state: Watch, sample: Sample) -> tuple[Watch, Info]:
         """Learn from one sample, about the state, the gain, and every possible jump."""
         belief, info = self._ready.correct(state.belief, sample)
-        white = self._ready.condition(state.belief, sample)[1].white
-        J, J_drift, E = self._sensitivities(state.belief, sample)
+        J, J_drift, E, white = self._sensitivities(state.belief, sample)
         score, information = jumps.learn(state.response, state.score, state.information, E, white)
         watch = replace(
             state, belief=belief, score=score, information=information, response=product(J, state.response),
@@ -165,13 +164,17 @@ class ChangeDetection:
         return watch, self._tell(watch, info, statistic)
 
     def _sensitivities(self, belief: Belief, sample: Sample):
-        """Derivatives with respect to the predicted mean: of what becomes of it, of the drift, and of the white innovations."""
+        """Derivatives with respect to the predicted mean: of what becomes of it, of the drift, and of the innovations, made
+        white; and these innovations."""
 
         def after(mean):
             moved, post = self._ready.condition(replace(belief, mean=mean), sample)
-            return moved.mean, moved.drift_mean, post.white
+            told = ~jnp.isnan(post.error)
+            white = jnp.where(told, post.error, 0.0) / jnp.sqrt(jnp.where(told, post.variance, 1.0))
+            return (moved.mean, moved.drift_mean, white), white
 
-        return jax.jacfwd(after)(belief.mean)
+        (J, J_drift, E), white = jax.jacfwd(after, has_aux=True)(belief.mean)
+        return J, J_drift, E, white
 
     def _restart(self, watch: Watch, verdict: jumps.Verdict, alarm) -> Watch:
         """At an alarm: the belief averaged over the onsets, and a watch that starts anew."""

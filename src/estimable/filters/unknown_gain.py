@@ -160,16 +160,8 @@ class UnknownGain:
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        model = self._ready.ready
-        H, d = self._observation(sample)
-        state, post = belief.correct(state, model, H, d, self._cross_noise(model), sample)
-        info = replace(
-        model, p = self._ready.ready, self.gain.mean.shape[0]
-        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
-        H = joint_gain.observation(model.C, d[:, 1:])
-        state, post = belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
         state, post = self.condition(state, sample)
-        return state, replace(
+        info = replace(
             self.tell(state),
             innovation=post.innovation,
             innovation_covariance=post.innovation_covariance,
@@ -178,20 +170,14 @@ class UnknownGain:
         )
         return state, info
 
-    def tell(self, state: Belief) -> Info:
-        """What a belief about (x, θ) says, in the user's units."""
     def condition(self, state: Belief, sample: Sample) -> tuple[Belief, Posterior]:
         """The belief about (x, θ) after one sample, and all that the sample told."""
-        model, p = self._ready.ready, self.gain.mean.shape[0]
-        d = joint_gain.effects(model.D, sample.u - model.point.inputs, p + 1)
-        H = joint_gain.observation(model.C, d[:, 1:])
-        return belief.correct(state, model, H, model.point.outputs + d[:, 0], self._cross_noise(model), sample)
+        model = self._ready.ready
+        H, d = self._observation(sample)
+        return belief.correct(state, model, H, d, self._cross_noise(model), sample)
 
-    def _cross_noise(self, model: SampledModel):
-        """Ω of (x, θ): the process noise of θ is told of by no output."""
-        p = self.gain.mean.shape[0]
-        return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
-        """What a belief says of state and gain, in the user's units."""
+    def tell(self, state: Belief) -> Info:
+        """What a belief about (x, θ) says, in the user's units."""
         n = state.mean.shape[0] - self.gain.mean.shape[0]
         covariance, extra, diffuse = state.covariance, {}, None
         extra["state_gain_covariance"] = covariance[:n, n:]

@@ -30,7 +30,7 @@ def learn(
 
 
 class Verdict(NamedTuple):
-    """The log of the summed ratios, NaN where there is no hypothesis; the probability of each hypothesis, given that one holds; the sizes of their jumps."""
+    """The log of the summed ratios (NaN without a hypothesis), the probability of each given that one holds, its ν and v."""
 
     log_sum: Real
     probability: Real

@@ -33,8 +33,6 @@ class Posterior(NamedTuple):
 
     The innovation covariance is NaN where it is infinite: of an output with a diffuse part. `error` and `variance` (p,)
     are those of each output given those before it in the same sample, NaN where it told only of a diffuse direction.
-    The innovation covariance is NaN where it is infinite: of an output with a diffuse part. `white`: the innovations, each
-    without what those before it told and over its standard deviation; 0 of outputs that told nothing of finite variance.
     """
 
     m: Real
@@ -48,7 +46,6 @@ class Posterior(NamedTuple):
     contradicted: Real
     error: Real
     variance: Real
-    white: Real
 
 
 class _Array(NamedTuple):
@@ -111,7 +108,6 @@ def correct(
         error=jnp.where(array.informed, array.error, jnp.nan),
         variance=jnp.where(array.informed, array.variance, jnp.nan),
         contradicted=jnp.any(ignored & (jnp.abs(array.error) > CONTRADICTION * magnitude)),
-        white=jnp.where(array.informed, array.error / jnp.sqrt(array.variance), 0.0),
     )
 
 
