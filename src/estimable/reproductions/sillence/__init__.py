@@ -1,11 +1,10 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import expanding, sampling, tables
+from . import expanding, sampling, tables, window
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
-WINDOW = "not yet: it needs moving windows"
 LOOP = "not yet: it needs closed loops"
 K1 = (0.8, 0.6, 0.4, 0.2, 0.1)
 
@@ -23,7 +22,7 @@ ENTRIES = (
     _done("table-2", "Poles of the loop under the PI law", tables.poles_of_pi_loop),
     _done("table-3", "Poles of the loop under the proportional law", tables.poles_of_p_loop),
     _done("table-4", "Final gain and settling time, expanding filter", expanding.table_4),
-    _not_yet("table-5", "Time to come within 20 % of the gain, moving window", WINDOW),
+    _done("table-5", "Time to come within 20 % of the gain, moving window", window.table_5),
     _not_yet("fig-1", "Flight control system", DRAWING),
     _not_yet("fig-2", "Longitudinal parameters of an aircraft", DRAWING),
     _not_yet("fig-3", "Pitch rate without alpha feedback, proportional law", LOOP),
@@ -48,18 +47,18 @@ ENTRIES = (
         _done(f"fig-{i}", f"Estimated gain, expanding filter, K1 = {k}", expanding.gain_over_time(k))
         for i, k in enumerate(K1, start=23)
     ),
-    _not_yet("fig-28", "Expanding filter against moving window, K1 = 0.6", WINDOW),
-    _not_yet("fig-29", "Command against the window's gain, K1 = 0.6", WINDOW),
-    _not_yet("fig-30", "Smoothing against delay, K1 = 0.6", WINDOW),
-    _not_yet("fig-31", "Smoothed and unsmoothed gain, K1 = 0.6", WINDOW),
-    _not_yet("fig-32", "Moving window at 53.286 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-33", "Moving window at 23.29 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-34", "Two sigma bounds of the window, K1 = 0.6", WINDOW),
-    _not_yet("fig-35", "Bounded and smoothed gain at 23.29 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-36", "Moving window at 40 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-37", "Bounded and smoothed gain at 40 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-38", "Moving window at 60 dB, K1 = 0.2", WINDOW),
-    _not_yet("fig-39", "Bounded and smoothed gain at 60 dB, K1 = 0.2", WINDOW),
+    _done("fig-28", "Expanding filter against moving window, K1 = 0.6", window.expanding_or_window),
+    _done("fig-29", "Command against the window's gain, K1 = 0.6", window.command_and_gain),
+    _done("fig-30", "Smoothing against delay, K1 = 0.6", window.smoothings),
+    _done("fig-31", "Smoothed and unsmoothed gain, K1 = 0.6", window.smoothed_or_not),
+    _done("fig-32", "Moving window at 53.286 dB, K1 = 0.2", window.at_noise(53.286, bounded=False)),
+    _done("fig-33", "Moving window at 23.29 dB, K1 = 0.2", window.at_noise(23.29, bounded=False)),
+    _done("fig-34", "Two sigma bounds of the window, K1 = 0.6", window.two_sigma),
+    _done("fig-35", "Bounded and smoothed gain at 23.29 dB, K1 = 0.2", window.at_noise(23.29, bounded=True)),
+    _done("fig-36", "Moving window at 40 dB, K1 = 0.2", window.at_noise(40.0, bounded=False)),
+    _done("fig-37", "Bounded and smoothed gain at 40 dB, K1 = 0.2", window.at_noise(40.0, bounded=True)),
+    _done("fig-38", "Moving window at 60 dB, K1 = 0.2", window.at_noise(60.0, bounded=False)),
+    _done("fig-39", "Bounded and smoothed gain at 60 dB, K1 = 0.2", window.at_noise(60.0, bounded=True)),
     *(
         _not_yet(f"fig-{i}", f"{what} at {snr} dB, K1 = 0.2", LOOP)
         for i, what, snr in (

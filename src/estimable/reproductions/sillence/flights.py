@@ -62,3 +62,15 @@ def reached(estimated: np.ndarray, gain: float) -> float:
     """
     inside = within(estimated, gain)
     return int(np.argmax(inside)) / f16.RATE if inside.any() else float("nan")
+
+
+def stayed(estimated: np.ndarray, gain: float, *, seconds: float) -> float:
+    """Seconds after the failure from which the estimate is within 20 % for `seconds` on end; NaN where it never is.
+
+    >>> stayed(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5, seconds=0.02)
+    0.03
+    """
+    inside = within(estimated, gain)
+    length = round(seconds * f16.RATE)
+    runs = np.convolve(inside, np.ones(length), "valid") > length - 0.5
+    return int(np.argmax(runs)) / f16.RATE if runs.any() else float("nan")
