@@ -42,7 +42,7 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
         "unknown_input_delay": result.names.input_delay if result.names.unknown_inputs else None,
         "note": result.names.note or None,
         "log_likelihood": result.log_likelihood,
-        "nis": innovations.described(innovations.innovation_check(result)),
+        "nis": innovations.described(innovations.innovation_check(run.judged)),
         "out": None if out is None else str(out),
     }
 
@@ -62,7 +62,7 @@ def as_text(run: Run) -> list[Any]:
         earlier = f", {counted(delay, 'sample')} earlier" if kind == "unknown_input" and delay else ""
         for name, (mean, sigma) in named.items():
             table.add_row(name + earlier, *_shown(mean, sigma))
-    check = innovations.innovation_check(run.result)
+    check = innovations.innovation_check(run.judged)
     note = [run.result.names.note] if run.result.names.note else []
     return [
         *header(run),

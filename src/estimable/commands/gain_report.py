@@ -13,12 +13,12 @@ def write_gain_report(run: Run, summary: GainSummary, path: Path, *, story: tupl
     """Write the page: what was found, the diagrams, the checks, what was assumed, and `command`, which makes it again."""
     from ..report import report_of, write_report
 
-    check = innovations.innovation_check(run.result)
+    check = innovations.innovation_check(run.judged)
     report = report_of(
         run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
         title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(summary, check)),
         facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", _script(run))),
-        files=(run.record_path, run.model_path),
+        files=(run.record_path, run.model_path), judged=run.judged,
     )  # fmt: skip
     write_report(report, path)
 

@@ -113,6 +113,8 @@ def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float) -> G
 
 def is_effectiveness(algorithm: Any) -> bool:
     """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
+    while hasattr(algorithm, "algorithm"):
+        algorithm = algorithm.algorithm
     scaled = isinstance(algorithm, UnknownGain) and isinstance(algorithm.directions, str)
     return scaled and algorithm.directions in ("one", "per_input") and algorithm.fixed is None
 

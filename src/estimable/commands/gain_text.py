@@ -20,7 +20,7 @@ WIDEST = 100
 def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     """What `gain` and `demo` say to a machine."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
-    check, first = innovations.innovation_check(result), next(iter(summary.changes), None)
+    check, first = innovations.innovation_check(run.judged), next(iter(summary.changes), None)
     return {
         **run_filter.as_data(run),
         "outputs": result.names.outputs,
@@ -44,7 +44,7 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
 def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
     """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
-    check = innovations.innovation_check(run.result)
+    check = innovations.innovation_check(run.judged)
     return [
         *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *findings(summary, check), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",

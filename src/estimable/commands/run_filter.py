@@ -13,7 +13,11 @@ from .settings import read_settings
 
 class Run(NamedTuple):
     """What ran: the name of the filter, the algorithm, the prior of the state, the record, the estimate; the files that
-    the record and the model came from, how the record was read, and the settings that were given."""
+    the record and the model came from, how the record was read, and the settings that were given.
+
+    `judged`: the estimate whose innovations tell whether the model explains the record: of the algorithm inside a change
+    detector, which counts process noise many times, else the estimate itself.
+    """
 
     filter: str
     algorithm: Any
@@ -24,6 +28,7 @@ class Run(NamedTuple):
     model_path: Path
     reading: dict[str, Any]
     settings: dict[str, Any]
+    judged: Estimate
 
 
 def as_data(run: Run) -> dict[str, Any]:
@@ -86,4 +91,6 @@ def run_filter(
         options["dt"] = file.model.dt
     measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
     result = estimate(algorithm, measured, prior=file.prior)
-    return Run(name, algorithm, file.prior, measured, result, record, model, options, chosen)
+    detects = name == "change-detection"
+    judged = estimate(algorithm.algorithm, measured, prior=file.prior, on_failure="keep") if detects else result
+    return Run(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)

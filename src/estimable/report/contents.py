@@ -30,7 +30,7 @@ class Chart(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One consistency check: its name, what it says, and whether it is met (None: it could not be judged)."""
+    """One consistency check: its name, what it says, and whether it is met (None: it says nothing of that)."""
 
     name: str
     sentence: str

@@ -22,12 +22,13 @@ from .contents import Fact, Report, Section, Verdict
 
 def report_of(
     result: Any, *, record: Record, algorithm: Any, prior: Prior, title: str = "Estimate", lead: Sequence[str] = (),
-    facts: Sequence[Fact] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (),
+    facts: Sequence[Fact] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (), judged: Any = None,
 ) -> Report:  # fmt: skip
     """A report of one `Estimate`, with what it was made from.
 
     `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that make it again;
-    `files`: whose SHA-256 is told. The same arguments give the same report, to the byte.
+    `files`: whose SHA-256 is told; `judged`: the `Estimate` whose innovations are checked besides (of the algorithm inside a
+    change detector, which counts process noise many times). The same arguments give the same report, to the byte.
 
     Raises `InputError` where the result has no rows over time.
     """
@@ -37,7 +38,7 @@ def report_of(
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
     return Report(
         title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]",
-        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), verdicts_of(result),
+        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged),
         (*sections_of(algorithm, record, prior), _versions(result, files)), tuple(commands),
     )  # fmt: skip
 
@@ -72,15 +73,28 @@ def _moments(result: Any, times: np.ndarray) -> list[Moment]:
     ]
 
 
+def _verdicts(result: Any, judged: Any) -> tuple[Verdict, ...]:
+    """The checks of a result; those of `judged`, where it is another, come first."""
+    if judged is None or judged is result:
+        return verdicts_of(result)
+    own = (verdict._replace(name=f"{verdict.name}, as shown above") for verdict in verdicts_of(result))
+    return (*verdicts_of(judged), *own)
+
+
 def verdicts_of(result: Any) -> tuple[Verdict, ...]:
     """The consistency checks of a result, those that can be made."""
+    name = "Size of the innovations (NIS)"
     try:
         check = nis(result.innovation, result.innovation_covariance)
     except InputError:
-        return (
-            Verdict("Size of the innovations (NIS)", "no output was seen with noise, so nothing can be judged", None),
-        )
-    return (Verdict("Size of the innovations (NIS)", check.sentence, check.consistent),)
+        return (Verdict(name, "no output was seen with noise, so nothing can be judged", None),)
+    if check.mean >= check.lower or "alarm" not in result.extra:
+        return (Verdict(name, check.sentence, check.consistent),)
+    band = check.sentence.split(":")[0]
+    cautious = (
+        "cautious on purpose: a detector counts process noise that lasts, so that it does not take it for a change"
+    )
+    return (Verdict(name, f"{band}: {cautious}", None),)
 
 
 def _versions(result: Any, files: Sequence[Path]) -> Section:

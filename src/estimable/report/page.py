@@ -12,7 +12,7 @@ import numpy as np
 from .contents import Chart, Fact, Key, Report, Section, Verdict
 
 HINT = "Drag over a diagram to zoom all of them, double-click to go back, point at a curve for its value."
-WORDS = {True: ("met", "✓ consistent"), False: ("unmet", "✗ not consistent"), None: ("unjudged", "– not judged")}
+WORDS = {True: ("met", "✓ consistent"), False: ("unmet", "✗ not consistent"), None: ("unjudged", "– no verdict")}
 SWATCHES = {
     "line": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5"/>',
     "dash": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5" stroke-dasharray="6 4"/>',

@@ -10,6 +10,7 @@ from plotly.subplots import make_subplots
 from .entries import Row
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")  # told apart by colour-blind eyes too
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 SYMBOLS = ("circle-open", "x", "square-open", "diamond-open", "cross")
 INK, FAINT = "#222222", "#767676"
 PANEL = 330  # pixels

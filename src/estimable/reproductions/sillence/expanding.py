@@ -74,7 +74,7 @@ def gain_over_time(gain: float) -> Any:
     return compute
 
 
-def draw_gains(gains: dict[str, np.ndarray], gain: float, *, within: tuple[float, float] = (-0.2, 1.6)) -> Any:
+def draw_gains(gains: dict[str, np.ndarray], gain: float, *, seconds: tuple[float, float] | None = None) -> Any:
     """The gain of the first draw, and mean ± 1 sigma of all, of each estimator (draws, T); the truth, and ± 20 %."""
     from .. import plots
 
@@ -82,10 +82,13 @@ def draw_gains(gains: dict[str, np.ndarray], gain: float, *, within: tuple[float
     truth = plots.Line("true gain", t, np.where(t >= FAILURE, gain, 1.0), plots.INK, width=1.5)
     lines = [truth, *plots.band(gain, 0.2, [FAILURE, t[-1]])]
     for i, (name, values) in enumerate(gains.items()):
-        lines.append(plots.Line(f"{name}, one draw", t, values[0], 2 * i, "dot", 1.2))
+        if len(gains) == 1:
+            lines.append(plots.Line(f"{name}, one draw", t, values[0], 0, "dot", 1.2))
         sigma = values.std(axis=0, ddof=1) if len(values) > 1 else None
-        lines.append(plots.Line(f"{name}, mean ± 1 sigma", t, values.mean(axis=0), 2 * i + 1, sigma=sigma))
-    return plots.over_time([plots.Panel("gain K", lines, within)])
+        colour, dash = (1, "solid") if len(gains) == 1 else (i, plots.DASHES[i])
+        lines.append(plots.Line(f"{name}, mean ± 1 sigma", t, values.mean(axis=0), colour, dash, sigma=sigma))
+    figure = plots.over_time([plots.Panel("gain K", lines, (-0.2, 1.6))])
+    return figure if seconds is None else figure.update_xaxes(range=seconds)
 
 
 def states_over_time(gain: float) -> Any:

@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from ...filters.bounded import Bounded
 from ...filters.change_detection import ChangeDetection
 from ...filters.moving_window import MovingWindow
-from ...filters.smoothed import Smoothed
 from ...plants import f16
 from ..entries import Reproduced, Row, drawn
 from .expanding import draw_gains
-from .flights import CONTINUOUS, FAILURE, GAINS, HELD, HELD_REMARK, SEED, STATE, filter_of, fly, reached, stayed
+from .flights import CONTINUOUS, FAILURE, GAIN, GAINS, HELD, HELD_REMARK, SEED, STATE, filter_of, fly, reached, stayed
 
+Treatment = Callable[[np.ndarray], np.ndarray]  # of the gains (T,) of a window
 LENGTH = 30  # samples
 WEIGHT = 0.9  # (85)
 WINDOW = dict(zip(GAINS, (0.02, 0.08, 0.12, 0.19, 0.23), strict=True))  # [s], Table 5
@@ -43,28 +42,41 @@ def window(**noise: float) -> MovingWindow:
     return MovingWindow(filter_of(**noise), LENGTH, state_prior=STATE)
 
 
-def chain(**noise: float) -> Smoothed:
-    """Window, then bounds, then smoothing."""
-    return Smoothed(Bounded(window(**noise), 0.0, 1.0), WEIGHT)
+def smoothed(weight: float, *, bounded: bool = False) -> Treatment:
+    """What the wrappers `Bounded` (to 0..1) and `Smoothed` do to the gains of a window, which they leave alone otherwise."""
+
+    def treat(gains: np.ndarray) -> np.ndarray:
+        from scipy.signal import lfilter
+
+        gains = np.clip(gains, 0.0, 1.0) if bounded else gains
+        start = [weight * GAIN.mean[0]]
+        return lfilter([1 - weight], [1.0, -weight], gains, zi=start)[0]  # (85)
+
+    return treat
+
+
+def plain(gains: np.ndarray) -> np.ndarray:
+    """The gains of the window as they are."""
+    return gains
 
 
 def table_5(draws: int) -> Reproduced:
     """Time to come within 20 % of the gain, windowed, smoothed, and by change detection."""
-    rows: list[Row] = []
-    for label, algorithm, printed in (("window", window(), WINDOW), ("smoothed", Smoothed(window(), WEIGHT), SMOOTHED)):
-        for gain in GAINS:
-            times = fly(algorithm, gain, draws, _first(gain)).values["time"]
-            rows.append(drawn(f"within 20 %, {label}, K1 = {gain}", "s", printed[gain], times))
+    treatments = {"window": (plain, WINDOW), "smoothed": (smoothed(WEIGHT), SMOOTHED)}
+    found = {
+        gain: fly(window(), gain, draws, _traces(gain, {k: t for k, (t, _) in treatments.items()})) for gain in GAINS
+    }
+    rows = [
+        drawn(f"within 20 %, {label}, K1 = {gain}", "s", printed[gain], found[gain].values[f"time, {label}"])
+        for label, (_, printed) in treatments.items()
+        for gain in GAINS
+    ]
     shown = tuple(rows)
     for gain in GAINS:
-        found = fly(ChangeDetection(filter_of()), gain, draws, _decision(gain), simulation=CONTINUOUS).values
-        rows.append(drawn(f"decision, change detection, K1 = {gain}", "s", None, found["decision"]))
-        rows.append(drawn(f"within 20 % for good, change detection, K1 = {gain}", "s", None, found["settled"]))
+        ours = fly(ChangeDetection(filter_of()), gain, draws, _decision(gain), simulation=CONTINUOUS).values
+        rows.append(drawn(f"decision, change detection, K1 = {gain}", "s", None, ours["decision"]))
+        rows.append(drawn(f"within 20 % for good, change detection, K1 = {gain}", "s", None, ours["settled"]))
     return Reproduced(tuple(rows), lambda: _times(shown), (HELD_REMARK, FIRST_REMARK, PRIOR_REMARK, DETECTION_REMARK))
-
-
-def _first(gain: float) -> Any:
-    return lambda _, estimate: {"time": reached(estimate.gain[:, 0], gain)}
 
 
 def _decision(gain: float) -> Any:
@@ -85,16 +97,21 @@ def _times(rows: tuple[Row, ...]) -> Any:
     return plots.beside(rows, labels, x="estimator, gain after the failure K1", y="time to 20 % [s]")
 
 
-def _traces(gain: float) -> Any:
+def _traces(gain: float, treatments: dict[str, Treatment]) -> Any:
+    """Of each treatment of the gains: the gains, their errors, and when they come within 20 %; and the window's sigma."""
+    before = slice(100, round(FAILURE * f16.RATE))
+    after = slice(round((FAILURE + 0.6) * f16.RATE), round(QUIET[0] * f16.RATE))
+
     def summary(_, estimate) -> dict[str, Any]:
-        estimated, sigma = estimate.gain[:, 0], np.sqrt(estimate.gain_covariance[:, 0, 0])
-        before = slice(100, round(FAILURE * f16.RATE))
-        after = slice(round((FAILURE + 0.6) * f16.RATE), round(QUIET[0] * f16.RATE))
-        return {
-            "gain": estimated, "sigma": sigma, "time": reached(estimated, gain),
-            "error_before": _rms(estimated[before] - 1.0), "error_after": _rms(estimated[after] - gain),
-            "inside": 100 * np.mean(np.abs(estimated[after] - gain) <= 2 * sigma[after]),
-        }  # fmt: skip
+        told = {"sigma": np.sqrt(estimate.gain_covariance[:, 0, 0])}
+        for label, treat in treatments.items():
+            gains = treat(estimate.gain[:, 0])
+            told |= {
+                label: gains, f"time, {label}": reached(gains, gain),
+                f"before, {label}": _rms(gains[before] - 1.0), f"after, {label}": _rms(gains[after] - gain),
+                f"inside, {label}": 100 * np.mean(np.abs(gains[after] - gain) <= 2 * told["sigma"][after]),
+            }  # fmt: skip
+        return told
 
     return summary
 
@@ -105,81 +122,78 @@ def _rms(error: np.ndarray) -> float:
 
 def _rows(label: str, values: dict[str, np.ndarray], *, time: float | None = None) -> list[Row]:
     return [
-        drawn(f"time to 20 %, {label}", "s", time, values["time"]),
-        drawn(f"RMS error 1 to 4.5 s, {label}", "", None, values["error_before"]),
-        drawn(f"RMS error 5.1 to 14 s, {label}", "", None, values["error_after"]),
+        drawn(f"time to 20 %, {label}", "s", time, values[f"time, {label}"]),
+        drawn(f"RMS error 1 to 4.5 s, {label}", "", None, values[f"before, {label}"]),
+        drawn(f"RMS error 5.1 to 14 s, {label}", "", None, values[f"after, {label}"]),
     ]
 
 
 def compare(
-    gain: float, algorithms: dict[str, Any], *, snr: float = 37.227, times: dict[str, float] | None = None,
-    within: tuple[float, float] = (-0.2, 1.6),
+    gain: float, treatments: dict[str, Treatment], *, snr: float = 37.227, times: dict[str, float] | None = None,
+    zoomed: bool = False,
 ) -> Callable[[int], Reproduced]:  # fmt: skip
-    """A picture of estimated gains: one draw, and mean ± 1 sigma over all."""
+    """A picture of the window's gains, each way treated: one draw, and mean ± 1 sigma over all."""
 
     def compute(draws: int) -> Reproduced:
-        found = {
-            label: fly(algorithm, gain, draws, _traces(gain), **NOISES[snr]).values
-            for label, algorithm in algorithms.items()
-        }
-        rows = [row for label, values in found.items() for row in _rows(label, values, time=(times or {}).get(label))]
-        gains = {label: values["gain"] for label, values in found.items()}
-        return Reproduced(tuple(rows), lambda: draw_gains(gains, gain, within=within), (HELD_REMARK, PRIOR_REMARK))
+        values = fly(window(**NOISES[snr]), gain, draws, _traces(gain, treatments), **NOISES[snr]).values
+        rows = [row for label in treatments for row in _rows(label, values, time=(times or {}).get(label))]
+        gains = {label: values[label] for label in treatments}
+        seconds = (FAILURE - 0.5, FAILURE + 1.5) if zoomed else None
+        return Reproduced(tuple(rows), lambda: draw_gains(gains, gain, seconds=seconds), (HELD_REMARK, PRIOR_REMARK))
 
     return compute
 
 
 def expanding_or_window(draws: int) -> Reproduced:
     """Fig. 28."""
-    return compare(0.6, {"expanding filter": filter_of(), "moving window": window()})(draws)
+    algorithms = {"expanding filter": filter_of(), "moving window": window()}
+    found = {label: fly(one, 0.6, draws, _traces(0.6, {label: plain})).values for label, one in algorithms.items()}
+    rows = [row for label, values in found.items() for row in _rows(label, values)]
+    gains = {label: values[label] for label, values in found.items()}
+    return Reproduced(tuple(rows), lambda: draw_gains(gains, 0.6), (HELD_REMARK, PRIOR_REMARK))
 
 
-def smoothings(draws: int) -> Reproduced:
-    """Fig. 30."""
-    algorithms = {"unsmoothed": window(), "weight 0.7": Smoothed(window(), 0.7), "weight 0.9": Smoothed(window(), 0.9)}
-    return compare(0.6, algorithms, times={"unsmoothed": WINDOW[0.6], "weight 0.9": SMOOTHED[0.6]})(draws)
-
-
-def smoothed_or_not(draws: int) -> Reproduced:
-    """Fig. 31."""
-    algorithms = {"moving window": window(), "smoothed": Smoothed(window(), WEIGHT)}
-    return compare(0.6, algorithms, times={"moving window": WINDOW[0.6], "smoothed": SMOOTHED[0.6]})(draws)
+SMOOTHINGS = {"unsmoothed": plain, "weight 0.7": smoothed(0.7), "weight 0.9": smoothed(WEIGHT)}
+smoothings = compare(0.6, SMOOTHINGS, times={"unsmoothed": WINDOW[0.6], "weight 0.9": SMOOTHED[0.6]}, zoomed=True)
+smoothed_or_not = compare(
+    0.6, {"moving window": plain, "smoothed": smoothed(WEIGHT)},
+    times={"moving window": WINDOW[0.6], "smoothed": SMOOTHED[0.6]},
+)  # fmt: skip
 
 
 def at_noise(snr: float, *, bounded: bool) -> Callable[[int], Reproduced]:
     """Figs. 32, 33, 36, 38 (the window) and 35, 37, 39 (bounded and smoothed)."""
-    noise = NOISES[snr]
-    algorithms = {"bounded and smoothed": chain(**noise)} if bounded else {"moving window": window(**noise)}
-    return compare(0.2, algorithms, snr=snr)
+    treatments = {"bounded and smoothed": smoothed(WEIGHT, bounded=True)} if bounded else {"moving window": plain}
+    return compare(0.2, treatments, snr=snr)
 
 
 def command_and_gain(draws: int) -> Reproduced:
     """Fig. 29: the window's estimate is poor where the command is quiet."""
-    values = fly(window(), 0.6, draws, _traces(0.6)).values
+    values = fly(window(), 0.6, draws, _traces(0.6, {"moving window": plain})).values
 
     def figure() -> Any:
         from .. import plots
 
         flight = f16.flight(0.6, seed=SEED, simulation=HELD)
-        t, sigma = flight.record.t, values["gain"].std(axis=0, ddof=1) if draws > 1 else None
+        t, sigma = flight.record.t, values["moving window"].std(axis=0, ddof=1) if draws > 1 else None
         estimated = [
             plots.Line("true gain", t, flight.gain, plots.INK, width=1.5),
-            plots.Line("moving window, one draw", t, values["gain"][0], 0, "dot", 1.2),
-            plots.Line("moving window, mean ± 1 sigma", t, values["gain"].mean(axis=0), 1, sigma=sigma),
+            plots.Line("moving window, one draw", t, values["moving window"][0], 0, "dot", 1.2),
+            plots.Line("moving window, mean ± 1 sigma", t, values["moving window"].mean(axis=0), 1, sigma=sigma),
         ]
         command = [plots.Line("pitch-rate command", t, flight.command, 2)]
         return plots.over_time([plots.Panel("gain K", estimated, (-0.2, 1.6)), plots.Panel("command [deg/s]", command)])
 
-    t = np.arange(values["gain"].shape[1]) / f16.RATE
+    t = np.arange(values["moving window"].shape[1]) / f16.RATE
     quiet = (t > QUIET[0]) & (t < QUIET[1])
-    spread = values["gain"].std(axis=0, ddof=1) if draws > 1 else np.full(len(t), np.nan)
+    spread = values["moving window"].std(axis=0, ddof=1) if draws > 1 else np.full(len(t), np.nan)
     rows = (
         *_rows("moving window", values, time=WINDOW[0.6]),
         Row(
             "scatter of the estimate, 6 to 14 s",
             "",
             None,
-            float(np.sqrt(np.mean(spread[(t > 6) & (t < QUIET[0])] ** 2))),
+            float(np.sqrt(np.mean(spread[(t > 6.0) & (t < QUIET[0])] ** 2))),
         ),
         Row("scatter of the estimate, 14 to 16 s, quiet", "", None, float(np.sqrt(np.mean(spread[quiet] ** 2)))),
     )
@@ -188,15 +202,17 @@ def command_and_gain(draws: int) -> Reproduced:
 
 def two_sigma(draws: int) -> Reproduced:
     """Fig. 34: how often the estimate lies within its own two sigma."""
-    values = fly(window(), 0.6, draws, _traces(0.6)).values
+    values = fly(window(), 0.6, draws, _traces(0.6, {"moving window": plain})).values
 
     def figure() -> Any:
         from .. import plots
 
-        t = np.arange(values["gain"].shape[1]) / f16.RATE
+        t = np.arange(values["moving window"].shape[1]) / f16.RATE
         truth = plots.Line("true gain", t, np.where(t >= FAILURE, 0.6, 1.0), plots.INK, width=1.5)
-        band = plots.Line("moving window ± 2 sigma, one draw", t, values["gain"][0], 1, sigma=2 * values["sigma"][0])
+        band = plots.Line(
+            "moving window ± 2 sigma, one draw", t, values["moving window"][0], 1, sigma=2 * values["sigma"][0]
+        )
         return plots.over_time([plots.Panel("gain K", [truth, band], (-0.2, 1.6))])
 
-    row = drawn("estimates within their 2 sigma, 5.1 to 14 s", "%", 95.0, values["inside"])
+    row = drawn("estimates within their 2 sigma, 5.1 to 14 s", "%", 95.0, values["inside, moving window"])
     return Reproduced((row,), figure, (HELD_REMARK, PRIOR_REMARK))
