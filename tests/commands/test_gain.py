@@ -22,7 +22,7 @@ KEYS = {
 def flight():
     file = read_model(path("f16-model.toml"))
     record = read_record(path("f16-flight.csv"), outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
-    return estimate(catalogue.build("unknown-gain", file), record, prior=file.prior)
+    return estimate(catalogue.build("change-detection", file), record, prior=file.prior)
 
 
 def test_demo_is_gain_on_the_packaged_flight(run):
@@ -84,17 +84,39 @@ def test_demo_says_what_the_estimate_says(run, flight):
     said = run("demo", "--json").json
     assert said["outcome"] == {"code": 0, "sentence": ""}
     assert (said["samples"], said["seconds"]) == (1201, 12.0)
-    assert (said["failure_time_s"], said["detected_at_s"]) == (None, None)
+    [change] = said["changes"]
+    assert (said["failure_time_s"], said["detected_at_s"]) == (change["onset_s"], change["detected_at_s"])
     assert said["gain_after"] == pytest.approx(flight.gain[flight.t > 10, 0].mean(), rel=1e-12)
     assert said["gain_after_sigma"] == pytest.approx(np.sqrt(flight.gain_covariance[-1, 0, 0]), rel=1e-12)
-    before = (flight.t > 2) & (flight.t <= 4)
+    onset = change["onset"]
+    before = (flight.t > flight.t[onset - 1] - 2) & (np.arange(len(flight.t)) < onset)
     assert said["gain_before"] == pytest.approx(flight.gain[before, 0].mean(), rel=1e-12)
-    assert said["gain_before_sigma"] == pytest.approx(np.sqrt(flight.gain_covariance[before][-1, 0, 0]), rel=1e-12)
+    assert said["gain_before_sigma"] == pytest.approx(np.sqrt(flight.gain_covariance[onset - 1, 0, 0]), rel=1e-12)
     assert said["log_likelihood"] == pytest.approx(flight.log_likelihood, rel=1e-12)
+
+
+def test_the_loss_of_the_demo_is_found_soon_and_as_large_as_it_is(run):
+    said = run("demo", "--json").json
+    assert abs(said["failure_time_s"] - 4.5) < 0.1  # the truth
+    assert 4.5 < said["detected_at_s"] < 5.0
+    assert 0.47 < said["gain_after"] < 0.53
+    assert abs(said["gain_after"] - 0.5) < 2 * said["gain_after_sigma"]
+    assert abs(said["gain_before"] - 1.0) < 2 * said["gain_before_sigma"]
+
+
+def test_the_check_is_of_the_filter_inside_the_detector(run):
+    said = run("demo", "--json").json["nis"]
+    assert 1.95 < said["mean"] < 1.97
+    assert said["lower"] < said["mean"] < said["upper"]
+    assert said["consistent"] is True
+
+
+def test_without_detection_no_change_is_told(run):
+    said = run("gain", path("f16-flight.csv"), "--model", path("f16-model.toml"), "--filter", "unknown-gain", "--json").json
+    assert (said["failure_time_s"], said["detected_at_s"], said["changes"]) == (None, None, [])
+    assert said["filter"] == "unknown-gain"
     assert 0.48 < said["gain_after"] < 0.50
-    assert 1.95 < said["nis"]["mean"] < 1.97
-    assert said["nis"]["lower"] < said["nis"]["mean"] < said["nis"]["upper"]
-    assert said["nis"]["consistent"] is True
+    assert said["before_s"] == [2.0, 4.0]
 
 
 @pytest.mark.parametrize("width", [60, 80])

@@ -9,7 +9,7 @@ from .gain_report import write_gain_report
 from .gain_summary import gain_summary
 from .run_filter import Run, run_filter
 
-DETECTOR = "unknown-gain"
+DETECTOR = "change-detection"
 
 
 def gain(

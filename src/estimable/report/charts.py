@@ -53,11 +53,12 @@ def charts_of(result: Any, measured: dict[str, Measured], changes: Sequence[Mome
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []
     unit = "" if result.t is None else " s"
+    units = {result.names.labelled(name): unit for name, unit in result.names.units}
     order = {"gain": 0, "state": 1, "innovation": 2}
     for band in sorted(bands(result), key=lambda band: order[band.kind])[:MOST_CHARTS]:
         thin = band._replace(middle=band.middle[rows], sigma=None if band.sigma is None else band.sigma[rows])
         if band.kind == "innovation":
-            panels.append(_innovation(thin, cropped(band)))
+            panels.append(_innovation(thin, cropped(band), units.get(band.name, "")))
         elif band.kind == "gain":
             marks = [change for change in changes if change.gain == band.name]
             panels.append(_estimate(thin, GAIN, cropped(band), None, marks, unit))
@@ -83,13 +84,14 @@ def _estimate(
         keys.append(Key(f"measured {output.output}", MEASURED, "dots" if _is_sparse(output.values) else "line"))
     traces.append(_line(middle, sigma, band.name, colour))
     keys += _mark_keys(marks, unit)
-    label = f"{band.name} [{output.unit}]" if output is not None and output.unit else band.name
-    layout = {"yaxis": {"title": {"text": label}, "range": within}, **_marked(marks)}
+    measured = "" if output is None else output.unit
+    label = f"{band.name} [{measured}]" if measured else band.name
+    layout = {"yaxis": {"title": {"text": measured}, "range": within}, **_marked(marks)}
     heading = "Gain" if band.name == "gain" else f"{band.kind.capitalize()} {label}"
     return Chart(heading, tuple(keys), tuple(traces), layout)
 
 
-def _innovation(band: Band, within: Any) -> Chart:
+def _innovation(band: Band, within: Any, unit: str) -> Chart:
     """Innovations and their bounds."""
     line = {"width": 1.0, "color": INNOVATION}
     traces = [
@@ -101,7 +103,7 @@ def _innovation(band: Band, within: Any) -> Chart:
         sigma = np.where(np.isfinite(band.sigma), band.sigma, np.nan)
         traces += [{"y": packed(side * 2 * sigma), **bound} for side in (1, -1)]
         keys.append(Key("± 2 sigma: 95 of 100 inside", BOUND, "dash"))
-    layout = {"yaxis": {"title": {"text": f"{band.name}"}, "range": within}}
+    layout = {"yaxis": {"title": {"text": unit}, "range": within}}
     return Chart(f"Innovation of {band.name}", tuple(keys), tuple(traces), layout)
 
 

@@ -12,11 +12,10 @@
     const size = narrow() ? 13 : 15;
     const font = { family: 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif', size: size, color: "#1a1a1a" };
     const y = Object.assign({}, axis, chart.layout.yaxis);
-    if (narrow()) y.title = { text: "" };
     return Object.assign({}, chart.layout, {
       autosize: true, font: font, showlegend: false, hovermode: "x unified", dragmode: "zoom",
       paper_bgcolor: "#fff", plot_bgcolor: "#fff", hoverlabel: { font: font },
-      margin: { l: narrow() ? 58 : 82, r: 12, t: 10, b: 48 },
+      margin: { l: narrow() ? 62 : 76, r: 12, t: 10, b: 48 },
       xaxis: Object.assign({}, axis, { title: { text: page.timeAxis }, range: [x[0], x[x.length - 1]] }),
       yaxis: y
     });
@@ -36,6 +35,6 @@
         .then(() => { linking = false; });
     });
   }
-  window.addEventListener("beforeprint", () => charts.forEach(([place]) => Plotly.relayout(place, { width: 680, height: 250 })));
+  window.addEventListener("beforeprint", () => charts.forEach(([place]) => Plotly.relayout(place, { width: 670, height: 205 })));
   window.addEventListener("afterprint", () => charts.forEach(([place]) => Plotly.relayout(place, { autosize: true, width: null, height: null })));
 })();
