@@ -4,7 +4,7 @@ from pathlib import Path
 
 from . import options, show
 from .destination import check_destination
-from .gain import DETECTOR, present
+from .gain import present
 from .run_filter import run_filter
 
 NEXT = ("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", "A model file to start from:")
@@ -26,7 +26,7 @@ def demo(report: options.Report = Path("report.html"), machine: options.Machine 
 
     check_destination("--report", report, ".html")
     with show.working("Estimating the gain"):
-        run = run_filter(DETECTOR, path("f16-flight.csv"), path("f16-model.toml"))
+        run = run_filter(None, path("f16-flight.csv"), path("f16-model.toml"))
     present("demo", run, machine, report, command="estimable demo", story=(STORY,))
     if not machine:
         show.notes(*NEXT, f"  {run.model_path}")

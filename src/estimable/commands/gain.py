@@ -9,13 +9,11 @@ from .gain_report import write_gain_report
 from .gain_summary import gain_summary
 from .run_filter import Run, run_filter
 
-DETECTOR = "change-detection"
-
 
 def gain(
     record: options.Record,
     model: options.Model,
-    name: options.GainFilter = DETECTOR,
+    name: options.GainFilter = None,
     report: options.Report = None,
     settings: options.Set = None,
     time: options.Time = None,

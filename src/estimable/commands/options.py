@@ -21,7 +21,7 @@ HORIZON_HELP = "Judge after so many samples (seconds, of a continuous model)."
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
-GAIN_FILTER_HELP = "The filter of the gain to run."
+GAIN_FILTER_HELP = "The filter of the gain, as unknown-gain; without it change-detection."
 UNKNOWN_HELP = "An input that nobody measured, for unknown-input; instead of the model file's. May be repeated."
 SET_HELP = "A setting of the filter, as walk=0.02. May be repeated."
 TIME_HELP = "The column of seconds, instead of the model file's."
@@ -39,7 +39,7 @@ CheckedModel = Annotated[Path, typer.Argument(metavar="MODEL", help=CHECKED_MODE
 CheckStep = Annotated[float | None, _option("--dt", "SECONDS", CHECK_STEP_HELP)]
 Horizon = Annotated[float | None, _option("--horizon", "LENGTH", HORIZON_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
-GainFilter = Annotated[str, typer.Option("--filter", metavar="NAME", help=GAIN_FILTER_HELP)]
+GainFilter = Annotated[str | None, _option("--filter", "NAME", GAIN_FILTER_HELP)]
 Unknown = Annotated[list[str] | None, _option("--unknown", "NAME", UNKNOWN_HELP)]
 Set = Annotated[list[str] | None, _option("--set", "NAME=VALUE", SET_HELP)]
 Time = Annotated[str | None, _option("--time", "NAME", TIME_HELP)]

@@ -4,8 +4,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .. import catalogue, checks
 from ..data.record import Record
+from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..results import Estimate
 from .settings import read_settings
@@ -58,8 +61,14 @@ def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, 
     return {name: value for name, value in section.items() if name not in replaced} | given
 
 
+def gain_filter(file: ModelFile) -> str:
+    """The filter of a gain where none is asked for: it looks for changes where the gain's prior says how large they may be."""
+    sizes = () if file.gain is None else np.diagonal(file.gain.prior.covariance)
+    return "change-detection" if np.all(np.asarray(sizes) > 0) else "unknown-gain"
+
+
 def run_filter(
-    name: str,
+    name: str | None,
     record: Path,
     model: Path,
     *,
@@ -67,7 +76,7 @@ def run_filter(
     unknown: Iterable[str] = (),
     reading: dict[str, Any] | None = None,
 ) -> Run:
-    """Read a model file and a record, and run the filter `name` of the catalogue.
+    """Read a model file and a record, and run the filter `name` of the catalogue (None: `gain_filter`).
 
     `settings`: texts name=value. `unknown`: inputs that nobody measured. `reading`: arguments of `read_record`
     instead of those in the model file.
@@ -78,13 +87,14 @@ def run_filter(
     from ..models.files import read_model
     from ..run.estimate import estimate
 
-    if catalogue.entry(name).kind != "filter":
+    if name is not None and catalogue.entry(name).kind != "filter":
         filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
         checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
     chosen = read_settings(settings)
     if unknown:
         chosen["unknown"] = tuple(unknown)
     file = read_model(model)
+    name = gain_filter(file) if name is None else name
     algorithm = catalogue.build(name, file, **chosen)
     options = record_options(file.record, reading or {})
     if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
