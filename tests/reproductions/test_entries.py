@@ -9,20 +9,7 @@ from estimable import InputError, reproductions
 from estimable.commands.show import plain
 
 DONE = [entry.name for entry in reproductions.ENTRIES if entry.compute is not None]
-FEW = 3  # draws: enough for a mean and a sigma
-
-
-@pytest.fixture(scope="module")
-def results():
-    """Each result once."""
-    found = {}
-
-    def result(name):
-        if name not in found:
-            found[name] = reproductions.reproduce(name, draws=FEW)
-        return found[name]
-
-    return result
+FEW = 4  # draws of the results: enough for a mean and a sigma
 
 
 def test_every_table_and_figure_of_the_sources_is_listed_once():
