@@ -37,7 +37,7 @@ def _facts(run: Run, summary: GainSummary) -> Any:
             yield Fact(f"{_of(name)} {word}", _spread(window, i), _when(window))
         gain, spread = float(summary.after.mean[i]), 2 * float(summary.after.sigma[i])
         if lost:
-            yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread, unit=" %"), _when(summary.after))
+            yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread) + " %", _when(summary.after))
 
 
 def _of(name: str) -> str:
@@ -49,7 +49,7 @@ def _spread(window: GainWindow, i: int) -> str:
 
 
 def _when(window: GainWindow) -> str:
-    return f"{window.start:.4g} to {window.end:.4g} s, ± 2 sigma"
+    return f"{window.start:.4g} to {window.end:.4g} s, 2 sigma"
 
 
 def _script(run: Run) -> str:

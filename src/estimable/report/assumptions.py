@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import checks
 from ..data.record import Record
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
@@ -30,10 +31,13 @@ def _algorithm(algorithm: Any) -> Any:
     """Each wrapper and what it wraps, outermost first, with its settings."""
     from ..catalogue import ENTRIES
 
+    detects = False
     while algorithm is not None:
         entry = next((entry for entry in ENTRIES if type(algorithm) is entry.cls), None)
         assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
         settings = _settings(algorithm)
+        settings += " (walk and forgetting count without detection only)" if detects else ""
+        detects = hasattr(algorithm, "seconds_between_false_alarms")
         yield type(algorithm).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
         algorithm = getattr(algorithm, "algorithm", None)
 
@@ -89,7 +93,9 @@ def _spreads(prior: Prior) -> list[str]:
 
 def _model(model: StateSpace) -> Any:
     kind = "continuous, discretised exactly at each step" if model.is_continuous else f"discrete, dt = {model.dt:g} s"
-    yield "Kind", f"linear, {kind}; {model.n} states, {model.m} inputs, {model.p} outputs"
+    counts = ((model.n, "state"), (model.m, "input"), (model.p, "output"))
+    sizes = ", ".join(checks.counted(size, what) for size, what in counts)
+    yield "Kind", f"linear, {kind}; {sizes}"
     density = "density per second" if model.is_continuous else "covariance of a step"
     meanings = {"A": "", "B": "", "C": "", "D": "", "Q": f"process noise, {density}", "R": "sensor noise of a sample"}
     for letter, meaning in meanings.items():

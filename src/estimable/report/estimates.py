@@ -77,8 +77,9 @@ def _verdicts(result: Any, judged: Any) -> tuple[Verdict, ...]:
     """The checks of a result; those of `judged`, where it is another, come first."""
     if judged is None or judged is result:
         return verdicts_of(result)
+    without = (verdict._replace(name=f"{verdict.name}, without detection") for verdict in verdicts_of(judged))
     own = (verdict._replace(name=f"{verdict.name}, as shown above") for verdict in verdicts_of(result))
-    return (*verdicts_of(judged), *own)
+    return (*without, *own)
 
 
 def verdicts_of(result: Any) -> tuple[Verdict, ...]:

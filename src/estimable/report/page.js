@@ -15,7 +15,7 @@
     return Object.assign({}, chart.layout, {
       autosize: true, font: font, showlegend: false, hovermode: "x unified", dragmode: "zoom",
       paper_bgcolor: "#fff", plot_bgcolor: "#fff", hoverlabel: { font: font },
-      margin: { l: narrow() ? 62 : 76, r: 12, t: 10, b: 48 },
+      margin: { l: narrow() ? 68 : 86, r: 12, t: 10, b: 48 },
       xaxis: Object.assign({}, axis, { title: { text: page.timeAxis }, range: [x[0], x[x.length - 1]] }),
       yaxis: y
     });
