@@ -97,7 +97,7 @@ def changes_of(result: Any) -> tuple[Any, ...]:
     """The changes that a detector found; none where none was looked for."""
     from .. import diagnostics
 
-    return diagnostics.changes(result) if "alarm" in result.extra else ()  # pyright: ignore
+    return diagnostics.changes(result) if "alarm" in result.extra else ()
 
 
 def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float) -> GainWindow:

@@ -69,7 +69,7 @@ def _moments(result: Any, times: np.ndarray) -> list[Moment]:
 
     return [
         Moment(change.gain, float(times[change.onset]), float(times[change.detected_at]))
-        for change in diagnostics.changes(result)  # pyright: ignore
+        for change in diagnostics.changes(result)
     ]
 
 

@@ -1,6 +1,7 @@
 """The flights of chapter 5: a gain that drops at 4.5 s, flown many times, and how an estimate of it is judged."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ GAINS = (0.8, 0.6, 0.4, 0.2, 0.1)  # K1
 FAILURE = 4.5  # [s]
 BAND = 0.2  # |K - K1| <= .2 K1
 SEED = 1999
+NOMINAL = MappingProxyType({"sigma_alpha": f16.SIGMA_ALPHA, "sigma_q": f16.SIGMA_Q})  # 37.227 dB
 STATE = Prior([-1.4414, -2.4314], [[0.1, 0.0], [0.0, 1.0]])  # poor on purpose, as in the thesis
 GAIN = Prior([0.8], [[0.4]])
 HELD, CONTINUOUS = f16.SIMULATIONS[1], f16.SIMULATIONS[0]
@@ -30,9 +32,9 @@ def filter_of(**noise: float) -> UnknownGain:
 
 def fly(
     algorithm: Any, gain: float, draws: int, summary: Callable[[Any, Any], dict[str, Any]], *, simulation: str = HELD,
-    **noise: float,
+    noise: Mapping[str, float] = NOMINAL,
 ) -> MonteCarlo:  # fmt: skip
-    """Estimate over `draws` flights in which the gain drops to `gain`."""
+    """Estimate over `draws` flights in which the gain drops to `gain`; `noise`: sigmas of the sensors."""
     draw = f16.drawn_flight(gain, failure_time=FAILURE, simulation=simulation, **noise)
     return monte_carlo(algorithm, draw, prior=STATE, runs=draws, seed=SEED, summary=summary)
 
@@ -72,5 +74,6 @@ def stayed(estimated: np.ndarray, gain: float, *, seconds: float) -> float:
     """
     inside = within(estimated, gain)
     length = round(seconds * f16.RATE)
-    runs = np.convolve(inside, np.ones(length), "valid") > length - 0.5
+    counts = np.cumsum(np.append(0, inside))
+    runs = counts[length:] - counts[:-length] == length
     return int(np.argmax(runs)) / f16.RATE if runs.any() else float("nan")

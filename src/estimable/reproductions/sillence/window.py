@@ -135,7 +135,7 @@ def compare(
     """A picture of the window's gains, each way treated: one draw, and mean ± 1 sigma over all."""
 
     def compute(draws: int) -> Reproduced:
-        values = fly(window(**NOISES[snr]), gain, draws, _traces(gain, treatments), **NOISES[snr]).values
+        values = fly(window(**NOISES[snr]), gain, draws, _traces(gain, treatments), noise=NOISES[snr]).values
         rows = [row for label in treatments for row in _rows(label, values, time=(times or {}).get(label))]
         gains = {label: values[label] for label in treatments}
         seconds = (FAILURE - 0.5, FAILURE + 1.5) if zoomed else None
