@@ -236,6 +236,24 @@ def test_a_large_model_hides_one_state_among_a_hundred():
     assert np.allclose(found.directions, np.eye(n)[-1:], atol=1e-8)
 
 
+def test_a_change_of_the_size_of_the_distance_hides_a_direction():
+    """By modes: the singular vector of [F - λ, M] that belongs to its smallest singular value gives the change."""
+    rng = np.random.default_rng(4)
+    T = rng.normal(size=(4, 4))
+    F = T @ np.diag([0.9, 0.5, -0.3, 0.1]) @ np.linalg.inv(T)
+    M = rng.normal(size=(4, 1))
+    F, M = F / np.linalg.norm(F), M / np.linalg.norm(M)
+    distance = hidden_modes(F, M)[1]
+    changes = []
+    for λ in np.linalg.eigvals(F).real:
+        pencil = np.hstack([F - λ * np.eye(4), M])
+        U, σ, Vt = np.linalg.svd(pencil, full_matrices=False)
+        change = -σ[-1] * np.outer(U[:, -1], Vt[-1])
+        assert reach(F + change[:, :4], M + change[:, 4:]).distance < 1e-12
+        changes.append(np.linalg.norm(change, 2))
+    assert np.isclose(distance, min(changes), rtol=1e-9)
+
+
 def test_a_pair_that_one_method_overlooks_is_found_by_the_other():
     rng = np.random.default_rng(0)
     F = rng.normal(size=(60, 60))

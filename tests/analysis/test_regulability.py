@@ -78,6 +78,17 @@ def test_steady_state_is_the_regulator():
     assert np.allclose(found.singular_values, np.linalg.svd(np.hstack(blocks), compute_uv=False), rtol=1e-10)
 
 
+def test_without_a_terminal_weight_an_unstable_model_ends_with_that_of_the_way():
+    A, B, L, M, _ = problem(6)
+    model = StateSpace(2 * A, B, dt=1)
+    found, given = regulability(model, L, M, horizon=5), regulability(model, L, M, horizon=5, terminal=L)
+    assert np.array_equal(found.covariance, given.covariance)
+    stable = StateSpace(A, B, dt=1)
+    assert np.allclose(
+        regulability(stable, L, M, horizon=5).prior_covariance, regulability(stable, L, M).prior_covariance
+    )
+
+
 def test_continuous_time():
     A = case(2, (4, 1, 3)).model.A - 1.2 * np.eye(4)
     B, L, M = np.eye(4)[:, :1], np.eye(4), np.eye(1)

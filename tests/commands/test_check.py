@@ -94,6 +94,16 @@ def test_inputs_that_nobody_measured(run, write_model):
     assert "unknown inputs can be told" in run("check", "model.toml").stdout
 
 
+def test_a_model_that_varies_is_judged_over_its_rows(run, tmp_path):
+    (tmp_path / "model.py").write_text(
+        "import numpy as np\nfrom estimable import *\n"
+        "model = StateSpace(1.1 * np.ones((4, 1, 1)), Q=[[1.0]], R=[[1.0]], dt=1)\nprior = Prior([0.0], [[1.0]])\n"
+    )
+    said = run("check", "model.py", "--json").json
+    assert (said["horizon"], said["estimable"], said["answers"]["detectable"]["answer"]) == (4, True, None)
+    assert "not asked" in run("check", "model.py").stdout
+
+
 def test_what_is_wrong_is_said(run, write_model):
     write_model(HIDING)
     assert "there" in run("check", "other.toml").stderr

@@ -8,7 +8,7 @@ from .. import checks
 from ..frozen import frozen, static
 from ..models.state_space import StateSpace
 from .assessment import Assessment, assess
-from .estimability import moments_of, read_horizon
+from .estimability import moments_of, read_horizon, start_of
 from .moments import Problem
 from .tolerance import check_size
 
@@ -76,10 +76,11 @@ def regulability(
     faults.finish()
     assert weights is not None
     L, M, terminal = weights
-    if terminal is None and model.varying:
-        terminal = L if L.ndim == 2 else L[-1]
     steps = None if horizon is None or model.is_continuous else int(horizon)
-    moments = moments_of(dual(model, L, M, steps), terminal, horizon, model.is_continuous)
+    problem = dual(model, L, M, steps)
+    if horizon is not None and terminal is None:
+        terminal = start_of(problem, model.is_continuous, otherwise=problem.at(0).Q)
+    moments = moments_of(problem, terminal, horizon, model.is_continuous)
     return Regulability(**assess(moments), states=model.states, inputs=model.inputs, horizon=horizon)
 
 

@@ -47,7 +47,8 @@ def checked(path: Path, *, dt: float | None = None, horizon: float | None = None
     file = read_model(path)
     model = _sampled(file, dt)
     steps = _horizon(model, horizon)
-    prior = None if steps is None or file.prior.diffuse is not None else file.prior
+    steady = steps is None and not model.varying
+    prior = None if steady or file.prior.diffuse is not None else file.prior
     return Checked(
         path,
         file,
@@ -74,7 +75,7 @@ def _horizon(model: StateSpace, horizon: float | None) -> float | None:
     if horizon is not None:
         return horizon if model.is_continuous or horizon != int(horizon) else int(horizon)
     λ = np.linalg.eigvals(model.A)
-    if np.all(λ.real < 0 if model.is_continuous else np.abs(λ) < 1):
+    if model.varying or np.all(λ.real < 0 if model.is_continuous else np.abs(λ) < 1):
         return None
     return 2 * model.n if not model.is_continuous else float(2 * model.n / (np.abs(λ).max() or 1.0))
 
@@ -170,7 +171,7 @@ def _verdicts(found: Checked) -> Any:
     table = _table("", "answer", "distance")
     for name, said in answers(found).items():
         distance = "" if said["distance"] is None else f"{said['distance']:.2g}"
-        table.add_row(WORDS[name], said["answer"], distance)
+        table.add_row(WORDS[name], said["answer"] or "not asked", distance)
     return table
 
 
@@ -197,8 +198,8 @@ def _table(first: str, *others: str) -> Any:
     return table
 
 
-def _yes(answer: bool | None) -> str:
-    return "yes" if answer else "no"
+def _yes(answer: bool | None) -> str | None:
+    return None if answer is None else "yes" if answer else "no"
 
 
 def _named(g: np.ndarray, names: tuple[str, ...]) -> dict[str, float]:

@@ -16,6 +16,7 @@ ZERO = 1e-12          # relative size below which a coupling is rounding
 DOUBTFUL = 1e-8       # and below which nobody can say
 NEAR = 1e-3           # eigenvalues this close, relative to the norm of F, may hide one another
 NEIGHBOURS = 8        # of which so many are looked at together
+CLOSEST = 4           # modes that are looked at without restriction, which costs a decomposition each
 Real = np.ndarray
 
 
@@ -65,25 +66,40 @@ def hidden_modes(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, fl
     """The left eigenvectors that M does not reach (an orthonormal real basis), and how near the others come to it.
 
     For each λ the smallest singular values of [F - λ, M] over the span of the eigenvectors near it: a rank test, so that
-    a repeated eigenvalue is tested on its whole eigenspace.
+    a repeated eigenvalue is tested on its whole eigenspace. Where they are smallest, of [F - λ, M] itself.
     """
     from scipy.linalg import orth
 
-    F = F / (np.linalg.norm(F) or 1.0)
-    M = M / (np.linalg.norm(M) or 1.0)
+    F, M = F / (np.linalg.norm(F) or 1.0), M / (np.linalg.norm(M) or 1.0)
     λ, right = np.linalg.eig(F.T)
     left = right.conj()                                                    # f*F = λ f*
-    nearest, hidden = np.inf, []
-    for i in np.flatnonzero(np.imag(λ) >= 0):
-        gaps = np.abs(λ - λ[i])
-        near = np.argsort(gaps, kind="stable")[:NEIGHBOURS]
-        E = np.linalg.qr(left[:, near[gaps[near] <= NEAR]])[0]
-        U, σ, _ = np.linalg.svd(E.conj().T @ np.hstack([F - λ[i] * np.eye(len(F)), M]), full_matrices=False)
-        nearest = min(nearest, float(σ[-1]))
-        f = E @ U[:, σ <= ZERO]
-        hidden += [np.real(f), np.imag(f)]
-    found = np.hstack(hidden)
-    return orth(found, rcond=1e-6) if np.any(found) else np.zeros((len(F), 0)), nearest
+    modes = [_mode(F, M, λ, left, int(i)) for i in np.flatnonzero(np.imag(λ) >= 0)]
+    modes.sort(key=lambda mode: mode.distance)
+    modes[:CLOSEST] = [_mode_exactly(F, M, mode.λ) for mode in modes[:CLOSEST]]
+    found = np.hstack([part(mode.f) for mode in modes for part in (np.real, np.imag)])
+    hidden = orth(found, rcond=1e-6) if np.any(found) else np.zeros((len(F), 0))
+    return hidden, min(mode.distance for mode in modes)
+
+
+class _Mode(NamedTuple):
+    """An eigenvalue, the left eigenvectors of it that M does not reach (n, k), and how near the others come to it."""
+
+    λ: complex
+    f: Real
+    distance: float
+
+
+def _mode(F: Real, M: Real, λ: Real, left: Real, i: int) -> _Mode:
+    gaps = np.abs(λ - λ[i])
+    near = np.argsort(gaps, kind="stable")[:NEIGHBOURS]
+    E = np.linalg.qr(left[:, near[gaps[near] <= NEAR]])[0]
+    U, σ, _ = np.linalg.svd(E.conj().T @ np.hstack([F - λ[i] * np.eye(len(F)), M]), full_matrices=False)
+    return _Mode(complex(λ[i]), E @ U[:, σ <= ZERO], float(σ[-1]))
+
+
+def _mode_exactly(F: Real, M: Real, λ: complex) -> _Mode:
+    U, σ, _ = np.linalg.svd(np.hstack([F - λ * np.eye(len(F)), M]), full_matrices=False)
+    return _Mode(λ, U[:, σ <= ZERO], float(σ[-1]))
 
 
 def complement(V: Float[Real, "n r"]) -> Float[Real, "n k"]:
