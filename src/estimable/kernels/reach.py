@@ -16,7 +16,7 @@ ZERO = 1e-12          # relative size below which a coupling is rounding
 DOUBTFUL = 1e-8       # and below which nobody can say
 NEAR = 1e-3           # eigenvalues this close, relative to the norm of F, may hide one another
 NEIGHBOURS = 8        # of which so many are looked at together
-CLOSEST = 4           # modes that are looked at without restriction, which costs a decomposition each
+CLOSEST = 4           # modes that are looked at without restriction, which costs a decomposition each; more of small F
 Real = np.ndarray
 
 
@@ -75,7 +75,8 @@ def hidden_modes(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, fl
     left = right.conj()                                                    # f*F = λ f*
     modes = [_mode(F, M, λ, left, int(i)) for i in np.flatnonzero(np.imag(λ) >= 0)]
     modes.sort(key=lambda mode: mode.distance)
-    modes[:CLOSEST] = [_mode_exactly(F, M, mode.λ) for mode in modes[:CLOSEST]]
+    closest = max(CLOSEST, 500 // len(F))
+    modes[:closest] = [_mode_exactly(F, M, mode.λ) for mode in modes[:closest]]
     found = np.hstack([part(mode.f) for mode in modes for part in (np.real, np.imag)])
     hidden = orth(found, rcond=1e-6) if np.any(found) else np.zeros((len(F), 0))
     return hidden, min(mode.distance for mode in modes)
