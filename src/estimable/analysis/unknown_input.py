@@ -123,7 +123,14 @@ def existence(model: StateSpace, columns: tuple[int, ...], *, steady: bool = Fal
     values = np.zeros(0, complex) if zeros is None else zeros.values
     outside = values.real >= -ON_THE_CIRCLE if model.is_continuous else np.abs(values) >= 1 - ON_THE_CIRCLE
     radius = fang = None
-    if steady and constant and not model.is_continuous and model.R is not None and delay in (0, 1):
+    if (
+        steady
+        and constant
+        and not model.is_continuous
+        and model.R is not None
+        and delay in (0, 1)
+        and not outside.any()
+    ):
         radius = closed_loop(*systems[0], *_noises(model))
         if delay == 0 and model.B_end is None:
             fang = fang_closed_loop(*systems[0], *_noises(model)[:2])

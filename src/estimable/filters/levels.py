@@ -17,12 +17,12 @@ def read(given: Any, faults: checks.Faults) -> Any:
     """The levels as (q, d)."""
     if checks.is_traced(given):
         return given
+    if np.size(np.asarray(given, object)) == 0:
+        faults.add("`levels` must hold at least one value.")
+        return None
     if np.ndim(np.asarray(given, object)) == 1 and faults.sizes.get("d") == 1:
         given = [[value] for value in given]
-    found = faults.array("levels", given, "q d")
-    if found is not None and len(found) == 0:
-        faults.add("`levels` must hold at least one value.")
-    return found
+    return faults.array("levels", given, "q d")
 
 
 def decide(s: Belief, levels: Any, layout: Layout) -> tuple[Belief, dict, Any]:

@@ -7,13 +7,13 @@ Reference: H. Fang (2009), (2.22)-(2.30) and Algorithm 1; the exact filter by ge
 
 import numpy as np
 
-STEPS = 20_000
+STEPS = 3_000
 CONVERGED = 1e-13
 
 
 def closed_loop(A, B, C, D, Q, R, S) -> float | None:
     """Spectral radius of F of the exact filter, for an input known after one sample at most; None without a limit."""
-    return _radius(lambda P: _exact(A, B, C, D, Q, R, S, P), A, C)
+    return _radius(lambda P: exact_step(A, B, C, D, Q, R, S, P), A, C)
 
 
 def fang_closed_loop(A, B, C, D, Q, R) -> float | None:
@@ -33,7 +33,7 @@ def _radius(step, A, C) -> float | None:
     return float(np.abs(np.linalg.eigvals(A - K @ C)).max())
 
 
-def _exact(A, B, C, D, Q, R, S, P):
+def exact_step(A, B, C, D, Q, R, S, P):
     """Gain and next covariance: (d, and what was left of the last one) by least squares, then x and w."""
     _, s, V = np.linalg.svd(D)
     rank = int(np.sum(s > 1e-10 * max(s.max(initial=0.0), 1e-300)))

@@ -1,12 +1,18 @@
 """H. Fang, Estimation, identification and adaptive control over networks (2009)."""
 
+from typing import Any
+
+from . import fang_inputs as inputs
 from .entries import Reproduction
 
 SOURCE = "Fang (2009)"
 DRAWING = "a drawing, with nothing to compute"
-UNKNOWN_INPUT = "not yet: it needs simultaneous input and state estimation"
 LOSSY = "not yet: it needs identification over lossy links"
 TRACKING = "not yet: it needs closed loops over lossy links"
+
+
+def _done(name: str, title: str, compute: Any) -> Reproduction:
+    return Reproduction(f"fang-{name}", SOURCE, title, compute)
 
 
 def _not_yet(name: str, title: str, reason: str) -> Reproduction:
@@ -14,17 +20,17 @@ def _not_yet(name: str, title: str, reason: str) -> Reproduction:
 
 
 ENTRIES = (
-    _not_yet("table-2-1", "Example 1: norms of the input and state errors", UNKNOWN_INPUT),
-    _not_yet("table-2-2", "Example 2: norms of the input and state errors", UNKNOWN_INPUT),
+    _done("table-2-1", "Example 1: norms of the input and state errors", inputs.table(inputs.FIRST)),
+    _done("table-2-2", "Example 2: norms of the input and state errors", inputs.table(inputs.SECOND)),
     _not_yet("table-3-1", "Example 1: parameter estimates, 80 % and 70 % arrive", LOSSY),
     _not_yet("table-3-2", "Example 2: parameter estimates, 40 % and 20 % arrive", LOSSY),
     _not_yet("fig-1-1", "A networked control system", DRAWING),
     _not_yet("fig-2-1", "Block diagram of input and state estimation", DRAWING),
-    _not_yet("fig-2-2", "Example 1: input and states with their estimates", UNKNOWN_INPUT),
-    _not_yet("fig-2-3", "Example 1: trace of the state covariance", UNKNOWN_INPUT),
-    _not_yet("fig-2-4", "Example 2: input and states with their estimates", UNKNOWN_INPUT),
-    _not_yet("fig-2-5", "Example 2: trace of the state covariance", UNKNOWN_INPUT),
-    _not_yet("fig-2-6", "Example 3: input and states with their estimates", UNKNOWN_INPUT),
+    _done("fig-2-2", "Example 1: input and states with their estimates", inputs.estimates(inputs.FIRST)),
+    _done("fig-2-3", "Example 1: trace of the state covariance", inputs.traces(inputs.FIRST)),
+    _done("fig-2-4", "Example 2: input and states with their estimates", inputs.estimates(inputs.SECOND)),
+    _done("fig-2-5", "Example 2: trace of the state covariance", inputs.traces(inputs.SECOND)),
+    _done("fig-2-6", "Example 3: input and states with their estimates", inputs.estimates(inputs.THIRD)),
     _not_yet("fig-3-1", "Identification over a lossy network", DRAWING),
     _not_yet("fig-3-2", "Example 1: parameter estimates over time", LOSSY),
     _not_yet("fig-3-3", "Example 1: relative parameter error", LOSSY),
