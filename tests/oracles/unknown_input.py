@@ -20,8 +20,8 @@ def maps(model, unknown, T):
     return X, np.where(np.abs(Y) < 1e-12, 0.0, Y)  # what cancels is zero
 
 
-def least_squares(model, unknown, prior, y, u, k, j=None):
-    """x[k], or d[j], given y[0..k], with a flat prior on every d: mean, covariance, and what stays undetermined of it."""
+def least_squares(model, unknown, prior, y, u, k, j=None, *, state=None):
+    """x[k] (or x[state]), or d[j], given y[0..k], with a flat prior on every d: mean, covariance, what stays open of it."""
     T, d = k + 1, len(unknown)
     u = np.array(u[:T], float)
     u[:, unknown] = 0.0
@@ -35,8 +35,9 @@ def least_squares(model, unknown, prior, y, u, k, j=None):
     rank = int(np.sum(s > 1e-10 * s.max(initial=0.0)))
     told, N = V[:rank].T / s[:rank], V[rank:].T
     if j is None:
-        mean, spread, M = mx[k], X[k] @ cov @ X[k].T, Hx[k]
-        cross = np.linalg.solve(L, Yf @ cov @ X[k].T).T
+        i = k if state is None else state
+        mean, spread, M = mx[i], X[i] @ cov @ X[i].T, Hx[i]
+        cross = np.linalg.solve(L, Yf @ cov @ X[i].T).T
     else:
         mean, spread, M, cross = (
             np.zeros(d),

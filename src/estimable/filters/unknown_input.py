@@ -17,7 +17,7 @@ from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, fang, levels
-from .belief import Belief
+from .belief import Belief, Instant
 from .unknown_layout import METHODS, Layout, lay_out, pick
 
 
@@ -132,13 +132,41 @@ class UnknownInput:
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang.correct(state, model, layout, sample)
-        s, post = belief.correct(state, model, _observation(model, layout), _known(model, layout, sample.u),
-                                 _grown(model.Ω, layout), sample)  # fmt: skip
+        C, d = _observation(model, layout), _known(model, layout, sample.u)
+        s, post = belief.correct(state, model, C, d, _grown(model.Ω, layout), sample)
         told, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
             s, told, gained = levels.decide(s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout)
             log_likelihood = log_likelihood + gained
-        return s, _tell(s, post, log_likelihood, model, layout, told)
+        innovation, innovation_covariance = post.innovation, post.innovation_covariance
+        if layout.freedom == "none":
+            innovation, innovation_covariance = post.error, jnp.where(jnp.eye(len(d)) > 0, post.variance, 0.0)
+        info = ready.tell(s)
+        return s, replace(
+            info,
+            innovation=innovation,
+            innovation_covariance=innovation_covariance,
+            log_likelihood=log_likelihood,
+            outcome=outcome_code(post.contradicted, s.mean, s.factor, s.diffuse),
+            extra=info.extra | told,
+        )
+
+    def tell(self, state: Belief) -> Info:
+        """What a belief says of the state and of the oldest input in it, in the user's units."""
+        ready = self._ready
+        layout, point, n = ready.layout, ready.ready.point, ready.layout.n
+        at, extra, diffuse = slice(n, n + layout.d), {}, None
+        if state.diffuse.shape[1]:
+            diffuse = gram(state.diffuse[:n])
+            extra["unknown_input_diffuse_covariance"] = gram(state.diffuse[at])
+        return Info(
+            mean=state.mean[:n] + point.states,
+            covariance=gram(state.factor[:n]),
+            unknown_input=state.mean[at] + pick(point.inputs, layout.unknown),
+            unknown_input_covariance=gram(state.factor[at]),
+            diffuse_covariance=diffuse,
+            extra=extra,
+        )
 
     def predict(self, state: Any, interval: Interval) -> Any:
         """Move to the next sample."""
@@ -146,23 +174,46 @@ class UnknownInput:
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang.predict(state, model, layout, interval)
-        n, d, older = layout.n, layout.d, layout.slots - 1
-        B, B_end = pick(model.B, layout.unknown), pick(model.B_end, layout.unknown)
-        c = _drive(model, layout, interval)
-        F = kernel.transition(model.A, B if layout.now else None, layout.slots, d)
-        E = kernel.entrance(B_end if layout.now else B, n, layout.slots, d)
-        W = jnp.concatenate([model.W, jnp.zeros((d * layout.slots, model.W.shape[1]))])
-        if layout.freedom == "walk":
-            F = F + jnp.concatenate([jnp.zeros((layout.size, n + d * older)), E], axis=1)
-            W = jnp.concatenate([W, product(E, ready.freedom) * jnp.sqrt(interval.dt)], axis=1)
-        if layout.freedom == "variance":
-            W = jnp.concatenate([W, product(E, ready.freedom)], axis=1)
-        c = jnp.concatenate([c, jnp.zeros(d * layout.slots)])
+        F, c, E, W = ready._change(interval)
         if layout.freedom != "none":
             return belief.predict(state, F, c, W, _grown(model.Ω, layout))
         finite = replace(state, diffuse=state.diffuse[:, :0])
         X, log_scale = kernel.spread(state.diffuse, F, E, state.log_scale)
         return replace(belief.predict(finite, F, c, W, _grown(model.Ω, layout)), diffuse=X, log_scale=log_scale)
+
+    def _change(self, interval: Interval) -> tuple[Any, Any, Any, Any]:
+        """F, c, E and W of s+ = F s + c + E δ + W e: δ is the new input, which is noise, or walks, where that is said."""
+        layout, model = self.layout, self.ready
+        n, d, older = layout.n, layout.d, layout.slots - 1
+        B, B_end = pick(model.B, layout.unknown), pick(model.B_end, layout.unknown)
+        F = kernel.transition(model.A, B if layout.now else None, layout.slots, d)
+        E = kernel.entrance(B_end if layout.now else B, n, layout.slots, d)
+        W = jnp.concatenate([model.W, jnp.zeros((d * layout.slots, model.W.shape[1]))])
+        if layout.freedom == "walk":
+            F = F + jnp.concatenate([jnp.zeros((layout.size, n + d * older)), E], axis=1)
+            W = jnp.concatenate([W, product(E, self.freedom) * jnp.sqrt(interval.dt)], axis=1)
+        if layout.freedom == "variance":
+            W = jnp.concatenate([W, product(E, self.freedom)], axis=1)
+        c = jnp.concatenate([_drive(model, layout, interval), jnp.zeros(d * layout.slots)])
+        return F, c, E, W
+
+    @property
+    def for_smoothing(self) -> "UnknownInput":
+        """The same filter telling of the input of each row in that row. Raises `InputError` where it cannot be smoothed."""
+        if self.method == "fang" or self.levels is not None:
+            which = 'method = "fang"' if self.method == "fang" else "levels"
+            checks.refuse(f"smooth needs a linear Gaussian model throughout, and {which} is none: leave it out.")
+        again = replace(self, delay=0, layout=None)
+        return again if self.model.is_continuous else replace(again, layout=lay_out(again, self.model))
+
+    def instant(self, sample: Sample, interval: Interval) -> Instant:
+        """This row of the model, for the smoother."""
+        ready = self._ready
+        layout, model = ready.layout, ready.ready
+        F, c, E, W = ready._change(interval)
+        E = E if layout.freedom == "none" else None
+        C, d = _observation(model, layout), _known(model, layout, sample.u)
+        return Instant.of(F, c, W, _grown(model.Ω, layout), C, d, model.V, E=E)
 
 
 def _covariance(name: str, value: Any, faults: checks.Faults) -> Any:
@@ -230,28 +281,3 @@ def _drive(model: SampledModel, layout: Layout, interval: Interval) -> Any:
     if model.B_end is not None:
         c = c + apply(pick(model.B_end, layout.known), interval.u_end - pick(model.point.inputs, layout.known))
     return c
-
-
-def _tell(s: Belief, post: Any, log_likelihood: Any, model: SampledModel, layout: Layout, told: dict) -> Info:
-    """The state, and the oldest of the inputs."""
-    n, d = layout.n, layout.d
-    at = slice(n, n + d)
-    diffuse, extra = None, dict(told)
-    if s.diffuse.shape[1]:
-        diffuse = gram(s.diffuse[:n])
-        extra["unknown_input_diffuse_covariance"] = gram(s.diffuse[at])
-    innovation, innovation_covariance = post.innovation, post.innovation_covariance
-    if layout.freedom == "none":
-        innovation, innovation_covariance = post.error, jnp.where(jnp.eye(len(post.error)) > 0, post.variance, 0.0)
-    return Info(
-        mean=s.mean[:n] + model.point.states,
-        covariance=gram(s.factor[:n]),
-        unknown_input=s.mean[at] + pick(model.point.inputs, layout.unknown),
-        unknown_input_covariance=gram(s.factor[at]),
-        innovation=innovation,
-        innovation_covariance=innovation_covariance,
-        log_likelihood=log_likelihood,
-        diffuse_covariance=diffuse,
-        outcome=outcome_code(post.contradicted, s.mean, s.factor, s.diffuse),
-        extra=extra,
-    )

@@ -36,8 +36,9 @@ def smooth(
     `lag=None`: row k uses every sample (fixed interval). `lag=L`: row k uses the samples 0..k+L (fixed lag), and is what
     an observer knows L samples later; `lag=0` is `estimate`. `result.used[k]` is the last sample that row k uses.
 
-    `algorithm`: `Kalman`, `UnknownGain`, or any other that offers `instant` (a row of its linear Gaussian model) and
-    `tell` (what a belief says). Everything that `estimate` takes is taken: known inputs, outputs missing channel by
+    `algorithm`: `Kalman`, `UnknownGain`, `UnknownInput` (whose input of row k is in row k), or any other that offers
+    `instant` (a row of its linear Gaussian model) and `tell` (what a belief says).
+    Everything that `estimate` takes is taken: known inputs, outputs missing channel by
     channel, irregular time, cross noise, singular covariances, diffuse priors; what the whole record leaves undetermined
     is in `diffuse_covariance`. Other arguments as in `estimate`.
 
@@ -54,7 +55,7 @@ def smooth(
     """
     check_options(on_failure, engine, "all")
     _check_call(algorithm, lag)
-    bound = bind(algorithm, record, prior)
+    bound = bind(getattr(algorithm, "for_smoothing", algorithm), record, prior)
     _, forward = choice.scan(
         engine, _Forward(bound.algorithm), prior, bound.samples, bound.intervals, keep="all", select=_predicted
     )
@@ -72,7 +73,9 @@ def smooth(
     if outcome.code and on_failure == "raise":
         raise RunError(outcome)
     info = jax.tree_util.tree_map(np.asarray, info)
-    return SmoothedEstimate(info, bound.t, float(forward.log_likelihood), used, outcome, engine, bound.names)
+    return SmoothedEstimate(
+        info, bound.t, float(forward.log_likelihood), used, outcome, engine, bound.names._replace(note="")
+    )
 
 
 def _check_call(algorithm: Any, lag: Any) -> None:
