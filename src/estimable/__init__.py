@@ -13,14 +13,18 @@ from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
+from .filters.extended_kalman import ExtendedKalman
 from .filters.gated import Gated
 from .filters.kalman import Kalman
 from .filters.moving_window import MovingWindow
+from .filters.second_order_kalman import SecondOrderKalman
 from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
+from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import GainSection, ModelFile, read_model, write_model
+from .models.nonlinear import NonlinearModel
 from .models.operating_point import OperatingPoint
 from .models.output_error import OutputError
 from .models.prior import Prior
@@ -66,6 +70,7 @@ __all__ = [
     "EstimableWarning",
     "Estimate",
     "EstimateBank",
+    "ExtendedKalman",
     "FeedbackGain",
     "Fit",
     "GainSection",
@@ -79,6 +84,7 @@ __all__ = [
     "ModelFile",
     "MonteCarlo",
     "MovingWindow",
+    "NonlinearModel",
     "Observability",
     "Online",
     "OperatingPoint",
@@ -93,6 +99,7 @@ __all__ = [
     "Regulability",
     "RunError",
     "Sample",
+    "SecondOrderKalman",
     "Simulation",
     "Smoothed",
     "SmoothedEstimate",
@@ -102,6 +109,7 @@ __all__ = [
     "UnknownGain",
     "UnknownInput",
     "UnknownInputExistence",
+    "UnscentedKalman",
     "Validation",
     "catalogue",
     "diagnostics",

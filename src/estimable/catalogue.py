@@ -12,7 +12,13 @@ from .filters.moving_window import MovingWindow
 from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
+from .filters.extended_kalman import ExtendedKalman
+from .filters.kalman import Kalman
+from .filters.second_order_kalman import SecondOrderKalman
+from .filters.unknown_gain import UnknownGain
+from .filters.unscented_kalman import UnscentedKalman
 from .models.files import ModelFile
+from .models.nonlinear import NonlinearModel
 
 
 class Entry(NamedTuple):
@@ -66,6 +72,18 @@ ENTRIES = (
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
         "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window"), {"probability": 0.999},
     ),
+        "extended-kalman", ExtendedKalman, "filter", "Jazwinski (1970) §8.3",
+        "f and h are nearly straight over a standard deviation",
+    ),
+    Entry(
+        "second-order-kalman", SecondOrderKalman, "filter",
+        "Jazwinski (1970) §9.3; Athans, Wishner & Bertolini (1968); Bass, Norum & Schwartz (1966)",
+        "third derivatives of f and h are small over a standard deviation; the belief is nearly Gaussian",
+    ),
+    Entry(
+        "unscented-kalman", UnscentedKalman, "filter", "Julier & Uhlmann (2004); Arasaratnam & Haykin (2009)",
+        "the belief is nearly Gaussian",
+    ),
 )  # fmt: skip
 
 
@@ -107,6 +125,8 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     if built.cls is UnknownGain:
         assert file.gain is not None
         return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **settings})
+    if isinstance(file.model, NonlinearModel):
+        return _nonlinear(built, file, settings)
     return built.cls(file.model, **settings)
 
 
@@ -125,3 +145,12 @@ def _every_setting(built: Entry, file: ModelFile) -> list[str]:
     """The settings of an entry and of what it wraps by default."""
     inner = _every_setting(entry(_default(built, file)), file) if built.wraps else []
     return [*_settings(built), *(name for name in inner if name not in _settings(built))]
+
+
+def _nonlinear(built: Entry, file: ModelFile, settings: dict[str, Any]) -> Any:
+    """A filter of a nonlinear model; the prior in its `gain` is that of the model's parameters."""
+    takers = [known.name for known in ENTRIES if "parameters" in known.cls.__dataclass_fields__]
+    if built.name not in takers:
+        checks.refuse(f"{built.name} needs a linear model, and this one is nonlinear: take {checks.listed(takers)}.")
+    given = {} if file.gain is None else {"parameters": file.gain.prior, **file.gain.settings}
+    return built.cls(file.model, **{**given, **settings})

@@ -39,6 +39,11 @@ UNARY = {
     "where": lambda a: jnp.where(a > 0, a, 2 * a), "set": lambda a: a.at[0, 1].set(3.0), "sign": jnp.sign,
     "finite": lambda a: jnp.where(jnp.isfinite(a), a, 1.0), "first": lambda a: a * (jnp.argmax(a[0]) + 1).astype(float),
     "zero": lambda a: a * 0.0 + 1.0, "diagonal": lambda a: jnp.eye(3) * a, "inverse": lambda a: 1 / (1 + jnp.abs(a)),
+    "sin": lambda a: jnp.sin(jnp.tanh(a)), "cos": lambda a: jnp.cos(jnp.arctan(a)), "tan": lambda a: jnp.tan(jnp.tanh(a)),
+    "asin": lambda a: jnp.arcsin(jnp.sin(jnp.tanh(a))), "acos": lambda a: jnp.arccos(jnp.tanh(a)),
+    "hyperbolic": lambda a: jnp.sinh(jnp.tanh(a)) + jnp.cosh(jnp.tanh(a)),
+    "tangent": lambda a: jax.jacfwd(lambda x: x * jnp.exp(-x * x))(a[0]),
+    "stack": lambda a: jnp.stack([a[2], a[0], a[1]], axis=1),
     "round": jnp.round, "all": lambda a: jnp.where(jnp.all(a > -1), a, -a),
 }  # fmt: skip
 BINARY = {

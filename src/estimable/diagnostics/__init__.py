@@ -2,5 +2,6 @@
 
 from .changes import Change, changes
 from .consistency import Consistency, nees, nis
+from .nonlinearity import Nonlinearity, nonlinearity
 
-__all__ = ["Change", "Consistency", "changes", "nees", "nis"]
+__all__ = ["Change", "Consistency", "Nonlinearity", "changes", "nees", "nis", "nonlinearity"]

@@ -12,13 +12,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .straight_line import TRUTHS, Program
+from .straight_line import TRANSCENDENTAL, TRUTHS, Program
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 LOGIC = {"and": "and", "or": "or", "xor": "xor"}
 COMPARE = {"eq": "oeq", "ne": "une", "lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge"}
 INTRINSICS = {"abs": "fabs", "sqrt": "sqrt", "log": "log", "exp": "exp", "exp2": "exp2", "pow": "pow", "round": "roundeven",
-              "floor": "floor", "truncate": "trunc"}  # fmt: skip
+              "floor": "floor", "truncate": "trunc"} | {name: name for name in TRANSCENDENTAL}  # fmt: skip
 
 
 class Loop(NamedTuple):

@@ -40,6 +40,7 @@ def _divide(a: float, b: float) -> float:
     return a / b if b else math.nan if a == 0 or math.isnan(a) else math.copysign(math.inf, a) * math.copysign(1, b)
 
 
+TRANSCENDENTAL = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
 SCALAR: dict[str, Callable] = {
     "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "div": _divide,
     "neg": lambda a: -a, "abs": abs, "sqrt": lambda a: math.sqrt(a) if a >= 0 else math.nan,
@@ -51,6 +52,7 @@ SCALAR: dict[str, Callable] = {
     "gt": lambda a, b: a > b, "ge": lambda a, b: a >= b,
     "and": lambda a, b: a and b, "or": lambda a, b: a or b, "xor": lambda a, b: a != b, "not": lambda a: not a,
     "select": lambda p, a, b: a if p else b, "is_finite": math.isfinite,
+    **{name: getattr(math, name) for name in TRANSCENDENTAL},
     "number": float, "truth": lambda a: a != 0, "truncate": lambda a: float(math.trunc(a)),
 }  # fmt: skip
 TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite", "truth"}
@@ -58,7 +60,7 @@ COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
 NAMED = {"add_any": "add"}
 MOVES = {
     "reshape", "broadcast_in_dim", "squeeze", "expand_dims", "transpose", "slice", "concatenate", "rev", "copy", "pad", "split",
-    "copy_p",
+    "copy_p", "stack",
 }  # fmt: skip
 CALLS = {
     "jit",
@@ -215,7 +217,12 @@ def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tupl
 
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
+<<<<<<< HEAD
     name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
+=======
+    name, parameters = equation.primitive.name, equation.params
+    name = NAMED.get(name, name)
+>>>>>>> 14375fd (Filter nonlinear models: first and second order, iterated, unscented, with parameters, continuous between samples)
     if name in CALLS:
         inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
         jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
@@ -314,17 +321,15 @@ def _argmax(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
 
 
 def _dot(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
-    (contract, batch), (a, b) = equation.params["dimension_numbers"], arrays
-    if batch[0] or batch[1]:
-        raise UnsupportedError("a batched product")
-    a = np.moveaxis(a, contract[0], range(-len(contract[0]), 0))
-    b = np.moveaxis(b, contract[1], range(-len(contract[1]), 0))
-    inner = math.prod(a.shape[a.ndim - len(contract[0]) :])
-    left, right = a.reshape(-1, inner), b.reshape(-1, inner)
-    products = line.each("mul", left[:, None, :], right[None, :, :])
-    return line.fold("add", products, (2,)).reshape(
-        a.shape[: a.ndim - len(contract[0])] + b.shape[: b.ndim - len(contract[1])]
-    )
+    contract, batch = equation.params["dimension_numbers"]
+    leading, free, sides = [arrays[0].shape[axis] for axis in batch[0]], [], []
+    for array, summed, shared in zip(arrays, contract, batch, strict=True):
+        kept = [axis for axis in range(array.ndim) if axis not in (*summed, *shared)]
+        free.append([array.shape[axis] for axis in kept])
+        moved = array.transpose(*shared, *kept, *summed)
+        sides.append(moved.reshape(math.prod(leading), math.prod(free[-1]), math.prod(array.shape[a] for a in summed)))
+    products = line.each("mul", sides[0][:, :, None, :], sides[1][:, None, :, :])
+    return line.fold("add", products, (3,)).reshape(*leading, *free[0], *free[1])
 
 
 SPECIAL: dict[str, Callable] = {

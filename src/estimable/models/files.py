@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import checks
 from .discretisation import HOLDS
+from .nonlinear import NonlinearModel
 from .prior import Prior
 from .state_space import StateSpace
 
@@ -54,7 +55,8 @@ def read_model(path: str | Path) -> ModelFile:
 
     TOML: sections [model] (dt, states, outputs, A, C, R; also inputs, B, D, Q, G, S) and [prior] (mean, covariance;
     also diffuse) are required; [operating_point], [gain], [record] and [unknown] are optional. A `.py` file defines
-    `model` and `prior`, and may define `gain` (a `GainSection`), `unknown` and `record`; it is run.
+    `model` (a `StateSpace` or a `NonlinearModel`) and `prior`, and may define `gain` (a `GainSection`; of the parameters of
+    a nonlinear model), `unknown` and `record`; it is run.
 
     Raises `InputError` where the file is not there, is not TOML, a key is missing, unknown or of a wrong shape, or the
     Python in it fails.
@@ -79,9 +81,12 @@ def _from_python(path: Path) -> ModelFile:
     except (Exception, SystemExit) as error:  # whatever the user's own code raises
         raise checks.InputError(f"its Python failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
-    for name, kind in (("model", StateSpace), ("prior", Prior)):
-        if not isinstance(found.get(name), kind):
-            faults.add(f"a Python model file must define `{name}`, a {kind.__name__}.")
+    for name, kinds, words in (
+        ("model", (StateSpace, NonlinearModel), "a StateSpace or a NonlinearModel"),
+        ("prior", (Prior,), "a Prior"),
+    ):
+        if not isinstance(found.get(name), kinds):
+            faults.add(f"a Python model file must define `{name}`, {words}.")
     faults.finish()
     optional = {name: found[name] for name in ("gain", "unknown", "record") if name in found}
     file = ModelFile(found["model"], found["prior"], **optional)
@@ -152,7 +157,7 @@ def _check_file(file: ModelFile, faults: checks.Faults) -> None:
     """What is said of the model must fit it."""
     model, prior, gain, unknown, record = file
     if prior.size != model.n:
-        faults.add(f"[prior] must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.size}.")
+        faults.add(f"[prior] must describe n = {model.n} states: {model.size_source}. Got {prior.size}.")
     for name in faults.names("[unknown] inputs", unknown, "", ""):
         if name not in model.inputs:
             near = checks.suggestion(name, model.inputs)

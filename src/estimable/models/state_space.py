@@ -77,6 +77,11 @@ class StateSpace:
         return self.A.shape[-1]
 
     @property
+    def size_source(self) -> str:
+        """Where its number of states comes from, as a sentence says it."""
+        return f"`A` is {self.n} × {self.n}"
+
+    @property
     def m(self) -> int:
         """Number of inputs."""
         return self.B.shape[-1]
@@ -85,6 +90,11 @@ class StateSpace:
     def p(self) -> int:
         """Number of outputs."""
         return self.C.shape[-2]
+
+    @property
+    def feeds_through(self) -> bool:
+        """Whether an input enters an output directly."""
+        return bool(np.any(self.D))
 
     @property
     def is_continuous(self) -> bool:

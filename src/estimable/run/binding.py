@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record, match, scatter
+from ..models.nonlinear import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample
@@ -65,6 +66,9 @@ def bind(
     u = rows.applied()[..., inputs]
     check_known(u, names.inputs, faults)
     faults.finish()
+    if isinstance(model, NonlinearModel):
+        model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
+        faults.finish()
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     y = rows.y[..., outputs]
@@ -131,9 +135,7 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
 def check_prior(prior: Any, model: StateSpace, faults: checks.Faults) -> None:
     """The prior must describe the model's states."""
     if prior.mean.shape[-1] != model.n:
-        faults.add(
-            f"`prior` must describe n = {model.n} states: `A` is {model.n} × {model.n}. Got {prior.mean.shape[-1]}."
-        )
+        faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
 
 
 def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:

@@ -1,0 +1,126 @@
+"""How curved a model is over what is not known: whether the extended filter is enough."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..kernels import expansion, flow
+from ..kernels.small import factor, product, triangularise
+from ..models.nonlinear import NonlinearModel
+from ..models.plant import plant
+from ..results import Interval
+
+WORTH = 0.1  # of a standard deviation: what the bias of the mean must reach for the second order to be worth its cost
+STRONG = 0.3  # of a standard deviation: where a third-order term changes the gain itself
+
+
+class Nonlinearity(NamedTuple):
+    """Row by row, in standard deviations of the same quantity: what the straight line leaves out.
+
+    `state_bias` (T - 1, n): of the mean predicted for row k + 1; `output_bias` (T - 1, p): of the output predicted there;
+    `third_order` (T - 1, p): what third derivatives of h would change of its slope (the cubic estimator's term).
+    """
+
+    state_bias: np.ndarray
+    output_bias: np.ndarray
+    third_order: np.ndarray
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What to do about it."""
+        worst, which, row = max(
+            (np.abs(bias).max(), names[np.abs(bias).max(axis=0).argmax()], int(np.abs(bias).max(axis=1).argmax()) + 1)
+            for bias, names in ((self.state_bias, self.states), (self.output_bias, self.outputs))
+        )
+        third = float(self.third_order.max())
+        at = f"the extended filter's prediction of {which!r} is biased by {worst:.2g} sigma at row {row}"
+        if third > STRONG:
+            return (
+                f"{at}, and third derivatives of h change its slope by {third:.2g} sigma: the second order does not hold "
+                "either. Start from a smaller covariance, sample faster, or use a particle filter."
+            )
+        if worst > WORTH:
+            return f"{at}: use SecondOrderKalman or UnscentedKalman."
+        return f"{at}, which is small: ExtendedKalman is enough."
+
+
+def nonlinearity(model: NonlinearModel, result: Any, record: Any) -> Nonlinearity:
+    """Measure the second- and third-order terms of `model` along an estimate of its state.
+
+    `result`: of a filter of that model over `record`, with covariances (`keep="all"`). The curvature is measured over the
+    covariance that the filter reports at each row; parameters count with the values in the model.
+
+    Raises `InputError` for another model, or a result without covariances.
+
+    >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: x**2, Q=[[0.0]], R=[[0.1]], dt=1)
+    >>> record = Record([np.nan, 5.0], dt=1)
+    >>> result = estimate(ExtendedKalman(model), record, prior=Prior([2.0], [[1.0]]))
+    >>> diagnostics.nonlinearity(model, result, record).output_bias.round(3)  # 1 / sqrt(4 · 2² + 2 + .1)
+    array([[0.235]])
+    """
+    faults = checks.Faults()
+    faults.instance("model", model, NonlinearModel)
+    if getattr(result, "covariance", None) is None or len(result.covariance) < 2:
+        faults.add('`result` must hold the covariances of at least two rows: run estimate(..., keep="all").')
+    faults.finish()
+    clock = record.clock(model.dt or None)
+    ready = plant(model, clock)
+    columns = [record.inputs.index(name) if name in record.inputs else i for i, name in enumerate(model.inputs)]
+    u = record.applied()[:, columns]
+    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    intervals = Interval(u[:-1], u[1:], None, np.broadcast_to(lengths, len(u)).astype(float)[:-1])
+    measured = jax.jit(jax.vmap(_terms, in_axes=(None, 0, 0, 0)))(
+        ready, result.mean[:-1], result.covariance[:-1], intervals
+    )
+    state, output, third = map(np.asarray, measured)
+    return Nonlinearity(state, output, third, model.states, model.outputs)
+
+
+def _terms(ready: Any, m, P, interval):
+    """The biases and the third-order term of one interval, and of the sample at its end."""
+    L = factor(P)
+    straight, curved, Z = _moved(ready, m, L, interval)
+    θ, u = ready.θ, interval.u_end
+    line = expansion.second_order(lambda x: ready.output(x, θ, u), curved, Z)
+    HZ = product(line.slope, Z)
+    σ_y = jnp.sqrt(jnp.sum(HZ**2, axis=1) + jnp.sum(line.rest**2, axis=1) + jnp.sum(ready.V**2, axis=1))
+    points = expansion.sigma_points(lambda x: ready.output(x, θ, u), curved, Z, max(0.0, 3.0 - len(m)))
+    σ_x = jnp.sqrt(jnp.sum(Z**2, axis=1))
+    third = jnp.sqrt(jnp.sum((points.slope - HZ) ** 2, axis=1))  # ½ Σ_a h'''[Z_a, Z_a, Z_j], by differences
+    return _ratio(curved - straight, σ_x), _ratio(line.bias, σ_y), _ratio(third, σ_y)
+
+
+def _ratio(size, σ):
+    return jnp.where(σ > 0, size / jnp.where(σ > 0, σ, 1.0), 0.0)
+
+
+def _moved(ready: Any, m, L, interval):
+    """The mean predicted to the first and to the second order, and a factor of the covariance."""
+    if ready.continuous:
+        return _flowed(ready, m, L, interval)
+    line = expansion.second_order(lambda x: ready.next_state(x, ready.θ, interval), m, L)
+    W = ready.noise(m, ready.θ, interval.u)
+    Z = triangularise(jnp.concatenate([product(line.slope, L), line.rest, W], axis=1))
+    return line.mean - line.bias, line.mean, Z
+
+
+def _flowed(ready: Any, m, L, interval):
+    derivative, n = ready.derivative(interval), len(m)
+    start = flow.Moments(m, L, jnp.zeros((n, n)))
+    ends = [
+        flow.integrate(
+            flow.moment_derivative(
+                lambda x, t: derivative(x, ready.θ, t), lambda x, t: ready.noise(x, ready.θ, interval.u), order,
+                factor_columns=n,
+            ),
+            start, interval.dt, ready.substeps,
+        )[0]
+        for order in (1, 2)
+    ]  # fmt: skip
+    Z = triangularise(jnp.concatenate([ends[1].Y, factor(ends[1].N)], axis=1))
+    return ends[0].m, ends[1].m, Z

@@ -1,0 +1,82 @@
+"""The extended Kalman filter."""
+
+from dataclasses import KW_ONLY, field
+from typing import Any
+
+from .. import checks
+from ..frozen import frozen, static
+from ..kernels.expansion import first_order
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample
+from . import nonlinear
+from .belief import Belief
+
+
+@frozen
+class ExtendedKalman:
+    """The Kalman filter of the tangents of a nonlinear model, with its parameters estimated where asked.
+
+    Model: `NonlinearModel` (or `StateSpace`, of which it is `Kalman`): x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous
+    form between samples, y[k] = h(x[k], u[k], θ) + v[k]; outputs missing channel by channel; priors exact, proper or diffuse.
+
+    Assumes that f and h are nearly straight over one standard deviation of the estimate. Where they are not, the mean is
+    biased and the covariance too small, and nothing in the filter says so: `diagnostics.nonlinearity` measures it, and
+    `SecondOrderKalman` or `UnscentedKalman` correct it.
+
+    Settings: `model`; `parameters`: a `Prior` of the model's parameters θ, which are then estimated beside the state and
+    reported as `gain` (None: the model's own values); `walk`: variance per second of each, (k,) or one number, or covariance
+    (k, k); `iterations` of the linearisation of h at a sample, 1: none repeated (the iterated filter, for outputs that are
+    accurate beside the curvature of h).
+
+    Cost: that of `Kalman`, and n tangents of f and of h.
+
+    Reference: A. H. Jazwinski, Stochastic Processes and Filtering Theory (1970), §8.3 (8.43)-(8.47), iterated (8.47 ff.).
+
+    >>> import jax.numpy as jnp
+    >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: jnp.sin(x), Q=[[0.0]], R=[[0.01]], dt=1)
+    >>> result = estimate(ExtendedKalman(model), Record([0.5, 0.48], dt=1), prior=Prior([0.4], [[0.1]]))
+    >>> bool(abs(result.mean[-1, 0] - np.arcsin(0.49)) < 0.02)
+    True
+    """
+
+    model: Any
+    _: KW_ONLY
+    parameters: Prior | None = None
+    walk: Any = 0.0
+    iterations: int = static(default=1)
+    ready: Any = field(default=None, init=False)
+    walk_factor: Any = field(default=None, init=False)
+
+    truncated = curved = False
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.whole("iterations", self.iterations, 1)
+        faults.finish()
+        nonlinear.check(self)
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and estimated parameters."""
+        return nonlinear.names(self)
+
+    def sampled(self, clock: Clock) -> "ExtendedKalman":
+        """The same filter with its model made ready for the steps of `clock`."""
+        return nonlinear.sampled(self, clock)
+
+    def at(self, k) -> "ExtendedKalman":
+        """The filter at row k of a time-varying model."""
+        return nonlinear.at(self, k)
+
+    def init(self, prior: Prior) -> Belief:
+        """What is believed about (x[0], θ), before y[0]."""
+        return nonlinear.init(self, prior)
+
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+        """Learn from one sample."""
+        return nonlinear.correct(self, state, sample, first_order)
+
+    def predict(self, state: Belief, interval: Interval) -> Belief:
+        """Move to the next sample."""
+        return nonlinear.predict(self, state, interval, first_order, 1)

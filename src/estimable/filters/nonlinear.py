@@ -1,0 +1,248 @@
+"""The steps that the nonlinear filters share: a Gaussian belief about (x, θ), and an expansion of the model about it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import replace
+from ..kernels import expansion, flow, kalman
+from ..kernels.joint_gain import block_diagonal
+from ..kernels.small import factor, factors, gram, triangularise
+from ..models.nonlinear import NonlinearModel
+from ..models.plant import plant
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..models.state_space import StateSpace
+from ..results import Info, Names, outcome_code
+from .belief import Belief, believe, side_by_side
+
+
+def check(algorithm: Any) -> None:
+    """The settings that the nonlinear filters share; sets `walk` to a covariance per second."""
+    faults, model, parameters = checks.Faults(), algorithm.model, algorithm.parameters
+    if not isinstance(model, NonlinearModel | StateSpace):
+        faults.add(f"`model` must be a NonlinearModel or a StateSpace. Got {checks.short(model)}.")
+    elif isinstance(model, StateSpace) and model.S is not None:
+        faults.add("the model has cross noise S, which the nonlinear filters do not use: take Kalman(model).")
+    if parameters is not None and faults.instance("parameters", parameters, Prior) and not faults.sentences:
+        names = getattr(model, "parameter_names", ())
+        if parameters.size != len(names):
+            faults.add(
+                f"`parameters` must be a prior of the model's {checks.counted(len(names), 'parameter')} "
+                f"({checks.listed(names)}). Got {parameters.size}."
+            )
+    walk = _read_walk(algorithm, 0 if parameters is None else getattr(parameters, "size", 0), faults)
+    faults.finish()
+    object.__setattr__(algorithm, "walk", walk)
+
+
+def _read_walk(algorithm: Any, k: int, faults: checks.Faults) -> Any:
+    """A covariance per second, (k, k), of one variance, k of them, or the covariance."""
+    given = algorithm.walk
+    if checks.is_traced(given) or np.shape(given) == (k, k):
+        return given if checks.is_traced(given) else faults.covariance("walk", given, "k k")
+    faults.learn("k", k, f"{checks.counted(k, 'parameter')} {'is' if k == 1 else 'are'} estimated")
+    variances = faults.array("walk", [given] * k if np.ndim(given) == 0 else given, "k")
+    if variances is not None and np.any(variances < 0):
+        faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(given)}.")
+    return None if variances is None else np.diag(variances)
+
+
+def names(algorithm: Any) -> Names:
+    """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+    model = algorithm.model
+    parameters = () if algorithm.parameters is None else model.parameter_names
+    return Names(model.states, model.inputs, model.outputs, parameters)
+
+
+def sampled(algorithm: Any, clock: Clock) -> Any:
+    """The same filter with its model made ready for the steps of `clock`, and its noises factored."""
+    ready = plant(algorithm.model, clock)
+    return replace(algorithm, ready=ready, walk_factor=factors(algorithm.walk), model=None)
+
+
+def at(algorithm: Any, k) -> Any:
+    """The filter at row k."""
+    algorithm = ready_of(algorithm)
+    return replace(algorithm, ready=algorithm.ready.at(k))
+
+
+def ready_of(algorithm: Any) -> Any:
+    """The filter made ready; a step called by hand on one that was not uses the model's own step."""
+    return algorithm if algorithm.ready is not None else sampled(algorithm, Clock.every(algorithm.model.dt))
+
+
+def init(algorithm: Any, prior: Prior) -> Belief:
+    """What is believed about (x[0], θ) before y[0]."""
+    belief = believe(prior, ready_of(algorithm).ready.origin)
+    return belief if algorithm.parameters is None else side_by_side(belief, believe(algorithm.parameters))
+
+
+def refuse_diffuse(algorithm: Any, prior: Prior) -> None:
+    """Moments of the second order need a variance."""
+    for what, given in (("prior", prior), ("parameters", algorithm.parameters)):
+        if given is not None and given.diffuse is not None:
+            checks.refuse(
+                f"`{what}` must not have diffuse directions for {type(algorithm).__name__}: a curved function of something "
+                "with infinite variance has no mean. Give a large variance that means something, or use ExtendedKalman."
+            )
+
+
+def split(z, n: int, θ):
+    """x and θ of z, where θ is estimated, or the model's own."""
+    return z[:n], (z[n:] if z.shape[0] > n else θ)
+
+
+def output_of(ready: Any, sample: Any) -> Callable:
+    """z -> y without noise."""
+    return lambda z: ready.output(*split(z, ready.n, ready.θ), sample.u)
+
+
+def move_of(ready: Any, interval: Any) -> Callable:
+    """z -> z at the next sample without noise; parameters stay."""
+    return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
+
+
+def tell(ready: Any, belief: Belief, post: Any, bias: Any) -> Info:
+    """What is said after a sample."""
+    n, covariance = ready.n, belief.covariance
+    has_parameters = belief.mean.shape[0] > n
+    diffuse = gram(belief.diffuse)[:n, :n] if belief.diffuse.shape[1] else None
+    return Info(
+        mean=belief.mean[:n] + ready.origin,
+        covariance=covariance[:n, :n],
+        gain=belief.mean[n:] if has_parameters else None,
+        gain_covariance=covariance[n:, n:] if has_parameters else None,
+        innovation=post.innovation,
+        innovation_covariance=post.innovation_covariance,
+        log_likelihood=post.log_likelihood,
+        diffuse_covariance=diffuse,
+        outcome=_code(post.contradicted, belief),
+        extra=({} if bias is None else {"output_bias": bias})
+        | ({"state_gain_covariance": covariance[:n, n:]} if has_parameters else {}),
+    )
+
+
+def noise_of(line: expansion.Expansion, V, truncated: bool):
+    """The factor of what the straight line leaves of y: V V' + E E', or V V' - b b' where fourth moments are neglected."""
+    if truncated:
+        return lessened(V, line.bias)
+    return triangularise(jnp.concatenate([V, line.rest], axis=1)) if line.rest.shape[1] else V
+
+
+def lessened(L, b):
+    """The factor of L L' - b b'; NaN where that is no covariance."""
+    P = gram(L) - b[:, None] * b[None, :]
+    Z = factor(P)
+    misses = jnp.max(jnp.abs(gram(Z) - P)) > 1e-9 * jnp.max(jnp.abs(gram(L)) + jnp.abs(P))
+    return jnp.where(misses, jnp.nan, Z)
+
+
+def _code(contradicted, belief: Belief):
+    """The outcome of a step; what is not finite has its own sentence here."""
+    code = outcome_code(contradicted, belief.mean, belief.factor, belief.diffuse)
+    return jnp.where(code == 1, 3, code)
+
+
+def correct(algorithm: Any, belief: Belief, sample: Any, expand: Callable) -> tuple[Belief, Info]:
+    """Condition on y with h expanded about the belief, and again about what came out, `iterations` times in all.
+
+    Each pass conditions the same prior belief on a better straight line through h: the iterated extended filter
+    (Jazwinski §8.3) where the expansion is of the first order, posterior linearisation (García-Fernández et al., IEEE TSP
+    63 (2015) 5561-5573) where it is of the second.
+    """
+    ready, b = ready_of(algorithm).ready, belief
+    line, told = _condition(algorithm, ready, b, sample, expand, b.mean, b.factor)
+    post = told
+    for _ in range(algorithm.iterations - 1):
+        post = _condition(algorithm, ready, b, sample, expand, post.m, post.Z)[1]
+    after = Belief(post.m, post.Z, post.X, b.size, b.log_scale)
+    told = told._replace(
+        contradicted=post.contradicted
+    )  # the innovation and its likelihood are those of the prediction
+    return after, tell(ready, after, told, line.bias if algorithm.curved else None)
+
+
+def _condition(algorithm: Any, ready: Any, b: Belief, sample: Any, expand: Callable, mean, L):
+    """The belief b conditioned on y by the straight line through h at a mean and a factor of its covariance."""
+    line = expand(output_of(ready, sample), mean, L)
+    d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
+    V = noise_of(line, ready.V, algorithm.truncated)
+    return line, kalman.correct(b.mean, b.factor, b.diffuse, line.slope, d, V, None, sample.y, sample.seen, b.size,
+                                b.log_scale)  # fmt: skip
+
+
+def walk_columns(algorithm: Any, interval: Any) -> Any:
+    """The factor of what the parameters walk by in a step, (n + k, k)."""
+    return block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
+
+
+def predict(algorithm: Any, belief: Belief, interval: Any, expand: Callable, order: int) -> Belief:
+    """Move to the next sample, with f expanded about the belief."""
+    algorithm, b = ready_of(algorithm), belief
+    ready, walk = algorithm.ready, walk_columns(algorithm, interval)
+    if ready.continuous:
+        return flowed(ready, b, interval, walk, order)
+    L = triangularise(b.factor) if order == 2 else b.factor
+    f = move_of(ready, interval)
+    if ready.noise_input is None:
+        line = expand(f, b.mean, L)
+        W = padded(ready.noise(*split(b.mean, ready.n, ready.θ), interval.u), b)
+        slope, rest = line.slope, line.rest
+    else:
+        line, slope, W = _with_noise_input(ready, b, L, interval, f, expand)
+        rest = line.rest
+    c = line.mean - jnp.sum(slope * b.mean[None, :], axis=1)
+    moved = kalman.predict(b.mean, L, b.diffuse, None, None, slope, c, jnp.concatenate([W, rest, walk], axis=1), b.size,
+                           b.log_scale)  # fmt: skip
+    moved = Belief(*moved)
+    return replace(moved, factor=lessened(moved.factor, line.bias)) if algorithm.truncated else moved
+
+
+def _with_noise_input(ready, b: Belief, L, interval, f, expand):
+    """f(z) + W(z) e expanded over (z, e): a noise input that depends on the state adds what it varies by."""
+    size, q = b.mean.shape[0], ready.white.shape[0]
+    line = expand(noisy(ready, b, f, interval), jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q)))
+    return line, line.slope[:, :size], line.slope[:, size:]
+
+
+def noisy(ready, b: Belief, f: Callable, interval) -> Callable:
+    """(z, e) -> f(z) + W(z) e."""
+    size = b.mean.shape[0]
+
+    def g(ze):
+        W = padded(ready.noise(*split(ze[:size], ready.n, ready.θ), interval.u), b)
+        return f(ze[:size]) + jnp.sum(W * ze[None, size:], axis=1)
+
+    return g
+
+
+def padded(W, belief: Belief):
+    """Noise of the states, with none on the parameters."""
+    rest = belief.mean.shape[0] - W.shape[0]
+    return jnp.concatenate([W, jnp.zeros((rest, W.shape[1]))]) if rest else W
+
+
+def augmented(ready: Any, b: Belief, interval: Any) -> tuple[Callable, Callable]:
+    """f(z, t) and W(z, t) of z = (x, θ), of which θ stays."""
+    n, derivative = ready.n, ready.derivative(interval)
+
+    def f(z, t):
+        x, θ = split(z, n, ready.θ)
+        return jnp.concatenate([derivative(x, θ, t), jnp.zeros(z.shape[0] - n)])
+
+    return f, lambda z, t: padded(ready.noise(*split(z, n, ready.θ), interval.u), b)
+
+
+def flowed(ready: Any, b: Belief, interval: Any, walk: Any, order: int) -> Belief:
+    """The belief carried through time by the equations of its moments."""
+    size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
+    start = flow.Moments(b.mean, jnp.concatenate([L, b.diffuse], axis=1), jnp.zeros((size, size)))
+    moments = flow.moment_derivative(*augmented(ready, b, interval), order, factor_columns=size)
+    end, reached = flow.integrate(moments, start, interval.dt, ready.substeps)
+    Z = triangularise(jnp.concatenate([end.Y[:, :size], factor(end.N), walk], axis=1))
+    mean = jnp.where(reached, end.m, jnp.nan)
+    return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)

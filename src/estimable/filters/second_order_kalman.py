@@ -1,0 +1,96 @@
+"""The second-order Kalman filters."""
+
+from dataclasses import KW_ONLY, field
+from typing import Any
+
+from .. import checks
+from ..frozen import frozen, static
+from ..kernels.expansion import bias_only, second_order
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample
+from . import nonlinear
+from .belief import Belief
+
+MOMENTS = ("gaussian", "bias_only", "truncated")
+
+
+@frozen
+class SecondOrderKalman:
+    """The Gaussian second-order filter: mean and covariance of f and h to their second derivatives, found automatically.
+
+    Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
+    (Bass-Norum-Schwartz, Jazwinski): ŷ_i = h_i + ½ tr(h_i'' P), S_ij = h_i' P h_j + ½ tr(h_i'' P h_j'' P) + R_ij, and the
+    same of f. It is exact to the first two moments where f and h are quadratic.
+
+    Assumes that the belief is nearly Gaussian and the third derivatives are small over it. A belief with two peaks is
+    given one, with the right variance. No diffuse prior: a curved function of an infinite variance has no mean.
+
+    Settings: `model`, `parameters`, `walk`, `iterations` as in `ExtendedKalman` (beyond 1: h is expanded about the posterior,
+    with its covariance); `moments`: "gaussian"; "bias_only" (the second-order mean with the first-order covariance);
+    "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; it can stop being a covariance, and the run
+    then ends with outcome 3).
+
+    Cost: that of `ExtendedKalman`, and n (n + 1) / 2 second derivatives of f and of h, with n counting estimated parameters.
+
+    Reference: A. H. Jazwinski (1970), §9.3; M. Athans, R. P. Wishner, A. Bertolini, IEEE TAC 13 (1968) 504-514; R. W. Bass,
+    V. D. Norum, L. Schwartz, J. Math. Anal. Appl. 16 (1966) 152-164; T. S. Bass (2005), second-order filters.
+
+    >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: x**2, Q=[[0.0]], R=[[0.1]], dt=1)
+    >>> result = estimate(SecondOrderKalman(model), Record([5.0], dt=1), prior=Prior([2.0], [[1.0]]))
+    >>> float(result.innovation[0, 0]), float(result.innovation_covariance[0, 0, 0].round(6))  # 5 - (2² + 1), 4 · 2² + 2 + .1
+    (0.0, 18.1)
+    """
+
+    model: Any
+    _: KW_ONLY
+    parameters: Prior | None = None
+    walk: Any = 0.0
+    iterations: int = static(default=1)
+    moments: str = static(default="gaussian")
+    ready: Any = field(default=None, init=False)
+    walk_factor: Any = field(default=None, init=False)
+
+    curved = True
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.whole("iterations", self.iterations, 1)
+        faults.choice("moments", self.moments, MOMENTS)
+        faults.finish()
+        nonlinear.check(self)
+
+    @property
+    def truncated(self) -> bool:
+        """Whether fourth moments are neglected."""
+        return self.moments == "truncated"
+
+    @property
+    def _expand(self):
+        return second_order if self.moments == "gaussian" else bias_only
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and estimated parameters."""
+        return nonlinear.names(self)
+
+    def sampled(self, clock: Clock) -> "SecondOrderKalman":
+        """The same filter with its model made ready for the steps of `clock`."""
+        return nonlinear.sampled(self, clock)
+
+    def at(self, k) -> "SecondOrderKalman":
+        """The filter at row k of a time-varying model."""
+        return nonlinear.at(self, k)
+
+    def init(self, prior: Prior) -> Belief:
+        """What is believed about (x[0], θ), before y[0]."""
+        nonlinear.refuse_diffuse(self, prior)
+        return nonlinear.init(self, prior)
+
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+        """Learn from one sample."""
+        return nonlinear.correct(self, state, sample, self._expand)
+
+    def predict(self, state: Belief, interval: Interval) -> Belief:
+        """Move to the next sample."""
+        return nonlinear.predict(self, state, interval, self._expand, 2)

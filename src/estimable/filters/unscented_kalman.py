@@ -1,0 +1,134 @@
+"""The unscented and the cubature Kalman filter."""
+
+from dataclasses import KW_ONLY, field
+from typing import Any
+
+import jax.numpy as jnp
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from ..kernels import flow, kalman
+from ..kernels.expansion import from_points, sigma_points
+from ..kernels.joint_gain import block_diagonal
+from ..kernels.small import apply, factor, product, triangularise
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample
+from . import nonlinear
+from .belief import Belief
+
+
+@frozen
+class UnscentedKalman:
+    """Mean and covariance of f and h through 2 n + 1 points, without derivatives; κ = 0 is the cubature filter.
+
+    Model: that of `ExtendedKalman`. Continuous models: each point is carried by the differential equation, and the noise
+    that comes in between samples by its tangent along the mean.
+
+    Assumes that the belief is nearly Gaussian. Exact to the second moment where f and h are linear, and in the mean where
+    they are quadratic; covariances of quadratic functions of several correlated states are approximate, which
+    `SecondOrderKalman` has exactly. It needs no derivative, so f and h may have corners. No diffuse prior.
+
+    Settings: `model`, `parameters`, `walk` as in `ExtendedKalman`; `kappa` >= 0, which places the points at sqrt(n + κ)
+    standard deviations; None: max(0, 3 - n), where they match the fourth moments of a Gaussian for n <= 3; 0: cubature.
+
+    Cost: 2 n + 1 evaluations of f and of h in the place of the tangents of `ExtendedKalman`.
+
+    Reference: S. J. Julier, J. K. Uhlmann, Proc. IEEE 92 (2004) 401-422, (12)-(15); I. Arasaratnam, S. Haykin, IEEE TAC 54
+    (2009) 1254-1269, (38)-(49).
+
+    >>> import jax.numpy as jnp
+    >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: jnp.abs(x), Q=[[0.0]], R=[[0.1]], dt=1)
+    >>> result = estimate(UnscentedKalman(model), Record([1.0], dt=1), prior=Prior([0.0], [[1.0]]))
+    >>> float(result.innovation[0, 0].round(6))  # 1 - sqrt(3) / 3: the mean of |x| is .8, and the points say .58
+    0.42265
+    """
+
+    model: Any
+    _: KW_ONLY
+    parameters: Prior | None = None
+    walk: Any = 0.0
+    kappa: float | None = static(default=None)
+    ready: Any = field(default=None, init=False)
+    walk_factor: Any = field(default=None, init=False)
+
+    curved = True
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        κ = None if self.kappa is None else faults.number("kappa", self.kappa, lower=0.0)
+        faults.finish()
+        set_field(self, kappa=κ)
+        nonlinear.check(self)
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs and estimated parameters."""
+        return nonlinear.names(self)
+
+    def sampled(self, clock: Clock) -> "UnscentedKalman":
+        """The same filter with its model made ready for the steps of `clock`."""
+        return nonlinear.sampled(self, clock)
+
+    def at(self, k) -> "UnscentedKalman":
+        """The filter at row k of a time-varying model."""
+        return nonlinear.at(self, k)
+
+    def init(self, prior: Prior) -> Belief:
+        """What is believed about (x[0], θ), before y[0]."""
+        nonlinear.refuse_diffuse(self, prior)
+        return nonlinear.init(self, prior)
+
+    def _κ(self, n: int) -> float:
+        return max(0.0, 3.0 - n) if self.kappa is None else self.kappa
+
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+        """Learn from one sample: condition ξ of x = m + L ξ, which needs no inverse of L."""
+        ready, b = nonlinear.ready_of(self).ready, state
+        size, L = b.mean.shape[0], triangularise(b.factor)
+        line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(size))
+        V = nonlinear.noise_of(line, ready.V, truncated=False)
+        blank = jnp.zeros(size)
+        post = kalman.correct(blank, jnp.eye(size), jnp.zeros((size, 0)), line.slope, line.mean, V, None, sample.y,
+                              sample.seen, blank, b.log_scale)  # fmt: skip
+        after = Belief(b.mean + apply(L, post.m), product(L, post.Z), b.diffuse, b.size, b.log_scale)
+        return after, nonlinear.tell(ready, after, post, line.bias)
+
+    def predict(self, state: Belief, interval: Interval) -> Belief:
+        """Move to the next sample."""
+        algorithm, b = nonlinear.ready_of(self), state
+        ready, walk, L = algorithm.ready, nonlinear.walk_columns(algorithm, interval), triangularise(b.factor)
+        if ready.continuous:
+            mean, columns = self._flowed(ready, b, L, interval)
+        elif ready.noise_input is None:
+            line = sigma_points(nonlinear.move_of(ready, interval), b.mean, L, self._κ(len(b.mean)))
+            W = nonlinear.padded(ready.noise(*nonlinear.split(b.mean, ready.n, ready.θ), interval.u), b)
+            mean, columns = line.mean, [line.slope, line.rest, W]
+        else:
+            mean, columns = self._with_noise_input(ready, b, L, interval)
+        Z = triangularise(jnp.concatenate([*columns, walk], axis=1))
+        return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
+
+    def _with_noise_input(self, ready, b: Belief, L, interval):
+        """Points in (z, e): the noise input is asked at each."""
+        size, q = b.mean.shape[0], ready.white.shape[0]
+        g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
+        at, spread = jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q))
+        line = sigma_points(g, at, spread, self._κ(size + q))
+        return line.mean, [line.slope, line.rest]
+
+    def _flowed(self, ready, b: Belief, L, interval):
+        """Each point carried by the differential equation; one call of the integrator for all."""
+        size = b.mean.shape[0]
+        f, W = nonlinear.augmented(ready, b, interval)
+        noise = flow.moment_derivative(f, W, 1)
+
+        def derivative(t, y):
+            return jnp.stack([f(y[0][:, j], t) for j in range(2 * size)], axis=1), noise(t, y[1])
+
+        reach = (size + self._κ(size)) ** 0.5
+        points = b.mean[:, None] + reach * jnp.concatenate([L, -L], axis=1)
+        start = points, flow.Moments(b.mean, jnp.zeros((size, 0)), jnp.zeros((size, size)))
+        (points, along), reached = flow.integrate(derivative, start, interval.dt, ready.substeps)
+        line = from_points(points, along.m, self._κ(size))
+        return jnp.where(reached, line.mean, jnp.nan), [line.slope, line.rest, factor(along.N)]

@@ -1,0 +1,214 @@
+"""A nonlinear state-space model of plain functions."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+
+
+@frozen
+class NonlinearModel:
+    """A nonlinear model with noise, discrete (dt > 0) or continuous (dt = 0).
+
+    Discrete: x[k+1] = f(x[k], u[k], θ) + G w[k], y[k] = h(x[k], u[k], θ) + v[k]; cov w = Q, cov v = R.
+    Continuous: dx/dt = f(x, u, θ) + G w with Q a density (per second); y[k] is a sample, and R its covariance.
+
+    `f` and `h` are plain functions of three arrays, written with `jax.numpy`: x (n,), u (m,), θ (k,), to (n,) and (p,).
+    `Q` (q, q), `R` (p, p). `G`: (n, q), a function G(x, u, θ) of that shape, or None: noise on every state. `parameters`:
+    {name: value} of θ, in its order; a filter can estimate them beside the state. `dt` in seconds. `states` and `inputs`
+    name the channels (`states` is required where `G` is given; `inputs`: default none), `outputs` default y1...
+
+    `substeps`: of a continuous model, how many classical Runge-Kutta steps carry it from one sample to the next (they can
+    run as machine code); None: an adaptive method, to a relative 1e-9, by diffrax (the extra `ode`).
+
+    Raises `InputError` with every fault at once: functions of the wrong arguments or shape, functions that JAX cannot trace.
+
+    >>> import jax.numpy as jnp
+    >>> pendulum = NonlinearModel(
+    ...     lambda x, u, θ: jnp.array([x[1], -θ[0] * jnp.sin(x[0])]), lambda x, u, θ: x[:1],
+    ...     Q=0.01 * np.eye(2), R=[[0.1]], dt=0, parameters={"stiffness": 9.81}, substeps=4)
+    >>> pendulum.n, pendulum.m, pendulum.p, pendulum.states
+    (2, 0, 1, ('x1', 'x2'))
+    """
+
+    f: Any = static()
+    h: Any = static()
+    _: KW_ONLY
+    Q: Any
+    R: Any
+    G: Any = None
+    dt: float = static()
+    states: Any = static(default=None)
+    inputs: Any = static(default=())
+    outputs: Any = static(default=None)
+    parameters: Any = None
+    substeps: int | None = static(default=None)
+    noise_input: Any = static(default=None, init=False)
+    parameter_names: tuple[str, ...] = static(default=(), init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        dt = faults.number("dt", self.dt, lower=0.0, unit="seconds")
+        Q, R = faults.covariance("Q", self.Q, "q q"), faults.covariance("R", self.R, "p p")
+        names = _read_names(self, faults)
+        G, noise_input = (None, self.G) if callable(self.G) else (self.G, None)
+        if noise_input is None and not faults.sentences:
+            G = faults.array("G", np.eye(faults.sizes["n"]) if G is None else G, "n q")
+        parameter_names, θ = _read_parameters(self.parameters, faults)
+        if self.substeps is not None:
+            faults.whole("substeps", self.substeps, 1)
+        if dt == 0 and self.substeps is None:
+            _need_solver(faults)
+        if not faults.sentences:
+            _check_functions(self, noise_input, len(θ), faults)
+        faults.finish()
+        set_field(
+            self, dt=dt, Q=Q, R=R, G=G, noise_input=noise_input, parameters=θ, parameter_names=parameter_names, **names
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.states)
+
+    @property
+    def size_source(self) -> str:
+        """Where its number of states comes from, as a sentence says it."""
+        return f"the model has {checks.listed(self.states)}"
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return len(self.inputs)
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return len(self.outputs)
+
+    @property
+    def feeds_through(self) -> bool:
+        """Whether an input enters an output directly: whether h uses u."""
+        arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (self.n, self.m, self.parameters.shape[-1])]
+        jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
+        return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether dt = 0."""
+        return self.dt == 0
+
+    steps = None  # it does not vary in time but through its functions
+    B_end = S = None
+    operating_point = None
+
+    def check_at(self, x: np.ndarray, u: np.ndarray, faults: checks.Faults) -> None:
+        """f and h must be finite at the prior mean x (n,) and the first input u (m,)."""
+        for name, function in (("f", self.f), ("h", self.h)):
+            value = np.asarray(function(*map(jax.numpy.asarray, (x, u, self.parameters))))
+            if not np.all(np.isfinite(value)):
+                faults.add(
+                    f"`{name}` is not finite at the prior mean: {name}({_numbers(x)}, {_numbers(u)}, "
+                    f"{_numbers(self.parameters)}) = {_numbers(value)}. Start where it is defined, or rewrite it."
+                )
+
+
+def _numbers(values: Any) -> str:
+    return "[" + ", ".join(f"{v:.6g}" for v in np.ravel(values)) + "]"
+
+
+def _read_names(model: NonlinearModel, faults: checks.Faults) -> dict:
+    """Names of states, inputs and outputs; without names of the states there are as many as noises."""
+    if model.states is None and model.G is not None:
+        faults.add("`states` must name the states where `G` is given: nothing else says how many there are.")
+    elif model.states is None and "q" in faults.sizes:
+        faults.learn("n", faults.sizes["q"], "without `G`, noise enters every state, and `Q` says how many")
+    states = faults.names("states", model.states, "n", "x")
+    if states:
+        faults.learn("n", len(states), f"`states` names {len(states)}")
+        if model.G is None:
+            faults.learn("q", len(states), "without `G`, noise enters every state")
+            if faults.sizes.get("q") != len(states):
+                faults.add(
+                    f"`Q` must be (n, n) = ({len(states)}, {len(states)}) without `G`: noise then enters each of the "
+                    f"{checks.counted(len(states), 'state')}. Got {np.shape(model.Q)}."
+                )
+    inputs = faults.names("inputs", model.inputs, "m", "u")
+    faults.learn("m", len(inputs), f"`inputs` names {len(inputs)}")
+    return {"states": states, "inputs": inputs, "outputs": faults.names("outputs", model.outputs, "p", "y")}
+
+
+def _read_parameters(given: Any, faults: checks.Faults) -> tuple[tuple[str, ...], np.ndarray]:
+    if given is None:
+        return (), np.zeros(0)
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        faults.add(
+            f"`parameters` must be a mapping of names to numbers, as {{'drag': 0.3}}. Got {checks.short(given)}."
+        )
+        return (), np.zeros(0)
+    values = faults.array("parameters", list(given.values()), "k") if given else np.zeros(0)
+    return tuple(given), values
+
+
+def _need_solver(faults: checks.Faults) -> None:
+    try:
+        import diffrax  # noqa: F401  only whether it is there
+    except ImportError:
+        faults.add(
+            "the model is continuous: give `substeps` (Runge-Kutta steps from one sample to the next), or install the extra "
+            "`ode` (diffrax) for an adaptive integrator."
+        )
+
+
+def _check_functions(model: NonlinearModel, noise_input: Callable | None, k: int, faults: checks.Faults) -> None:
+    """Each function takes (x, u, θ), can be traced, and gives an array of the right shape."""
+    n, m, p, q = (faults.sizes[axis] for axis in "nmpq")
+    wanted: list[tuple[str, Any, tuple[int, ...], str]] = [
+        ("f", model.f, (n,), "one entry a state"),
+        ("h", model.h, (p,), "`R` has as many rows"),
+    ]
+    if noise_input is not None:
+        wanted.append(("G", noise_input, (n, q), "states by noises"))
+    arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (n, m, k)]
+    for name, function, shape, because in wanted:
+        if not callable(function):
+            faults.add(f"`{name}` must be a function {name}(x, u, θ). Got {checks.short(function)}.")
+        elif not _takes_three(function):
+            faults.add(
+                f"`{name}` must take three arguments, {name}(x, u, θ), also where it does not use them. "
+                f"It is {name}{inspect.signature(function)}."
+            )
+        else:
+            _check_result(name, function, arguments, shape, because, faults)
+
+
+def _check_result(name: str, function: Callable, arguments: list, shape: tuple, because: str, faults) -> None:
+    sizes = ", ".join(f"{letter} {a.shape}" for letter, a in zip("xuθ", arguments, strict=True))
+    try:
+        result = jax.eval_shape(function, *arguments)
+    except Exception as error:  # whatever the user's function raises
+        first = str(error).strip().splitlines()[0] if str(error).strip() else ""
+        faults.add(
+            f"`{name}` cannot be traced at {sizes}: {type(error).__name__}: {first} Write it with jax.numpy, and with "
+            "jnp.where in the place of if."
+        )
+        return
+    if not hasattr(result, "shape") or result.shape != shape:
+        got = result.shape if hasattr(result, "shape") else checks.short(result)
+        faults.add(f"`{name}` must give an array {shape}: {because}. At {sizes} it gives {got}.")
+
+
+def _takes_three(function: Callable) -> bool:
+    try:
+        inspect.signature(function).bind(0, 0, 0)
+    except TypeError:
+        return False
+    except ValueError:  # a function in C has no signature to read
+        return True
+    return True

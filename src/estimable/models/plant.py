@@ -1,0 +1,122 @@
+"""What the steps of a nonlinear filter ask of a model, linear or not: where a state goes, and what it shows."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ..frozen import frozen, static
+from ..kernels.small import apply, factors, product
+from .nonlinear import NonlinearModel
+from .sampled import Clock, SampledModel, sample
+from .state_space import StateSpace
+
+
+@frozen
+class Functions:
+    """A `NonlinearModel` with its noises on unit white ones: w = white e, v = V e'. θ are the parameters of the model.
+
+    `moving`: the input moves linearly between samples. The state's origin is zero.
+    """
+
+    f: Any = static()
+    h: Any = static()
+    noise_input: Any = static()
+    substeps: int | None = static()
+    continuous: bool = static()
+    moving: bool = static()
+    θ: Any
+    G: Any
+    white: Any
+    V: Any
+
+    def at(self, k) -> "Functions":
+        """The plant at row k: it does not vary."""
+        return self
+
+    @property
+    def origin(self):
+        """What states are measured from, (n,)."""
+        return jnp.zeros(self.n)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.G.shape[0]
+
+    def output(self, x, θ, u):
+        """y without its noise, (p,)."""
+        return self.h(x, u, θ)
+
+    def next_state(self, x, θ, interval):
+        """x at the next sample without noise, (n,)."""
+        return self.f(x, interval.u, θ)
+
+    def derivative(self, interval):
+        """f(x, θ, t): dx/dt at t seconds after the sample."""
+
+        def f(x, θ, t):
+            u = interval.u
+            return self.f(x, u + (interval.u_end - u) * (t / interval.dt) if self.moving else u, θ)
+
+        return f
+
+    def noise(self, x, θ, u):
+        """W (n, q): the noise on x+ (or on dx/dt) is W e."""
+        G = self.G if self.noise_input is None else self.noise_input(x, u, θ)
+        return product(G, self.white)
+
+
+@frozen
+class Matrices:
+    """A `SampledModel` seen as a plant: its states are deviations from the operating point."""
+
+    model: SampledModel
+
+    noise_input = None
+    continuous = False
+    θ = jnp.zeros(0)
+
+    def at(self, k) -> "Matrices":
+        """The plant at row k of a time-varying model."""
+        return Matrices(self.model.at(k))
+
+    @property
+    def origin(self):
+        """What states are measured from, (n,)."""
+        return self.model.point.states
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.model.A.shape[-1]
+
+    @property
+    def V(self):
+        """The factor of the measurement noise, (p, p)."""
+        return self.model.V
+
+    def output(self, x, θ, u):
+        """y without its noise, (p,)."""
+        model = self.model
+        return apply(model.C, x) + apply(model.D, u - model.point.inputs) + model.point.outputs
+
+    def next_state(self, x, θ, interval):
+        """x at the next sample without noise, (n,)."""
+        model = self.model
+        moved = apply(model.A, x) + apply(model.B, interval.u - model.point.inputs)
+        return moved if model.B_end is None else moved + apply(model.B_end, interval.u_end - model.point.inputs)
+
+    def noise(self, x, θ, u):
+        """W (n, q): the noise on x+ is W e."""
+        return self.model.W
+
+
+def plant(model: StateSpace | NonlinearModel, clock: Clock) -> Functions | Matrices:
+    """`model` made ready for the steps of `clock`."""
+    if isinstance(model, StateSpace):
+        return Matrices(sample(model, clock))
+    G = model.G if model.noise_input is None else jnp.zeros((model.n, model.Q.shape[-1]))
+    return Functions(
+        model.f, model.h, model.noise_input, model.substeps, model.is_continuous, clock.hold == "first_order",
+        model.parameters, G, factors(model.Q), factors(model.R),
+    )  # fmt: skip

@@ -1,0 +1,99 @@
+"""Every sentence with which a nonlinear model or filter is refused."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import estimable as es
+
+
+def f(x, u, θ):
+    return x
+
+
+def refused(sentence, make):
+    with pytest.raises(es.InputError) as error:
+        make()
+    assert sentence in str(error.value), str(error.value)
+
+
+def model(**changes):
+    given = {"f": f, "h": f, "Q": np.eye(2), "R": np.eye(2), "dt": 1} | changes
+    return es.NonlinearModel(given.pop("f"), given.pop("h"), **given)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"f": lambda x, u: x}, "`f` must take three arguments, f(x, u, θ), also where it does not use them. It is f(x, u)."),
+        ({"h": 3}, "`h` must be a function h(x, u, θ). Got 3."),
+        ({"f": lambda x, u, θ: x[:1]}, "`f` must give an array (2,): one entry a state. At x (2,), u (0,), θ (0,) it gives"),
+        ({"h": lambda x, u, θ: 1.0 * x[0]}, "`h` must give an array (2,): `R` has as many rows."),
+        ({"f": lambda x, u, θ: x if x[0] > 0 else -x}, "`f` cannot be traced at x (2,), u (0,), θ (0,): TracerBoolConversion"),
+        ({"G": lambda x, u, θ: x, "states": ["a", "b"]}, "`G` must give an array (2, 2): states by noises."),
+        ({"G": np.eye(2)}, "`states` must name the states where `G` is given: nothing else says how many there are."),
+        ({"states": ["a"]}, "`Q` must be (n, n) = (1, 1) without `G`: noise then enters each of the 1 state. Got (2, 2)."),
+        ({"parameters": [1.0]}, "`parameters` must be a mapping of names to numbers, as {'drag': 0.3}. Got [1.0]."),
+        ({"substeps": 0}, "`substeps` must be a whole number, at least 1. Got 0."),
+        ({"Q": [[1.0, 2.0], [0.0, 1.0]]}, "`Q` must be symmetric"),
+        ({"dt": -1.0}, "`dt` must be at least 0 seconds. Got -1."),
+    ],
+)  # fmt: skip
+def test_models_are_refused_in_words(changes, sentence):
+    refused(sentence, lambda: model(**changes))
+
+
+def test_all_faults_of_a_model_come_together():
+    with pytest.raises(es.InputError) as error:
+        model(f=lambda x: x, h=lambda x, u, θ: x[:1])
+    assert len(error.value.faults) == 2
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: es.ExtendedKalman(3), "`model` must be a NonlinearModel or a StateSpace. Got 3."),
+        (lambda: es.ExtendedKalman(model(), iterations=0), "`iterations` must be a whole number, at least 1. Got 0."),
+        (lambda: es.SecondOrderKalman(model(), moments="all"), "`moments` must be one of 'gaussian', 'bias_only', 'truncated'."),
+        (lambda: es.UnscentedKalman(model(), kappa=-1.0), "`kappa` must be at least 0. Got -1."),
+        (lambda: es.ExtendedKalman(model(parameters={"a": 1.0}), parameters=es.Prior([0.0, 0.0], np.eye(2))),
+         "`parameters` must be a prior of the model's 1 parameter ('a'). Got 2."),
+        (lambda: es.ExtendedKalman(model(parameters={"a": 1.0}), parameters=es.Prior([0.0], [[1.0]]), walk=-1.0),
+         "`walk` must be variances per second, at least 0. Got -1.0."),
+        (lambda: es.ExtendedKalman(es.StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], S=[[0.5]], dt=1)),
+         "the model has cross noise S, which the nonlinear filters do not use: take Kalman(model)."),
+    ],
+)  # fmt: skip
+def test_filters_are_refused_in_words(make, sentence):
+    refused(sentence, make)
+
+
+@pytest.mark.parametrize("cls", [es.SecondOrderKalman, es.UnscentedKalman])
+def test_a_diffuse_prior_has_no_curved_mean(cls):
+    prior = es.Prior([0.0, 0.0], np.eye(2), diffuse=[[1.0], [0.0]])
+    sentence = f"`prior` must not have diffuse directions for {cls.__name__}: a curved function"
+    refused(sentence, lambda: es.estimate(cls(model()), es.Record(np.ones((2, 2)), dt=1), prior=prior))
+
+
+def test_a_function_that_is_not_finite_at_the_prior_mean_is_named_with_its_value():
+    undefined = model(h=lambda x, u, θ: jnp.log(x))
+    record, prior = es.Record(np.ones((2, 2)), dt=1), es.Prior([-1.0, 1.0], np.eye(2))
+    refused("`h` is not finite at the prior mean: h([-1, 1], [], []) = [nan, 0].",
+            lambda: es.estimate(es.ExtendedKalman(undefined), record, prior=prior))  # fmt: skip
+
+
+def test_a_prior_of_another_size_is_told_the_states():
+    record = es.Record(np.ones((2, 2)), dt=1)
+    refused("`prior` must describe n = 2 states: the model has 'x1', 'x2'. Got 1.",
+            lambda: es.estimate(es.ExtendedKalman(model()), record, prior=es.Prior([0.0], [[1.0]])))  # fmt: skip
+
+
+def test_nonlinearity_needs_a_nonlinear_model_and_covariances():
+    record = es.Record(np.ones((3, 2)), dt=1)
+    result = es.estimate(es.ExtendedKalman(model()), record, prior=es.Prior([0.0, 0.0], np.eye(2)), keep="means")
+    with pytest.raises(es.InputError) as error:
+        es.diagnostics.nonlinearity(None, result, record)
+    assert "`model` must be a NonlinearModel. Got None." in error.value.faults
+    assert (
+        '`result` must hold the covariances of at least two rows: run estimate(..., keep="all").' in error.value.faults
+    )
