@@ -6,16 +6,14 @@ from typing import Any, NamedTuple
 from . import checks
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
+from .filters.extended_kalman import ExtendedKalman
 from .filters.gated import Gated
 from .filters.kalman import Kalman
 from .filters.moving_window import MovingWindow
+from .filters.second_order_kalman import SecondOrderKalman
 from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
-from .filters.extended_kalman import ExtendedKalman
-from .filters.kalman import Kalman
-from .filters.second_order_kalman import SecondOrderKalman
-from .filters.unknown_gain import UnknownGain
 from .filters.unscented_kalman import UnscentedKalman
 from .models.files import ModelFile
 from .models.nonlinear import NonlinearModel
@@ -72,6 +70,7 @@ ENTRIES = (
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
         "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window"), {"probability": 0.999},
     ),
+    Entry(
         "extended-kalman", ExtendedKalman, "filter", "Jazwinski (1970) §8.3",
         "f and h are nearly straight over a standard deviation",
     ),
@@ -108,16 +107,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
         wraps = settings.pop("algorithm", _default(built, file))
         faults.choice("algorithm", wraps, built.wraps)
         faults.finish()
-    allowed = _settings(built) + (_every_setting(entry(wraps), file) if wraps else [])
-    for key in settings:
-        if key not in allowed:
-            faults.add(
-                f"{name} has no setting {key!r}: it has {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
-            )
-    if built.cls is UnknownGain and file.gain is None:
-        faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
-    if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
-        faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
+    _check_settings(built, wraps, file, settings, faults)
     faults.finish()
     if wraps:
         own = {key: settings.pop(key) for key in _settings(built) if key in settings}
@@ -128,6 +118,20 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     if isinstance(file.model, NonlinearModel):
         return _nonlinear(built, file, settings)
     return built.cls(file.model, **settings)
+
+
+def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults) -> None:
+    """Settings must be known, and what the file lacks must be in them."""
+    allowed = _settings(built) + (_every_setting(entry(wraps), file) if wraps else [])
+    for key in settings:
+        if key not in allowed:
+            faults.add(
+                f"{built.name} has no setting {key!r}: it has {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
+            )
+    if built.cls is UnknownGain and file.gain is None:
+        faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
+    if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
+        faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
 
 
 def _default(wrapper: Entry, file: ModelFile) -> str:

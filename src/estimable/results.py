@@ -54,13 +54,10 @@ OUTCOMES = {
     0: "",
     1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
     2: "an output without noise contradicts a value that is known exactly: give the output or the state some noise",
-<<<<<<< HEAD
     3: "the outputs that were seen do not tell the unknown input, which Fang's Algorithm 1 needs at every sample: use "
     'method="auto", which waits for the outputs that tell it',
-=======
-    3: "the estimate is not finite any more: f or h is not defined where it went, the integrator of a continuous model did not "
+    4: "the estimate is not finite any more: f or h is not defined where it went, the integrator of a continuous model did not "
     "reach the next sample, or truncated moments stopped being a covariance",
->>>>>>> 14375fd (Filter nonlinear models: first and second order, iterated, unscented, with parameters, continuous between samples)
 }
 
 

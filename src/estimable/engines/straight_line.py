@@ -217,12 +217,7 @@ def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tupl
 
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
-<<<<<<< HEAD
     name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
-=======
-    name, parameters = equation.primitive.name, equation.params
-    name = NAMED.get(name, name)
->>>>>>> 14375fd (Filter nonlinear models: first and second order, iterated, unscented, with parameters, continuous between samples)
     if name in CALLS:
         inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
         jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())

@@ -144,7 +144,7 @@ def lessened(L, b):
 def _code(contradicted, belief: Belief):
     """The outcome of a step; what is not finite has its own sentence here."""
     code = outcome_code(contradicted, belief.mean, belief.factor, belief.diffuse)
-    return jnp.where(code == 1, 3, code)
+    return jnp.where(code == 1, 4, code)
 
 
 def correct(algorithm: Any, belief: Belief, sample: Any, expand: Callable) -> tuple[Belief, Info]:

@@ -29,7 +29,7 @@ class SecondOrderKalman:
     Settings: `model`, `parameters`, `walk`, `iterations` as in `ExtendedKalman` (beyond 1: h is expanded about the posterior,
     with its covariance); `moments`: "gaussian"; "bias_only" (the second-order mean with the first-order covariance);
     "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; it can stop being a covariance, and the run
-    then ends with outcome 3).
+    then ends with outcome 4).
 
     Cost: that of `ExtendedKalman`, and n (n + 1) / 2 second derivatives of f and of h, with n counting estimated parameters.
 

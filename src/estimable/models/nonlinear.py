@@ -92,9 +92,8 @@ class NonlinearModel:
         """Number of outputs."""
         return len(self.outputs)
 
-    @property
-    def feeds_through(self) -> bool:
-        """Whether an input enters an output directly: whether h uses u."""
+    def feeds_through(self, inputs: list[int]) -> bool:
+        """Whether an input enters an output directly: whether h uses u, whichever columns are asked for."""
         arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (self.n, self.m, self.parameters.shape[-1])]
         jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
         return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)

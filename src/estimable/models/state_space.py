@@ -91,10 +91,9 @@ class StateSpace:
         """Number of outputs."""
         return self.C.shape[-2]
 
-    @property
-    def feeds_through(self) -> bool:
-        """Whether an input enters an output directly."""
-        return bool(np.any(self.D))
+    def feeds_through(self, inputs: list[int]) -> bool:
+        """Whether one of these columns of u enters an output directly."""
+        return bool(np.any(self.D[..., inputs]))
 
     @property
     def is_continuous(self) -> bool:

@@ -86,11 +86,7 @@ class Online:
             faults.add(
                 "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
             )
-<<<<<<< HEAD
-        if u is None and np.any(model.D[..., self._inputs]):
-=======
-        if u is None and model.feeds_through:
->>>>>>> 14375fd (Filter nonlinear models: first and second order, iterated, unscented, with parameters, continuous between samples)
+        if u is None and model.feeds_through(self._inputs):
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
