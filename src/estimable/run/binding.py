@@ -66,7 +66,7 @@ def bind(
     u = rows.applied()[..., inputs]
     check_known(u, names.inputs, faults)
     faults.finish()
-    if isinstance(model, NonlinearModel):
+    if isinstance(model, NonlinearModel) and prior is not None:
         model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
         faults.finish()
     clock = record.clock(model.dt or None)
