@@ -32,9 +32,7 @@ def regulability_sentences(found: Any) -> tuple[str, ...]:
     if found.verdict == "yes":
         sentences = [f"From every state, {inputs} can lower the cost."]
     elif found.verdict == "borderline":
-        sentences = [
-            f"Borderline: from some state {inputs} can lower the cost only by an amount that rounding could hide."
-        ]
+        sentences = [f"From some state, {inputs} can lower the cost only by a part that rounding could hide."]
     else:
         several = [f"From x0 along {words(g, found.states)}, {inputs} cannot lower the cost." for g in found.directions]
         sentences = _few(several) or ([] if len(found.known_directions) else ["No state is moved in a way that costs."])
@@ -45,9 +43,8 @@ def regulability_sentences(found: Any) -> tuple[str, ...]:
 def _hidden(found: Any, outputs: str) -> list[str]:
     if found.verdict == "borderline":
         least = found.correlation_directions[:1]
-        where = f", least along {words(least[0], found.states)}" if len(least) else ""
-        part = f"with a part of {found.distance:.1e} that rounding could hide"
-        return [f"Borderline: the state is revealed by {outputs}{where}, {part}."]
+        what = words(least[0], found.states) if len(least) else "some direction"
+        return [f"{what} is revealed by {outputs} only by a part of {found.distance:.1e}, which rounding could hide."]
     return _few([f"{words(g, found.states)} is not revealed by {outputs}." for g in found.directions])
 
 
@@ -101,9 +98,8 @@ def structure_sentences(found: Any) -> tuple[str, ...]:
         return (f"Every direction of the state {'shows in' if outputs else 'is moved by'} {channels}{within}.",)
     if found.verdict == "borderline":
         how = "shows in" if outputs else "is moved by"
-        return (
-            f"Borderline: some direction {how} {channels} with a part of {found.distance:.1e} that rounding could hide.",
-        )
+        part = f"a part of {found.distance:.1e}, which rounding could hide"
+        return (f"some direction {how} {channels} only by {part}.",)
     does = f"never shows in {channels}" if outputs else f"is not moved by {channels}"
     sentences = _few([f"{words(g, found.states)} {does}{within}." for g in found.directions])
     return (*sentences, *(() if found.horizon is not None else _fate(found)))

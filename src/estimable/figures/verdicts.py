@@ -1,5 +1,6 @@
 """The figure of a verdict."""
 
+import math
 from typing import Any
 
 import plotly.graph_objects as go
@@ -13,7 +14,7 @@ def plot_estimability(found: Any) -> go.Figure:
     """How much of each state's variance the outputs take away, and the Gramian's spectrum with its limits of doubt.
 
     Left: a pair of bars a state, past outputs only and with the present one. Right: the singular values relative to the
-    largest, as points; below the lower line a value counts as zero, between the two nobody can say.
+    largest, as points, with the limits of a verdict over a horizon (in steady state the verdict is that of the model itself).
     """
     figure = make_subplots(
         rows=1, cols=2, subplot_titles=["variance taken away by the outputs", "singular values, of the largest"]
@@ -40,7 +41,17 @@ def _spectrum(figure: go.Figure, found: Any) -> None:
     number = list(range(1, len(σ) + 1))
     points = go.Scatter(x=number, y=relative, mode="markers", marker={"color": SPECTRUM, "size": 9}, showlegend=False)
     figure.add_trace(points, row=1, col=2)
-    for limit in found.tolerance:
-        figure.add_hline(y=limit, line={"dash": "dash", "color": "#CC79A7"}, row=1, col=2)  # pyright: ignore[reportArgumentType]
+    for limit, meaning in zip(found.tolerance, ("below: zero", "below: borderline"), strict=True):
+        across: Any = {"row": 1, "col": 2}
+        figure.add_hline(y=limit, line={"dash": "dash", "color": "#CC79A7"}, **across)
+        where = {
+            "xref": "x2 domain",
+            "x": 1.0,
+            "yref": "y2",
+            "y": math.log10(limit),
+            "xanchor": "right",
+            "yanchor": "top",
+        }
+        figure.add_annotation(text=meaning, showarrow=False, font={"size": 11}, **where)
     figure.update_yaxes(type="log", exponentformat="power", row=1, col=2)
     figure.update_xaxes(title_text="number", dtick=1 if len(σ) <= 12 else None, row=1, col=2)
