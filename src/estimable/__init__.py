@@ -37,6 +37,7 @@ from .results import (
     Estimate,
     EstimateBank,
     Fit,
+    Forecast,
     Info,
     Interval,
     Outcome,
@@ -47,6 +48,8 @@ from .results import (
 )
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
+from .run.fit_noise import NoiseFit, fit_noise
+from .run.forecast import forecast
 from .run.identify import identify
 from .run.monte_carlo import MonteCarlo, monte_carlo
 from .run.online import Online, online
@@ -73,6 +76,7 @@ __all__ = [
     "ExtendedKalman",
     "FeedbackGain",
     "Fit",
+    "Forecast",
     "GainSection",
     "Gated",
     "GilbertElliottLink",
@@ -84,6 +88,7 @@ __all__ = [
     "ModelFile",
     "MonteCarlo",
     "MovingWindow",
+    "NoiseFit",
     "NonlinearModel",
     "Observability",
     "Online",
@@ -117,6 +122,8 @@ __all__ = [
     "estimability",
     "estimate",
     "estimate_bank",
+    "fit_noise",
+    "forecast",
     "identify",
     "kalman_gain",
     "load",

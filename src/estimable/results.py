@@ -210,11 +210,21 @@ class Shown(Kept):
 
 
 @frozen
+class Origin:
+    """What an estimate was made of."""
+
+    algorithm: Any
+    record: Any
+    prior: Any
+
+
+@frozen
 class Estimate(Shown):
     """What `estimate` returns: row k of every array uses the samples 0..k. What does not apply, or was not kept, is None.
 
     `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
-    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last.
+    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last. `origin`: the
+    algorithm, record and prior that it was made of.
     """
 
     info: Info
@@ -223,6 +233,7 @@ class Estimate(Shown):
     outcome: Outcome = static()
     engine: str = static()
     names: Names = static()
+    origin: Any = None
     __repr__ = Shown.__repr__
 
 
@@ -241,6 +252,21 @@ class SmoothedEstimate(Shown):
     engine: str = static()
     names: Names = static()
     __repr__ = Shown.__repr__
+
+
+@frozen
+class Forecast(Kept):
+    """What `forecast` returns: row i is the i-th sample after the record. `output` (steps, p), its covariance with the noise
+    of the measurement; states and gains as in `Estimate`."""
+
+    info: Info
+    t: Any
+    output: Any
+    output_covariance: Any
+    names: Names = static()
+
+    def __repr__(self) -> str:
+        return f"Forecast({len(self.output)} samples of {', '.join(self.names.outputs)})"
 
 
 @frozen

@@ -19,7 +19,8 @@ from .frozen import leaf_fields, static_fields
 from .models.operating_point import OperatingPoint
 from .models.prior import Prior
 from .models.state_space import StateSpace
-from .results import Estimate, EstimateBank, Info, Names, Outcome, Simulation
+from .results import Estimate, EstimateBank, Forecast, Info, Names, Origin, Outcome, Simulation, SmoothedEstimate
+from .run.fit_noise import NoiseFit
 from .run.online import Online, Progress
 from .run.stack import Stacked
 
@@ -28,7 +29,7 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies,
-        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress,
+        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast, NoiseFit, Origin, SmoothedEstimate,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}

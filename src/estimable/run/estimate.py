@@ -10,7 +10,7 @@ from ..data.record import Record
 from ..engines import choice, xla
 from ..errors import RunError
 from ..models.prior import Prior
-from ..results import Estimate, Outcome
+from ..results import Estimate, Origin, Outcome
 from .binding import bind, select
 
 ON_FAILURE = ("raise", "keep")
@@ -59,7 +59,7 @@ def estimate(
         raise RunError(outcome)
     info = jax.tree_util.tree_map(lambda leaf: leaf[None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[-1:]
-    return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names)
+    return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names, Origin(algorithm, record, prior))
 
 
 def log_likelihood(algorithm: Any, record: Record, *, prior: Prior):

@@ -1,0 +1,104 @@
+"""Everything that a record says against a result, in one list."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from .consistency import Consistency, nis
+from .innovations import LAGS, Correlations, cross_correlation, standardised, whiteness
+
+
+class Diagnosis(NamedTuple):
+    """Verdicts on a result: of all outputs together (`nis`), of each output, and of each output against each input.
+
+    `false_alarm` is the probability with which a right model fails any of them.
+    """
+
+    nis: Consistency
+    outputs: dict[str, Consistency]
+    whiteness: dict[str, Correlations]
+    cross_correlation: dict[tuple[str, str], Correlations]
+    false_alarm: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing speaks against the model."""
+        return not self.faults
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """The sentence of each verdict that failed, the most telling first: inputs, whiteness, levels."""
+        inputs = [c for c in self.cross_correlation.values() if not c.passed]
+        found = [c.sentence for c in sorted(inputs, key=lambda c: c.p_value)]
+        found += [c.sentence for c in sorted(self.whiteness.values(), key=lambda c: c.p_value) if not c.passed]
+        found += [self._level(name) for name, c in self.outputs.items() if not c.consistent]
+        return tuple(found if found or self.nis.consistent else [self.nis.sentence])
+
+    def _level(self, name: str) -> str:
+        """Whether Q or R is to blame shows in the sign of the correlation of neighbours."""
+        level, first = self.outputs[name], self.whiteness[name]
+        small = level.mean > level.expected
+        told = f"squared innovations of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        if abs(first.values[0]) <= 2 / np.sqrt(max(first.pairs[0], 1)):
+            which = "Q and R"
+        else:
+            which = "Q" if (first.values[0] > 0) == small else f"R of {name}"
+        return f"{told}: {which} probably too {'small' if small else 'large'}"
+
+    def __str__(self) -> str:
+        return "\n".join(self.faults) if self.faults else "nothing speaks against the model"
+
+
+def diagnose(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float = 0.01) -> Diagnosis:
+    """Look at the innovations of a result in every way there is: their size, whether they are white, whether any input
+    is left in them, output by output.
+
+    `result`: of `estimate`, with its covariances kept; `record`: the one it was made of, for its inputs. `false_alarm`:
+    the probability that a right model fails any of the tests; each gets an equal share. An input that feeds back the
+    outputs with one sample's delay or more does not disturb the tests.
+
+    Raises `InputError` where the result has no innovations or the record is another.
+
+    >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> drawn = simulate(model, seed=1, steps=300, prior=Prior([0.0], [[1.0]]))
+    >>> result = estimate(Kalman(model), drawn.record, prior=Prior([0.0], [[1.0]]))
+    >>> str(diagnostics.diagnose(result, drawn.record))
+    'nothing speaks against the model'
+    """
+    e, u, inputs = _read(result, record)
+    outputs = result.names.outputs
+    lags = max(1, min(lags, len(e) // 4))
+    tests = 1 + len(outputs) * (2 + len(inputs))
+    probability = 1 - checks_share(false_alarm, tests)
+    S = np.asarray(result.innovation_covariance)
+    levels, white, crossed = {}, {}, {}
+    for i, name in enumerate(outputs):
+        if np.sum(~np.isnan(e[:, i])) <= 2 * lags:
+            continue
+        levels[name] = nis(result.innovation[:, i : i + 1], S[:, i : i + 1, i : i + 1], probability=probability)
+        white[name] = whiteness(e[:, i], name=name, lags=lags, probability=probability)
+        for j, input_name in enumerate(inputs):
+            if np.ptp(u[:, j]) > 0:
+                crossed[name, input_name] = cross_correlation(
+                    e[:, i], u[:, j], name=name, input_name=input_name, lags=lags, probability=probability
+                )
+    together = nis(result.innovation, S, probability=probability)
+    return Diagnosis(together, levels, white, crossed, false_alarm)
+
+
+def checks_share(false_alarm: float, tests: int) -> float:
+    """The share of each of several tests in the probability that any fails (Bonferroni)."""
+    faults = checks.Faults()
+    faults.number("false_alarm", false_alarm, above=0.0, upper=1.0)
+    faults.finish()
+    return false_alarm / tests
+
+
+def _read(result: Any, record: Any) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    innovation, S = getattr(result, "innovation", None), getattr(result, "innovation_covariance", None)
+    if innovation is None or S is None:
+        checks.refuse('`result` has no innovations with their covariances: estimate(..., keep="all") has them.')
+    if not hasattr(record, "applied") or len(record) != len(innovation):
+        checks.refuse(f"`record` must be the record that the result was made of: {len(innovation)} rows.")
+    return standardised(innovation, S), np.asarray(record.applied(), float), tuple(record.inputs)

@@ -1,0 +1,199 @@
+"""Do the innovations still hold something that the model could have predicted?"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+
+LAGS = 20
+FEWEST = 8  # pairs of samples from which a correlation is a number worth judging
+
+
+COLLINEAR = 1e-3  # of the largest: directions in which the input hardly moves tell nothing
+CANCELS = 0.5  # a shift in time leaves as much of one sign as of the other, a wrong gain mostly one
+
+
+class Correlations(NamedTuple):
+    """Correlations of standardised innovations by lag, their band, and the verdict.
+
+    `values` (lags,), each with `pairs` (lags,) seen pairs; a right model keeps each within ±`band` and the sum of squares
+    `statistic` below `limit` with the stated probability. `lag` is the lag of the largest, relative to its band.
+    """
+
+    values: np.ndarray
+    pairs: np.ndarray
+    lags: np.ndarray
+    statistic: float
+    limit: float
+    p_value: float
+    passed: bool
+    sentence: str
+
+    @property
+    def band(self) -> np.ndarray:
+        """Two standard deviations of each correlation."""
+        return 2 / np.sqrt(np.maximum(self.pairs, 1))
+
+    @property
+    def lag(self) -> int:
+        """Lag of the correlation that is largest beside its band."""
+        return int(self.lags[np.argmax(np.abs(self.values) * np.sqrt(self.pairs))])
+
+
+def standardised(innovation: Any, innovation_covariance: Any) -> np.ndarray:
+    """Innovations (T, p) over their standard deviations; NaN where not seen, or known exactly, or not at all.
+
+    >>> standardised([[2.0]], [[[4.0]]]).tolist()
+    [[1.0]]
+    """
+    e, S = np.asarray(innovation, float), np.asarray(innovation_covariance, float)
+    if e.ndim != 2 or S.shape != (*e.shape, e.shape[-1]):
+        checks.refuse(f"`innovation` must be (T, p) and its covariance (T, p, p). Got {e.shape} and {S.shape}.")
+    variance = np.einsum("tii->ti", S)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(variance > 0, e / np.sqrt(variance), np.nan)
+
+
+def whiteness(e: Any, *, name: str = "the output", lags: int = LAGS, probability: float = 0.999) -> Correlations:
+    """Are standardised innovations (T,) of one output white? A portmanteau test that takes missing samples as they are.
+
+    The correlation at a lag is taken over the pairs that were both seen, and over their own size, so that a wrong level
+    does not count here. Under a right model its variance is 1 / pairs whatever is missing, lags are uncorrelated, and
+    Σ pairs correlation² is χ² with `lags` degrees. (Ljung & Box 1978, with the mean known to be zero.)
+
+    >>> whiteness(np.random.default_rng(0).normal(size=500)).passed
+    True
+    """
+    e = _one(e, "e")
+    _check(lags, probability, len(e))
+    known = ~np.isnan(e)
+    z = np.where(known, e, 0.0)
+    steps = np.arange(1, lags + 1)
+    found = [_correlation(z[lag:], z[:-lag], known[lag:] & known[:-lag]) for lag in steps]
+    return _judged(found, steps, probability, lambda verdict: _white_sentence(verdict, name))
+
+
+def _correlation(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[float, int]:
+    """Correlation of two series of mean zero over the samples where both are known, and how many there are.
+
+    Its variance is exactly 1 / pairs where either is white and Gaussian, whatever the other is.
+    """
+    a, b = a[both], b[both]
+    size = np.sqrt((a @ a) * (b @ b))
+    return (float(a @ b / size), len(a)) if size > 0 else (0.0, 0)
+
+
+def cross_correlation(
+    e: Any,
+    u: Any,
+    *,
+    name: str = "the output",
+    input_name: str = "the input",
+    lags: int = LAGS,
+    probability: float = 0.999,
+) -> Correlations:
+    """Is there anything left in standardised innovations (T,) of the input (T,), now and up to `lags` samples before?
+
+    The innovations are regressed on the input at all these lags together, so that an input that moves slowly or in a
+    period does not smear one lag over its neighbours: `values` are the partial correlations, and `statistic` is n R², χ²
+    under a right model, of as many degrees as the input has directions (a Lagrange multiplier test). Rows not seen are
+    left out, and so is the mean of the input, which only an offset could explain.
+
+    >>> rng = np.random.default_rng(0)
+    >>> cross_correlation(rng.normal(size=500), np.sign(rng.normal(size=500))).passed
+    True
+    """
+    e, u = _one(e, "e"), _one(u, "u")
+    if len(e) != len(u):
+        checks.refuse(f"`e` and `u` must be equally long. Got {len(e)} and {len(u)}.")
+    _check(lags, probability, len(e))
+    steps = np.arange(lags + 1)
+    past = np.stack([np.concatenate([np.full(lag, np.nan), u[: len(u) - lag]]) for lag in steps], axis=1)
+    rows = ~np.isnan(e) & ~np.isnan(past).any(axis=1)
+    if rows.sum() < FEWEST + len(steps):
+        checks.refuse(
+            f"there are too few samples to judge by: {rows.sum()} for {len(steps)} lags, {FEWEST} more needed."
+        )
+    return _regressed(e[rows], past[rows], steps, probability, name, input_name)
+
+
+def _regressed(e, past, steps, probability, name, input_name) -> Correlations:
+    """The verdict of a regression of e on columns of past input."""
+    n, centred = len(e), past - past.mean(axis=0)
+    left, size, right = np.linalg.svd(centred, full_matrices=False)
+    kept = size > COLLINEAR * max(size.max(), 1e-300)
+    if not size.max() > 0:
+        checks.refuse(f"{input_name} never moves: nothing can be said of its effect.")
+    told = left[:, kept].T @ e
+    effect = right[kept].T @ (told / size[kept])
+    spread = np.sqrt(np.sum((right[kept] / size[kept][:, None]) ** 2, axis=0) * (e @ e))
+    values, pairs = effect / np.where(spread > 0, spread, 1.0), np.full(len(steps), n)
+    verdict = _verdict(values, pairs, steps, n * float(told @ told / (e @ e)), int(kept.sum()), probability)
+    return verdict._replace(sentence=_input_sentence(verdict, effect, name, input_name))
+
+
+def _one(values: Any, name: str) -> np.ndarray:
+    array = np.asarray(values, float)
+    if array.ndim != 1:
+        checks.refuse(f"`{name}` must be one channel, (T,). Got {array.shape}.")
+    return array
+
+
+def _check(lags: Any, probability: Any, T: int) -> None:
+    faults = checks.Faults()
+    faults.whole("lags", lags, 1)
+    faults.number("probability", probability, above=0.0, upper=1.0)
+    if isinstance(lags, int) and lags >= T:
+        faults.add(f"`lags` must be less than the {T} samples there are. Got {lags}.")
+    faults.finish()
+
+
+def _judged(correlations, steps, probability, sentence) -> Correlations:
+    values, pairs = (np.array(column) for column in zip(*correlations, strict=True))
+    counted = pairs >= FEWEST
+    if not counted.any():
+        checks.refuse(
+            f"there are too few pairs of samples to judge by: at most {pairs.max()} at a lag, {FEWEST} needed."
+        )
+    values, pairs = np.where(counted, values, 0.0), np.where(counted, pairs, 0)
+    found = _verdict(values, pairs, steps, float(np.sum(pairs * values**2)), int(counted.sum()), probability)
+    return found._replace(sentence=sentence(found))
+
+
+def _verdict(values, pairs, steps, statistic, degrees, probability) -> Correlations:
+    from scipy.stats import chi2
+
+    limit, p_value = float(chi2.ppf(probability, degrees)), float(chi2.sf(statistic, degrees))
+    return Correlations(values, pairs, steps, statistic, limit, p_value, statistic <= limit, "")
+
+
+def _white_sentence(found: Correlations, name: str) -> str:
+    told = f"innovations of {name}: sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f}"
+    if found.passed:
+        return f"{told}: white"
+    first = found.values[0]
+    if found.lag == 1 or abs(first) * np.sqrt(found.pairs[0]) > 3:
+        cause = (
+            "each follows the one before: Q too small beside R, or an unmodelled input or mode"
+            if first > 0
+            else "each corrects the one before: Q too large beside R"
+        )
+    else:
+        cause = f"largest at lag {found.lag}: a mode, a delay or a disturbance with that period is not in the model"
+    return f"{told}: {cause} (correlation {first:+.2f} at lag 1)"
+
+
+def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_name: str) -> str:
+    told = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
+    if found.passed:
+        return f"{told}: nothing of the input is left"
+    where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} after it"
+    beyond = effect[np.abs(found.values) > found.band]
+    shifted = len(beyond) > 1 and np.abs(beyond.sum()) < CANCELS * np.abs(beyond).sum()
+    cause = (
+        "the effect comes too early or too late: the delay or the hold of the input is probably wrong"
+        if shifted
+        else "the gain of the input is probably wrong, or its effect is not in the model"
+    )
+    return f"{told}, most of it {where}: {cause}"

@@ -1,0 +1,243 @@
+"""Tune noise levels by the likelihood of records."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..engines import xla
+from ..errors import AssumptionError
+from ..frozen import frozen, replace, static
+from ..models.prior import Prior
+from .binding import bind, model_of, select
+from .noise_parameters import Part, noise_of, parts
+
+STEP = 1e-4  # of a logarithm, for the differences of gradients: their error is then 1e-8 of the information
+TOLD_APART = 1e-7  # smallest eigenvalue of the scaled information from which it is more than the error of differences
+FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance is none
+SMALL = -4.0  # where it is looked whether a variance might as well be zero
+NO_WORSE = 1e-3  # of the log-likelihood
+ITERATIONS = 200
+
+
+@frozen
+class NoiseFit:
+    """What `fit_noise` returns: the `algorithm` with its noises tuned, and the `parameters` (d,) called `names`.
+
+    `covariance` (d, d) is the inverse of the observed information, in the units of the parameters; `at_zero` names the
+    variances that the likelihood takes to zero: their errors are one-sided and not in `covariance` (zero there).
+    """
+
+    algorithm: Any
+    parameters: Any
+    covariance: Any
+    log_likelihood: float
+    names: tuple[str, ...] = static()
+    at_zero: tuple[str, ...] = static(default=())
+    iterations: int = static(default=0)
+
+    @property
+    def model(self) -> Any:
+        """The model inside the algorithm."""
+        return model_of(self.algorithm)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations of the parameters, (d,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    def __repr__(self) -> str:
+        values = zip(self.names, self.parameters, self.sigma, strict=True)
+        return f"NoiseFit({', '.join(f'{name} = {x:.4g} ± {s:.3g}' for name, x, s in values)})"
+
+
+def fit_noise(algorithm: Any, record: Any, *, prior: Prior, free: Any = ("Q", "R")) -> NoiseFit:
+    """The noise covariances under which the record (or records) are most likely, with their standard errors.
+
+    `algorithm`: `Kalman` or `UnknownGain`; its covariances are where the search starts, and what is not free stays.
+    `record`: one, or a list. `free`: of "Q", "R" and (of UnknownGain) "walk", those that are free; or a mapping of them
+    to "diagonal" (each variance by itself, correlations kept; the default of a diagonal matrix), "full" (every entry;
+    the default otherwise), "scale" (one factor), or truth values, one a variance. Variances are found as logarithms and
+    full matrices by their Cholesky factor, so that every trial is positive semidefinite; a continuous Q stays a density.
+
+    Raises `InputError` with every fault of the call; `AssumptionError` where the records cannot tell free entries apart:
+    it names the direction and the eigenvalue of the information.
+
+    Cost: some tens of gradients of the log-likelihood, each about 4 times a run of the filter.
+
+    >>> model = StateSpace([[0.9]], Q=[[1.0]], R=[[1.0]], dt=1)
+    >>> drawn = simulate(StateSpace([[0.9]], Q=[[0.2]], R=[[0.5]], dt=1), seed=1, steps=500)
+    >>> fit = fit_noise(Kalman(model), drawn.record, prior=Prior([0.0], [[1.0]]))
+    >>> fit.names, bool(np.all(abs(fit.parameters - [0.2, 0.5]) < 3 * fit.sigma))
+    (('Q[x1]', 'R[y1]'), True)
+    """
+    found, terms = _prepare(algorithm, record, prior, free)
+    value, begin = likelihood(found, terms)
+    θ, iterations = _climb(value, begin)
+    at_zero = _fallen(value, found, θ)
+    θ = np.where(at_zero, FALLEN, θ)
+    covariance, best = _covariance(value, found, θ, at_zero), -float(value(θ)[0])
+    θ = np.where(at_zero, -np.inf, θ)
+    parameters, slope = (np.asarray(a) for a in (told(found, θ), jax.jacobian(lambda t: told(found, t))(θ)))
+    names = tuple(name for part in found for name in part.names)
+    tuned = _tuned(algorithm, found, θ)
+    zeros = tuple(name for name, zero in zip(names, at_zero, strict=True) if zero)
+    return NoiseFit(tuned, parameters, slope @ covariance @ slope.T, best, names, zeros, iterations)
+
+
+def _prepare(algorithm: Any, record: Any, prior: Any, free: Any) -> tuple[list[Part], list]:
+    """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
+    faults = checks.Faults()
+    if not (hasattr(algorithm, "model") and hasattr(algorithm, "ready")):
+        faults.add(
+            f"fit_noise needs an algorithm of a model with noises, as Kalman(model). Got {checks.short(algorithm)}."
+        )
+        faults.finish()
+    found = parts(algorithm, free, faults)
+    records = list(record) if isinstance(record, list | tuple) else [record]
+    if not records:
+        faults.add("`record` must hold at least one record.")
+    faults.finish()
+    terms = []
+    for one in records:
+        bound = bind(algorithm, one, prior)
+        noise = noise_of(algorithm.model, one.clock(algorithm.model.dt or None))
+        terms.append((bound.algorithm, prior, bound.samples, bound.intervals, noise))
+    return found, _together(terms)
+
+
+def _together(terms: list) -> list:
+    """Records of the same shape and sampling side by side, so that they are run at once."""
+    groups: dict[Any, list] = {}
+    for term in terms:
+        leaves, structure = jax.tree_util.tree_flatten(term[0].ready)
+        key = (str(structure), tuple(np.asarray(leaf).tobytes() for leaf in leaves), term[2].y.shape)
+        groups.setdefault(key, []).append(term)
+
+    def stacked(group, i):
+        return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *(term[i] for term in group))
+
+    return [(g[0][0], g[0][1], stacked(g, 2), stacked(g, 3), g[0][4]) for g in groups.values()]
+
+
+def likelihood(found: list[Part], terms: list):
+    """(θ -> minus the log-likelihood and its gradient), and where θ starts."""
+    return _function(found, [term[4] for term in terms], [term[:4] for term in terms]), np.concatenate(
+        [part.begin() for part in found]
+    )
+
+
+def _function(found: list[Part], noises: list, data: list):
+    def value(θ, data):
+        return -sum(_one(found, θ, noise, *term) for noise, term in zip(noises, data, strict=True))
+
+    compiled = jax.jit(jax.value_and_grad(value))
+
+    def evaluated(θ):
+        total, slope = compiled(jnp.asarray(θ), data)
+        return float(total), np.asarray(slope)
+
+    return evaluated
+
+
+def _one(found: list[Part], θ, noise, algorithm, prior, samples, intervals):
+    """Log-likelihood of the records of one kind at θ."""
+    ready = with_noise(found, θ, noise, algorithm)
+    axes = (None, 0, None)
+    return jnp.sum(
+        xla.scan_bank(ready, prior, samples, intervals, axes=axes, keep="likelihood", select=select).log_likelihood
+    )
+
+
+def with_noise(found: list[Part], θ, noise, algorithm):
+    """The sampled algorithm with the covariances of θ."""
+    from ..kernels.small import factors
+
+    given = _matrices(found, θ)
+    V, Ω, W = noise(given.get("Q"), given.get("R"))
+    algorithm = replace(algorithm, ready=replace(algorithm.ready, V=V, Ω=Ω, W=W))
+    return replace(algorithm, walk_factor=factors(given["walk"])) if "walk" in given else algorithm
+
+
+def _slices(found: list[Part]) -> list[tuple[Part, slice]]:
+    ends = np.cumsum([part.size for part in found])
+    return [(part, slice(int(end) - part.size, int(end))) for part, end in zip(found, ends, strict=True)]
+
+
+def _matrices(found: list[Part], θ) -> dict[str, Any]:
+    return {part.field: part.matrix(θ[at]) for part, at in _slices(found)}
+
+
+def told(found: list[Part], θ):
+    """The entries of the covariances at θ, as the user calls them."""
+    return jnp.concatenate([part.told(θ[at]) for part, at in _slices(found)])
+
+
+def _tuned(algorithm: Any, found: list[Part], θ):
+    """The user's algorithm with the covariances of θ."""
+    given = {field: np.asarray(M) for field, M in _matrices(found, θ).items()}
+    noises = {field: M for field, M in given.items() if field != "walk"}
+    changes = {"model": replace(algorithm.model, **noises)}
+    return replace(algorithm, **changes, **({"walk": given["walk"]} if "walk" in given else {}))
+
+
+def _climb(value: Any, begin: np.ndarray) -> tuple[np.ndarray, int]:
+    """The most likely θ: a quasi-Newton search, then Newton's steps until they are far below the errors."""
+    from scipy.optimize import minimize
+
+    scale = max(abs(value(begin)[0]), 1.0)
+
+    def scaled(θ):
+        total, slope = value(θ)
+        return (total / scale, slope / scale) if np.isfinite(total) else (1e30, 0 * slope)
+
+    bounds = [(FALLEN - 1.0, 25.0) if b == 0 else (None, None) for b in begin]
+    found = minimize(scaled, begin, jac=True, method="L-BFGS-B", bounds=bounds,
+                     options={"maxiter": ITERATIONS, "ftol": 1e-15, "gtol": 1e-9})  # fmt: skip
+    if not np.isfinite(found.fun) or found.fun >= 1e30:
+        raise AssumptionError(
+            "the likelihood is not finite where the search ended: the model may be unstable and unobserved."
+        )
+    return found.x, int(found.nit)
+
+
+def _fallen(value: Any, found: list[Part], θ: np.ndarray) -> np.ndarray:
+    """Which numbers are a variance that the likelihood takes to zero: it does not fall when they are no more."""
+    small = np.concatenate([np.full(part.size, part.kind != "full") & (θ[at] < SMALL) for part, at in _slices(found)])
+    for i in np.flatnonzero(small):
+        small[i] = value(np.where(np.arange(len(θ)) == i, FALLEN, θ))[0] <= value(θ)[0] + NO_WORSE
+    return small
+
+
+def _covariance(value: Any, found: list[Part], θ: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
+    """The inverse of the observed information of θ; zero for what is at zero."""
+    free = np.flatnonzero(~at_zero)
+    information = np.zeros((len(θ), len(θ)))
+    for i in free:
+        step = STEP * (np.arange(len(θ)) == i)
+        information[i] = (value(θ + step)[1] - value(θ - step)[1]) / (2 * STEP)
+    information = (information + information.T)[np.ix_(free, free)] / 2
+    _check_told_apart(information, [name for part in found for name in part.names], free)
+    covariance = np.zeros((len(θ), len(θ)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(information)
+    return covariance
+
+
+def _check_told_apart(information: np.ndarray, names: list[str], free: np.ndarray) -> None:
+    """Refuse where a direction of the free entries changes nothing that was seen."""
+    if not len(free):
+        return
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    flat = np.diag(information) <= TOLD_APART
+    values, vectors = np.linalg.eigh(information / np.outer(np.where(flat, 1.0, scale), np.where(flat, 1.0, scale)))
+    if values[0] > TOLD_APART:
+        return
+    v = vectors[:, 0] / np.where(flat, 1.0, scale)
+    v = v / np.linalg.norm(v) * np.sign(v[np.argmax(np.abs(v))])
+    words = " ".join(f"{x:+.2f} log {names[i]}" for x, i in zip(v, free, strict=True) if abs(x) > 0.01).lstrip("+")
+    raise AssumptionError(
+        f"the records cannot tell the free entries apart: along {words} the likelihood does not change (smallest "
+        f"eigenvalue of the scaled information {values[0]:.2g}, {TOLD_APART:.0e} needed). Fix one of them, or use a scale."
+    )

@@ -1,0 +1,114 @@
+"""Look ahead: states and outputs of samples that are still to come."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..frozen import replace
+from ..results import Estimate, Forecast, Sample
+from .binding import bind
+from .estimate import estimate
+
+
+def forecast(result: Estimate, u: Any = None, steps: int | None = None) -> Forecast:
+    """The states and outputs of the `steps` samples after a record, given all of it, with their covariances.
+
+    `result`: of `estimate`, by `Kalman`, `UnknownGain` or another with a linear Gaussian model. `u` (steps, m): the
+    inputs from the first row after the record on, in the order of the record's inputs; None for a model without inputs,
+    and then `steps` says how many. The last row of `u` acts on the outputs of its own sample only.
+
+    Returns a `Forecast`: `mean` (steps, n), `covariance`, `output` (steps, p), `output_covariance` with the measurement
+    noise, the gains where there are, and `t`, which goes on with the record's last step. What nothing is known of is in
+    `diffuse_covariance`, and the output covariances that it makes infinite are NaN.
+
+    Cost: the record is run once more, with the rows to come as samples that were not seen.
+
+    Raises `InputError` with every fault of the call.
+
+    >>> model = StateSpace([[0.5]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> result = estimate(Kalman(model), Record([[2.0]], dt=1), prior=Prior([0.0], [[1.0]]))
+    >>> ahead = forecast(result, steps=2)
+    >>> ahead.output.ravel().tolist(), ahead.output_covariance.ravel().round(6).tolist(), ahead.t.tolist()
+    ([0.5, 0.25], [1.125, 1.03125], [1.0, 2.0])
+    """
+    origin = _origin(result)
+    u = _read_inputs(origin.record, u, steps)
+    algorithm, record, prior = origin.algorithm, _extended(origin.record, u), origin.prior
+    T = len(origin.record)
+    info = estimate(algorithm, record, prior=prior).info
+    info = jax.tree_util.tree_map(lambda leaf: leaf[T:], info)
+    output = _outputs(bind(algorithm, record, prior), info, T)
+    S = info.innovation_covariance
+    info = replace(info, innovation=None, innovation_covariance=None, log_likelihood=None)
+    t = None if record.t is None else record.t[T:]
+    return Forecast(info, t, output, S, result.names)
+
+
+def _origin(result: Any) -> Any:
+    origin = getattr(result, "origin", None)
+    if origin is None:
+        checks.refuse(f"`result` must be what estimate returned. Got {type(result).__name__}.")
+    if not hasattr(origin.algorithm, "instant"):
+        checks.refuse(
+            f"forecast needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
+            f"{type(origin.algorithm).__name__} has none."
+        )
+    if (rows := origin.algorithm.model.steps) is not None:
+        checks.refuse(f"the model varies over the {rows} rows of the record, and says nothing of rows after it.")
+    return origin
+
+
+def _read_inputs(record: Record, u: Any, steps: Any) -> np.ndarray:
+    faults = checks.Faults()
+    m = record.u.shape[1]
+    faults.learn("m", m, f"the record has {checks.counted(m, 'input')}")
+    if steps is not None:
+        faults.whole("steps", steps, 1)
+    if u is None and m:
+        faults.add(f"`u` must be (steps, m) = (steps, {m}): the inputs of the rows to come.")
+    if u is None and steps is None:
+        faults.add("`steps` must say how many rows to forecast, as there is no `u`.")
+    faults.finish()
+    if u is None:
+        return np.zeros((int(steps or 0), 0))
+    given = np.asarray(u, float)
+    u = faults.array("u", given[:, None] if given.ndim == 1 else given, "steps m")
+    if u is not None and steps is not None and len(u) != steps:
+        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
+    elif u is not None and len(u) == 0:
+        faults.add("`u` must have at least one row.")
+    faults.finish()
+    return np.asarray(u)
+
+
+def _extended(record: Record, u: np.ndarray) -> Record:
+    """The record with rows of nothing seen after it."""
+    rows = len(u)
+    t = record.t
+    if t is not None:
+        step = record.dt if record.dt is not None else t[-1] - t[-2] if len(t) > 1 else 0.0
+        t = np.append(t, t[-1] + step * np.arange(1, rows + 1))
+    arrived = None if record.arrived is None else np.vstack([record.arrived, np.ones_like(u)])
+    y = np.vstack([record.y, np.full((rows, record.y.shape[1]), np.nan)])
+    return replace(record, y=y, u=np.vstack([record.u, u]), t=t, arrived=arrived)
+
+
+def _outputs(bound: Any, info: Any, T: int) -> np.ndarray:
+    """C x + d of the rows from T on, noise left out."""
+    x = info.mean if info.gain is None else np.concatenate([info.mean, info.gain], axis=1)
+    point = bound.algorithm.ready.point.states
+    x = x - np.concatenate([point, np.zeros(x.shape[1] - len(point))])
+    rows = jax.tree_util.tree_map(lambda leaf: leaf[T:], (bound.samples, bound.intervals))
+    return np.asarray(_measured(bound.algorithm, *rows, x))
+
+
+@jax.jit
+def _measured(algorithm: Any, samples: Sample, intervals: Any, x):
+    def row(sample, interval, x):
+        measured = algorithm.at(0).instant(sample, interval).measured
+        return measured.C @ x + measured.d
+
+    return jax.vmap(row)(samples, intervals, x)

@@ -1,0 +1,136 @@
+"""Noise levels found by likelihood: against the likelihood itself, and against what was drawn."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from estimable import (
+    AssumptionError,
+    InputError,
+    Kalman,
+    Prior,
+    Record,
+    StateSpace,
+    UnknownGain,
+    estimate,
+    fit_noise,
+    load,
+    save,
+    simulate,
+)
+from estimable.frozen import replace
+
+PRIOR = Prior([0.0], [[1.0]])
+TRUE = StateSpace([[0.9]], Q=[[0.2]], R=[[0.5]], dt=1)
+START = Kalman(StateSpace([[0.9]], Q=[[1.0]], R=[[1.0]], dt=1))
+
+
+def likelihood(Q, R, records):
+    tried = Kalman(replace(TRUE, Q=np.array([[Q]]), R=np.array([[R]])))
+    return sum(estimate(tried, record, prior=PRIOR, keep="likelihood").log_likelihood for record in records)
+
+
+def test_no_noise_levels_nearby_are_more_likely_and_the_errors_are_the_curvature(tmp_path):
+    y = simulate(TRUE, seed=1, steps=500).record.y.copy()
+    y[np.random.default_rng(0).random(y.shape) < 0.2] = np.nan
+    records = [Record(y[:300], dt=1), Record(y[300:], dt=1)]
+    fit = fit_noise(START, records, prior=PRIOR)
+    (Q, R), h = fit.parameters, 1e-3
+    best = likelihood(Q, R, records)
+    assert_allclose(fit.log_likelihood, best, rtol=1e-12)
+    assert_allclose(fit.model.Q, [[Q]], rtol=1e-14)
+    for dQ, dR in ((h, 0), (-h, 0), (0, h), (0, -h)):
+        assert likelihood(Q + dQ, R + dR, records) < best
+
+    def second(a, b):
+        """Second derivative of the likelihood along the unit vectors a and b of (Q, R)."""
+        signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        return sum(i * j * likelihood(*(fit.parameters + h * (i * a + j * b)), records) for i, j in signs) / (4 * h * h)
+
+    unit = np.eye(2)
+    information = -np.array([[second(unit[i], unit[j]) for j in range(2)] for i in range(2)])
+    assert_allclose(fit.covariance, np.linalg.inv(information), rtol=1e-3)
+    assert fit.names == ("Q[x1]", "R[y1]")
+    assert repr(fit).startswith("NoiseFit(Q[x1] = ")
+    save(tmp_path / "fit.npz", fit)
+    assert load(tmp_path / "fit.npz").names == fit.names
+
+
+def test_a_full_covariance_a_scale_and_a_walk_are_found():
+    """Two states that share noise; a gain that walks."""
+    model = StateSpace([[0.8, 0.0], [0.0, 0.7]], Q=[[0.3, 0.1], [0.1, 0.2]], R=0.05 * np.eye(2), dt=1)
+    drawn = simulate(model, seed=3, steps=1500).record
+    rough = Kalman(StateSpace(model.A, Q=np.eye(2), R=0.05 * np.eye(2), dt=1))
+    full = fit_noise(rough, drawn, prior=Prior([0, 0], np.eye(2)), free={"Q": "full"})
+    assert full.names == ("Q[x1]", "Q[x2, x1]", "Q[x2]")
+    assert np.all(np.abs(full.parameters - [0.3, 0.1, 0.2]) < 3.5 * full.sigma)
+    assert np.all(np.linalg.eigvalsh(full.model.Q) > 0)
+    scaled = fit_noise(
+        Kalman(replace(model, Q=3 * model.Q)), drawn, prior=Prior([0, 0], np.eye(2)), free={"Q": "scale"}
+    )
+    assert scaled.names == ("Q scale",)
+    assert abs(scaled.parameters[0] - 1 / 3) < 3.5 * scaled.sigma[0]
+    rng = np.random.default_rng(0)
+    gain, u = 1 + np.cumsum(rng.normal(size=800)) * np.sqrt(0.01), np.sign(rng.normal(size=800))
+    x = np.zeros(801)
+    for k in range(800):
+        x[k + 1] = 0.5 * x[k] + gain[k] * u[k]
+    record = Record(x[:800] + 0.3 * rng.normal(size=800), u, dt=1)
+    walking = UnknownGain(StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1), Prior([1.0], [[0.1]]), walk=1.0)
+    walked = fit_noise(walking, record, prior=PRIOR, free=("R", "walk"))
+    assert walked.names == ("R[y1]", "walk[gain]")
+    assert np.all(np.abs(walked.parameters - [0.09, 0.01]) < 3.5 * walked.sigma)
+    assert_allclose(walked.algorithm.walk, [[walked.parameters[1]]])
+
+
+def test_a_continuous_density_is_found_at_irregular_times():
+    model = StateSpace([[-1.0]], Q=[[0.5]], R=[[0.05]], dt=0)
+    t = np.cumsum(np.random.default_rng(0).choice([0.1, 0.3, 0.8], size=800))
+    record = simulate(model, seed=2, t=t).record
+    fit = fit_noise(Kalman(replace(model, Q=np.array([[1.0]]), R=np.array([[1.0]]))), record, prior=PRIOR)
+    assert fit.model.is_continuous
+    assert np.all(np.abs(fit.parameters - [0.5, 0.05]) < 3.5 * fit.sigma)
+    assert_allclose(fit.log_likelihood, estimate(fit.algorithm, record, prior=PRIOR).log_likelihood, rtol=1e-10)
+
+
+def test_a_variance_that_is_not_there_is_taken_to_zero():
+    """Neighbours that pull apart: any process noise would make them alike."""
+    y = np.tile([1.0, -1.0], 60) + 0.1 * np.random.default_rng(1).normal(size=120)
+    fit = fit_noise(Kalman(StateSpace([[1.0]], Q=[[0.1]], R=[[1.0]], dt=1)), Record(y, dt=1), prior=PRIOR)
+    assert fit.at_zero == ("Q[x1]",)
+    assert fit.model.Q[0, 0] == 0
+    assert fit.sigma[0] == 0
+    assert_allclose(fit.parameters[1], 1.0, rtol=0.05)
+    assert_allclose(fit.sigma[1], fit.parameters[1] * np.sqrt(2 / 120), rtol=0.05)
+
+
+def test_what_the_records_cannot_tell_apart_is_refused_with_its_direction():
+    """A state without memory: only Q + R is seen, but for the first row, which is missing."""
+    model = StateSpace([[0.0]], Q=[[1.0]], R=[[1.0]], dt=1)
+    y = np.random.default_rng(0).normal(size=200)
+    y[0] = np.nan
+    with pytest.raises(
+        AssumptionError, match=r"cannot tell the free entries apart: along .*log Q\[x1\].*log R\[y1\].*eigenvalue"
+    ):
+        fit_noise(Kalman(model), Record(y, dt=1), prior=PRIOR)
+    blind = Record(np.full(50, np.nan), dt=1)
+    with pytest.raises(AssumptionError, match="cannot tell the free entries apart"):
+        fit_noise(START, blind, prior=PRIOR, free="R")
+
+
+def test_a_wrong_call_is_refused_in_words():
+    record = simulate(TRUE, seed=1, steps=20).record
+    with pytest.raises(InputError, match=r"`free` must name covariances: 'Q', 'R'\. Got 'q'"):
+        fit_noise(START, record, prior=PRIOR, free=("q",))
+    with pytest.raises(InputError, match="`free` names nothing"):
+        fit_noise(START, record, prior=PRIOR, free=())
+    with pytest.raises(InputError, match="`Q` starts from a variance of zero for x1"):
+        fit_noise(Kalman(replace(TRUE, Q=np.zeros((1, 1)))), record, prior=PRIOR, free="Q")
+    with pytest.raises(InputError, match="1 truth values, one a variance"):
+        fit_noise(START, record, prior=PRIOR, free={"Q": [True, False]})
+    with pytest.raises(InputError, match="'diagonal', 'scale', 'full'"):
+        fit_noise(START, record, prior=PRIOR, free={"Q": "diag"})
+    with pytest.raises(InputError, match="`record` must hold at least one record"):
+        fit_noise(START, [], prior=PRIOR)
+    with pytest.raises(InputError, match="fit_noise needs an algorithm of a model with noises"):
+        fit_noise(TRUE, record, prior=PRIOR)
