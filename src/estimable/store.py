@@ -29,7 +29,8 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies,
-        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast, NoiseFit, Origin, SmoothedEstimate,
+        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast, NoiseFit, Origin,
+        SmoothedEstimate,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}

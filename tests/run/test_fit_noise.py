@@ -124,7 +124,7 @@ def test_a_wrong_call_is_refused_in_words():
         fit_noise(START, record, prior=PRIOR, free=("q",))
     with pytest.raises(InputError, match="`free` names nothing"):
         fit_noise(START, record, prior=PRIOR, free=())
-    with pytest.raises(InputError, match="`Q` starts from a variance of zero for x1"):
+    with pytest.raises(InputError, match="`Q` starts from a variance of zero for 'x1'"):
         fit_noise(Kalman(replace(TRUE, Q=np.zeros((1, 1)))), record, prior=PRIOR, free="Q")
     with pytest.raises(InputError, match="1 truth values, one a variance"):
         fit_noise(START, record, prior=PRIOR, free={"Q": [True, False]})
