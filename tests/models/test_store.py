@@ -107,7 +107,7 @@ THINGS = {
     "Estimate means": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="means"),
     "Estimate likelihood": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood"),
     "Origin": lambda: estimate(GAIN, RECORD, prior=PRIOR).origin,
-    "SmoothedEstimate": lambda: smooth(GAIN, RECORD, prior=PRIOR),
+    "SmoothedEstimate": lambda: smooth(Kalman(MODEL), RECORD, prior=PRIOR),
     "Forecast": lambda: forecast(estimate(GAIN, RECORD, prior=PRIOR), U[:2]),
     "NoiseFit": lambda: NoiseFit(GAIN, np.ones(1), np.eye(1), -3.0, ("R[y1]",), (), 4),
     "Info": lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR).info,
