@@ -5,6 +5,7 @@ import pytest
 
 from cases import case
 from estimable import Prior, StateSpace, estimability, kalman_gain
+from estimable.analysis.zeros import invariant_zeros
 from estimable.kernels.reach import hidden_modes, reach, staircase
 from models_for_verdicts import KINDS, drawn
 from oracles.exact_rank import smallest_ratio
@@ -26,6 +27,14 @@ def test_an_observable_model_that_is_not_estimable():
     assert np.allclose(found.directions, [np.array([1.0, -0.2]) / np.hypot(1, 0.2)], atol=1e-12)
     assert found.known_directions.shape == (0, 2)
     assert found.sentences == ("0.98 x1 - 0.2 x2 is not revealed by y1.",)
+
+
+@pytest.mark.parametrize(("C", "hides"), [([1.0, -2.0], True), ([1.0, -5.0], True), ([1.0, -3.0], False)])
+def test_what_is_hidden_is_a_zero_at_the_reciprocal_of_a_pole(C, hides):
+    """Sufficient for estimability: no zero from noise to outputs is the reciprocal of a pole (poles .5 and .2)."""
+    zeros = invariant_zeros(np.array(F), np.array(G), np.array([C]), np.zeros((1, 1))).values
+    reciprocal = np.abs(zeros[:, None] * np.linalg.eigvals(F) - 1).min() < 1e-9
+    assert reciprocal == hides == (not estimability(example(C)).estimable)
 
 
 def test_its_neighbour_that_is_estimable():

@@ -162,8 +162,10 @@ GOOD_PYTHON = IMPORTS + "model = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1)\n
 PYTHON = {
     "defines nothing": (
         IMPORTS,
-        ["a Python model file must define `model`, a StateSpace or a NonlinearModel.",
-         "a Python model file must define `prior`, a Prior."],
+        [
+            "a Python model file must define `model`, a StateSpace or a NonlinearModel.",
+            "a Python model file must define `prior`, a Prior.",
+        ],
     ),
     "syntax": ("model = (", ["its Python failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
     "a mistake": ("model = mode", ["its Python failed: NameError: name 'mode' is not defined."]),
@@ -189,7 +191,10 @@ PYTHON = {
         GOOD_PYTHON + "unknown = 'u1'",
         [("`[unknown] inputs` must be a list of names. Got the text 'u1': did you mean ['u1']?")],
     ),
-    "record no mapping": (GOOD_PYTHON + "record = 3", ["[record] must hold 'time', 'dt', 'hold', 'lost', 'units'. Got 3."]),
+    "record no mapping": (
+        GOOD_PYTHON + "record = 3",
+        ["[record] must hold 'time', 'dt', 'hold', 'lost', 'units'. Got 3."],
+    ),
 }
 
 
