@@ -95,17 +95,23 @@ class MovingWindow:
 
     def init(self, prior: Prior) -> Copies:
         """What the copies believe before y[0]: the one that will fill the first whole window, and those before it."""
-        n = prior.mean.shape[0]
-        own = self.state_prior
-        if own is None:
-            own = replace(prior, covariance=0.0 * prior.covariance, diffuse=np.eye(n))
-        columns = max(_columns(own), _columns(prior))
-        fresh, first = (self.algorithm.init(_with_columns(p, columns)) for p in (own, prior))
+        fresh, first = map(self.algorithm.init, self.priors(prior))
 
         def side_by_side(new, old):
             return jnp.concatenate([new[None], jnp.broadcast_to(old, (self.length - 1, *jnp.shape(old)))])
 
         return Copies(jax.tree_util.tree_map(side_by_side, fresh, first), fresh)
+
+    def priors(self, prior: Prior) -> tuple[Prior, Prior]:
+        """Of the state of a full window, and of the run, with equally many diffuse directions; they may have a batch axis."""
+        own = self.state_prior
+        if own is None:
+            nothing, ones = 0.0 * prior.covariance, (1,) * (prior.covariance.ndim - 2)
+            own = replace(
+                prior, covariance=nothing, diffuse=nothing + np.eye(prior.size).reshape(ones + (prior.size,) * 2)
+            )
+        columns = max(_columns(own), _columns(prior))
+        return _with_columns(own, columns), _with_columns(prior, columns)
 
     def correct(self, state: Copies, sample: Sample) -> tuple[Copies, Info]:
         """Learn from one sample, in every copy; the oldest reports."""
@@ -131,5 +137,5 @@ def _with_columns(prior: Prior, columns: int) -> Prior:
     missing = columns - _columns(prior)
     if missing == 0:
         return prior
-    zeros = jnp.zeros((prior.mean.shape[0], missing))
-    return replace(prior, diffuse=zeros if prior.diffuse is None else jnp.concatenate([prior.diffuse, zeros], axis=1))
+    zeros = 0.0 * prior.covariance[..., :1] * np.ones((1,) * (prior.covariance.ndim - 1) + (missing,))
+    return replace(prior, diffuse=zeros if prior.diffuse is None else jnp.concatenate([prior.diffuse, zeros], axis=-1))

@@ -11,6 +11,7 @@ from ..engines import choice, xla
 from ..errors import RunError
 from ..models.prior import Prior
 from ..results import Estimate, Origin, Outcome
+from . import windows
 from .binding import bind, select
 
 ON_FAILURE = ("raise", "keep")
@@ -52,7 +53,7 @@ def estimate(
     """
     check_options(on_failure, engine, keep)
     bound = bind(algorithm, record, prior)
-    engine, run = choice.scan(engine, bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
+    engine, run = windows.scan(engine, bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
     outcome = Outcome.of(int(run.code), int(run.failed_at), bound.t)
     if outcome.code and on_failure == "raise":

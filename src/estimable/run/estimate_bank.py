@@ -7,9 +7,9 @@ import numpy as np
 
 from .. import checks
 from ..data.record import UNIFORM, Record
-from ..engines import choice
 from ..errors import RunError
 from ..results import EstimateBank, Outcome
+from . import windows
 from .binding import Bound, bind, select
 from .estimate import check_options
 from .stack import Stacked, stack
@@ -42,7 +42,7 @@ def estimate_bank(
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
     rows = (bound.samples, bound.intervals)
-    engine, run = choice.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
+    engine, run = windows.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
     outcomes = tuple(
         Outcome.of(int(code), int(k), bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i])
