@@ -37,7 +37,7 @@ class MovingWindow:
     Settings: `algorithm`, any; `length`, in samples; `state_prior`, a `Prior` of the state at the first sample of a full
     window (default None: diffuse, exactly).
 
-    Cost: that of the algorithm `length` times, online; offline, for `UnknownGain` and `Kalman`, see `estimate`.
+    Cost: that of the algorithm `length` times; over a record every window is a run of its own, and all are one bank.
 
     Reference: A. G. Sillence (1999) §5.4.
 
