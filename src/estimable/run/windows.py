@@ -132,4 +132,4 @@ def _repeated(part: Any, axis: int | None, count: int) -> Any:
 def _windows(leaf: np.ndarray, length: int) -> np.ndarray:
     """(runs, T, ..) as (runs × windows, length, ..)."""
     views = np.moveaxis(np.lib.stride_tricks.sliding_window_view(leaf, length, axis=1), -1, 2)
-    return views.reshape(-1, *views.shape[2:])
+    return views.reshape(views.shape[0] * views.shape[1], *views.shape[2:])
