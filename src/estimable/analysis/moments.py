@@ -149,7 +149,7 @@ def compressed(M: np.ndarray, Γ: np.ndarray) -> np.ndarray:
     """[M, Γ], or the triangular factor with the same Γ Γ' where it has many columns."""
     Γ = np.hstack([M, Γ])
     n, columns = Γ.shape
-    if columns <= 4 * n:
+    if columns <= 2 * n:
         return Γ
     triangle: Any = np.linalg.qr(Γ.T, mode="r")
     return triangle.T
