@@ -25,8 +25,8 @@ def write_figure(entry: Reproduction, result: Reproduced, figure: Path) -> str:
     if result.figure is None:
         checks.refuse(f"{entry.name} has no picture: leave --figure out.")
     drawing = result.figure()
-    drawing.update_layout(title={"text": f"{entry.source}: {entry.title}", "font": {"size": 17}}, margin={"t": 110})
-    drawing.write_html(figure, include_plotlyjs=True, config={"displaylogo": False, "responsive": True})
+    drawing.update_layout(title={"text": f"{entry.source}: {entry.title}", "font": {"size": 17}}, margin={"t": 60})
+    drawing.write_html(figure, include_plotlyjs=True, config={"displayModeBar": False, "responsive": True})
     return f"Wrote {figure}."
 
 

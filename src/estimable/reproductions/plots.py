@@ -85,11 +85,11 @@ def scatter(groups: dict[str, Any], *, x: str, y: str) -> go.Figure:
 
 
 def styled(figure: go.Figure, *, x: str, y: str, height: int = 440) -> go.Figure:
-    """White ground, dark text, a legend above."""
+    """White ground, dark text, a legend below, where it may take as many lines as it needs."""
     figure.update_layout(
         template="plotly_white", height=height, font={"size": 15, "color": INK},
         margin={"l": 70, "r": 20, "t": 50, "b": 60},
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0.0, "font": {"size": 14}},
+        legend={"orientation": "h", "y": -90 / (height - 110), "yanchor": "top", "x": 0.0, "font": {"size": 14}},
     )  # fmt: skip
     figure.update_xaxes(title_text=x, showline=True, linecolor="#666666", ticks="outside")
     figure.update_yaxes(title_text=y, showline=True, linecolor="#666666", ticks="outside")
