@@ -129,13 +129,22 @@ def test_what_was_assumed_is_told():
         assert words in told, words
 
 
-def test_verdicts_say_whether_the_innovations_are_as_large_as_expected():
-    [verdict] = report_of(record_of(100 * NOISE))[1].verdicts
-    assert verdict.met is False
+def test_verdicts_say_whether_the_innovations_are_what_they_should_be():
+    names = ["Size of the innovations (NIS)", "Whiteness of level_m", "Whiteness of sum"]
+    made = report_of(record_of(100 * NOISE))[1]
+    assert [verdict.name for verdict in made.verdicts] == names  # the input never moves: nothing is asked of it
+    assert made.verdicts[0].met is False
+    assert "✗ not consistent" in report.page_of(made)
     [unjudged] = report_of(record_of(np.full((40, 2), np.nan)))[1].verdicts
     assert unjudged.met is None
-    page = report.page_of(report_of(record_of(100 * NOISE))[1])
-    assert "✗ not consistent" in page
+
+
+def test_an_input_that_is_left_in_the_innovations_is_told():
+    u = np.sign(np.sin(np.arange(400.0)))
+    y = NOISE[np.arange(400) % 40] + np.outer(10 * np.append(0, u[:-1]), [1.0, 0.0])
+    record = Record(y, u, dt=0.5, outputs=MODEL.outputs, inputs=MODEL.inputs)
+    told = {verdict.name: verdict.met for verdict in report_of(record)[1].verdicts}
+    assert told["valve left in level_m"] is False
 
 
 def test_a_result_of_one_row_is_refused():

@@ -2,7 +2,7 @@
 
 import hashlib
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,15 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..diagnostics.consistency import nis
+from ..diagnostics.diagnose import diagnose
 from ..errors import InputError
 from ..models.prior import Prior
 from ..run.binding import columns, model_of
 from .assumptions import sections_of
 from .charts import Measured, Moment, charts_of, thinned
 from .contents import Fact, Report, Section, Verdict
+
+SIZE = "Size of the innovations (NIS)"
 
 
 def report_of(
@@ -38,7 +41,7 @@ def report_of(
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
     return Report(
         title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]",
-        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged),
+        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged, record),
         (*sections_of(algorithm, record, prior), _versions(result, files)), tuple(commands),
     )  # fmt: skip
 
@@ -73,29 +76,40 @@ def _moments(result: Any, times: np.ndarray) -> list[Moment]:
     ]
 
 
-def _verdicts(result: Any, judged: Any) -> tuple[Verdict, ...]:
-    """The checks of a result; those of `judged`, where it is another, come first."""
+def _verdicts(result: Any, judged: Any, record: Record) -> tuple[Verdict, ...]:
+    """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
     if judged is None or judged is result:
-        return verdicts_of(result)
-    without = (verdict._replace(name=f"{verdict.name}, without detection") for verdict in verdicts_of(judged))
-    own = (verdict._replace(name=f"{verdict.name}, as shown above") for verdict in verdicts_of(result))
-    return (*without, *own)
+        return (_size(result), *_correlations(result, record))
+    without = (_size(judged), *_correlations(judged, record))
+    named = (verdict._replace(name=f"{verdict.name}, without detection") for verdict in without)
+    return (*named, _size(result)._replace(name=f"{SIZE}, as shown above"))
 
 
-def verdicts_of(result: Any) -> tuple[Verdict, ...]:
-    """The consistency checks of a result, those that can be made."""
-    name = "Size of the innovations (NIS)"
+def _size(result: Any) -> Verdict:
+    """Whether the innovations are as large as their covariances say."""
     try:
         check = nis(result.innovation, result.innovation_covariance)
     except InputError:
-        return (Verdict(name, "no output was seen with noise, so nothing can be judged", None),)
+        return Verdict(SIZE, "no output was seen with noise, so nothing can be judged", None)
     if check.mean >= check.lower or "alarm" not in result.extra:
-        return (Verdict(name, check.sentence, check.consistent),)
+        return Verdict(SIZE, check.sentence, check.consistent)
     band = check.sentence.split(":")[0]
     cautious = (
         "cautious on purpose: a detector counts process noise that lasts, so that it does not take it for a change"
     )
-    return (Verdict(name, f"{band}: {cautious}", None),)
+    return Verdict(SIZE, f"{band}: {cautious}", None)
+
+
+def _correlations(result: Any, record: Record) -> Iterator[Verdict]:
+    """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
+    try:
+        told = diagnose(result, record)
+    except InputError:
+        return
+    for name, check in told.whiteness.items():
+        yield Verdict(f"Whiteness of {name}", check.sentence, check.passed)
+    for (name, input_name), check in told.cross_correlation.items():
+        yield Verdict(f"{input_name} left in {name}", check.sentence, check.passed)
 
 
 def _versions(result: Any, files: Sequence[Path]) -> Section:

@@ -29,7 +29,7 @@ PRIOR_REMARK = (
 )
 FIRST_REMARK = (
     "Published times are those of one draw; ours are when the estimate first comes within 20 %. The smoothed times do not all "
-    "agree: ours are 0.02 to 0.05 s later for the small failures and up to 0.05 s earlier for the large ones."
+    "agree: ours are 0.02 to 0.06 s later for the small failures and up to 0.05 s earlier for the large ones."
 )
 DETECTION_REMARK = (
     "Change detection is ours: the filter that decides itself when to start anew. Its time is when the estimate is within 20 % "
