@@ -3,7 +3,9 @@
 from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
 from . import catalogue, diagnostics, packaged, plants
 from .analysis.estimability import Estimability, estimability
+from .analysis.excitation import excitation
 from .analysis.observability import Observability, Reachability, observability, reachability
+from .analysis.positive_real import positive_real_margin
 from .analysis.reduction import Reduction, reduce
 from .analysis.regulability import Regulability, regulability
 from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
@@ -22,6 +24,7 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import GainSection, ModelFile, read_model, write_model
 from .models.nonlinear import NonlinearModel
@@ -46,6 +49,7 @@ from .results import (
     SmoothedEstimate,
     Validation,
 )
+from .run.choose_orders import choose_orders
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
 from .run.fit_noise import NoiseFit, fit_noise
@@ -95,6 +99,7 @@ __all__ = [
     "OperatingPoint",
     "Outcome",
     "OutputError",
+    "OutputErrorML",
     "PerfectLink",
     "Prior",
     "Reachability",
@@ -117,11 +122,13 @@ __all__ = [
     "UnscentedKalman",
     "Validation",
     "catalogue",
+    "choose_orders",
     "diagnostics",
     "drawn_from",
     "estimability",
     "estimate",
     "estimate_bank",
+    "excitation",
     "fit_noise",
     "forecast",
     "identify",
@@ -134,6 +141,7 @@ __all__ = [
     "online",
     "packaged",
     "plants",
+    "positive_real_margin",
     "reachability",
     "read_model",
     "read_record",

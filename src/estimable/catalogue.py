@@ -15,6 +15,8 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.output_error_ml import OutputErrorML
+from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import ModelFile
 from .models.nonlinear import NonlinearModel
 
@@ -84,6 +86,30 @@ ENTRIES = (
         "the belief is nearly Gaussian",
     ),
 )  # fmt: skip
+
+IDENTIFIERS = (
+    Entry(
+        "output-error-ml", OutputErrorML, "identifier", "Ljung (1999) §7.4, §10.2; Fang (2009) (3.1)-(3.4)",
+        "the orders are right; white noise on the outputs only",
+    ),
+    Entry(
+        "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",
+        "the orders and the noise variance are right; the plant starts at rest",
+    ),
+)  # fmt: skip
+
+
+def identifier(name: str) -> Entry:
+    """The identifier of a name; an `InputError` with the names there are.
+
+    >>> identifier("output-error-ml").cls.__name__
+    'OutputErrorML'
+    """
+    names = [known.name for known in IDENTIFIERS]
+    if name not in names:
+        near = checks.suggestion(name, names)
+        checks.refuse(f"there is no identifier {name!r}. There are {checks.listed(names)}.{near}")
+    return IDENTIFIERS[names.index(name)]
 
 
 def entry(name: str) -> Entry:

@@ -16,10 +16,27 @@ from .filters.moving_window import Copies
 from .filters.smoothed import Average
 from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
+from .identifiers.recursive_output_error import Recursion
 from .models.operating_point import OperatingPoint
+from .models.output_error import OutputError
 from .models.prior import Prior
 from .models.state_space import StateSpace
-from .results import Estimate, EstimateBank, Forecast, Info, Names, Origin, Outcome, Simulation, SmoothedEstimate
+from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
+from .networks.trace import Trace
+from .results import (
+    Check,
+    Estimate,
+    EstimateBank,
+    Fit,
+    Forecast,
+    Info,
+    Names,
+    Origin,
+    Outcome,
+    Simulation,
+    SmoothedEstimate,
+    Validation,
+)
 from .run.fit_noise import NoiseFit
 from .run.online import Online, Progress
 from .run.stack import Stacked
@@ -28,12 +45,13 @@ FORMAT = 1
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        *(entry.cls for entry in catalogue.ENTRIES), StateSpace, OperatingPoint, Prior, Record, Average, Belief, Copies,
-        FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast, NoiseFit, Origin,
-        SmoothedEstimate,
+        *(entry.cls for entry in (*catalogue.ENTRIES, *catalogue.IDENTIFIERS)), StateSpace, OperatingPoint, Prior, Record,
+        Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
+        NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
+        DelayLink, Trace,
     )
 }  # fmt: skip
-TUPLES = {cls.__name__: cls for cls in (Layout, Names, Outcome)}
+TUPLES = {cls.__name__: cls for cls in (Check, Layout, Names, Outcome, Validation)}
 
 
 def save(path: str | Path, thing: Any) -> None:

@@ -5,26 +5,35 @@ import numpy as np
 import pytest
 
 from estimable import (
+    BernoulliLink,
     Bounded,
     ChangeDetection,
+    DelayLink,
     ExtendedKalman,
     Gated,
+    GilbertElliottLink,
     Kalman,
     MovingWindow,
     NoiseFit,
     Online,
     Outcome,
+    OutputError,
+    OutputErrorML,
+    PerfectLink,
     Prior,
     Record,
+    RecursiveOutputError,
     SecondOrderKalman,
     Smoothed,
     StateSpace,
+    Trace,
     UnknownGain,
     UnknownInput,
     UnscentedKalman,
     estimate,
     estimate_bank,
     forecast,
+    identify,
     load,
     online,
     save,
@@ -77,6 +86,8 @@ def fang_state():
     return running.progress.state
 
 
+PLANT = OutputError([0.5], [1.0], noise_variance=0.1, dt=1)
+RECURSION = RecursiveOutputError(1, 0, noise_variance=0.1)
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
@@ -118,6 +129,19 @@ THINGS = {
     "Progress": last_state,
     "Belief": lambda: last_state().state,
     "tuple": lambda: (MODEL, PRIOR),
+    "OutputError": lambda: PLANT,
+    "RecursiveOutputError": lambda: RECURSION,
+    "RecursiveOutputError with a prior": lambda: RecursiveOutputError(
+        0, 0, noise_variance=1.0, prior=Prior([1.0], [[2.0]])
+    ),
+    "OutputErrorML": lambda: OutputErrorML(1, 0, initial="free"),
+    "Recursion": lambda: RECURSION.init(None),
+    "Fit": lambda: identify(RECURSION, simulate(PLANT, np.ones(5), seed=1).record),
+    "PerfectLink": PerfectLink,
+    "BernoulliLink": lambda: BernoulliLink([0.5, 0.7], acknowledged=False),
+    "GilbertElliottLink": lambda: GilbertElliottLink.of_rate(0.7, burst=3),
+    "DelayLink": lambda: DelayLink([0.5, 0.2], late="use"),
+    "Trace": lambda: Trace([0.0, np.inf, 2.0], late="use"),
 }
 
 

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from .. import checks
 from ..data.record import Record
+from ..diagnostics.cramer_rao import UNTOLD, scale_of, slopes, undetermined
 from ..kernels import output_error as kernel
 from ..models.output_error import OutputError
 from ..results import Check, Excitation
 
-UNTOLD = 1e-9  # eigenvalue of the scaled information, of its largest, below which a direction counts as not told of
 WEAK = 1e-4  # below which it is told of, and poorly
 SHOWN = 500  # rows at which the smallest eigenvalue is worked out
 
@@ -26,62 +25,20 @@ def excitation(model: OutputError, record: Record) -> Excitation:
     >>> excitation(plant, step).check.passed, excitation(plant, Record(np.ones(200), np.zeros(200), dt=1)).directions.shape
     (True, (2, 2))
     """
-    u, seen = applied(model, record), record.seen
     samples = np.unique(np.linspace(0, len(record) - 1, min(SHOWN, len(record))).astype(int))
-    blocks, paths, bases = [], [], []
-    for i in range(model.p):
-        a, b = np.asarray(model.a)[i], np.asarray(model.b)[i]
-        ψ = kernel.slopes(a, b, model.delay, u, kernel.response(a, b, model.delay, u))
-        blocks.append(kernel.information(ψ, seen[:, i], 1.0))
-        paths.append(_path(ψ, seen[:, i], blocks[-1], samples))
-        bases.append(undetermined(blocks[-1]))
-    smallest = np.min(paths, axis=0)
-    information = _block_diagonal(
-        [block / max(r, 1e-300) for block, r in zip(blocks, model.noise_variance, strict=True)]
+    told = list(zip(slopes(model, record), record.seen.T, strict=True))
+    M = _block_diagonal(
+        [kernel.information(ψ, seen, r) for (ψ, seen), r in zip(told, model.noise_variance, strict=True)]
     )
-    directions = _block_diagonal(bases)
-    return Excitation(information, samples, smallest, directions, _verdict(smallest, directions, model.parameter_names))
-
-
-def applied(model: OutputError, record: Record) -> np.ndarray:
-    """The inputs that were applied (T, m), all of them known."""
-    faults = checks.Faults()
-    if (len(record.inputs), len(record.outputs)) != (model.m, model.p):
-        faults.add(
-            f"the model has {checks.counted(model.m, 'input')} and {checks.counted(model.p, 'output')}, the record "
-            f"{len(record.inputs)} and {len(record.outputs)}."
-        )
-    u = np.asarray(record.applied())
-    if np.isnan(u).any():
-        faults.add(
-            f"an input is not known at row {checks.first_index(np.isnan(u))}: NaN, or nobody knows whether it arrived."
-        )
-    faults.finish()
-    return u
-
-
-def undetermined(M: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (d, r) of what the information M (d, d) does not tell of, whatever the units."""
-    scale = _scale(M)
-    values, vectors = np.linalg.eigh(M * scale[:, None] * scale[None, :])
-    largest = values.max(initial=0.0)
-    if largest <= 0:
-        return np.eye(len(M))
-    basis = vectors[:, values <= UNTOLD * largest] * np.where(scale > 0, scale, 1.0)[:, None]
-    return np.linalg.qr(basis)[0] if basis.shape[1] else basis
-
-
-def _scale(M: np.ndarray) -> np.ndarray:
-    """What makes the diagonal of M one; zero where it is zero."""
-    size = np.sqrt(np.diagonal(M))
-    return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
+    paths = [_path(ψ, seen, kernel.information(ψ, seen, 1.0), samples) for ψ, seen in told]
+    return Excitation(M, samples, np.min(paths, axis=0), undetermined(M), excitation_check(M, model.parameter_names))
 
 
 def _path(ψ: np.ndarray, seen: np.ndarray, M: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """The smallest eigenvalue of the scaled information gathered up to each of `samples`."""
     if not len(M):
         return np.ones(len(samples))
-    scaled = np.where(seen[:, None], ψ * _scale(M), 0.0)
+    scaled = np.where(seen[:, None], ψ * scale_of(M), 0.0)
     ends = np.append(samples, len(ψ) - 1)
     gathered, told = np.zeros((len(samples), len(M), len(M))), np.zeros_like(M)
     for i, (first, last) in enumerate(zip(np.append(0, ends[:-2] + 1), ends[:-1], strict=True)):
@@ -96,8 +53,10 @@ def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     return np.asarray(block_diag(*blocks))
 
 
-def _verdict(path: np.ndarray, directions: np.ndarray, names: tuple[str, ...]) -> Check:
-    value = float(path[-1]) if len(path) else 0.0
+def excitation_check(M: np.ndarray, names: tuple[str, ...]) -> Check:
+    """Whether the information M (d, d) tells of every direction of the parameters, in words."""
+    scale, directions = scale_of(M), undetermined(M)
+    value = max(float(np.linalg.eigvalsh(M * np.outer(scale, scale)).min(initial=1.0)), 0.0)
     if directions.shape[1]:
         shown = "; ".join(_combination(column, names) for column in directions.T[:4])
         more = f" and {directions.shape[1] - 4} more" if directions.shape[1] > 4 else ""

@@ -20,12 +20,15 @@ def positive_real_margin(model: OutputError) -> np.ndarray:
     return np.min((1 - np.abs(tail) ** 2) / (2 * np.abs(1 + tail) ** 2), axis=0, initial=0.5)
 
 
-def positive_real_check(model: OutputError) -> Check:
-    """Whether 1/A - 1/2 is positive real, in words."""
+def positive_real_check(model: OutputError, *, needed: bool) -> Check:
+    """Whether 1/A - 1/2 is positive real, in words; `needed`: whether the method at hand relies on it."""
     margin = float(np.min(positive_real_margin(model)))
     holds = f"Positive realness: the smallest Re(1/A - 1/2) is {margin:.3g}"
     if margin > 0:
         return Check("positive-real", True, margin, 0.0, f"{holds}: a pseudo-linear recursion converges too.")
+    if not needed:
+        reason = "a pseudo-linear recursion need not converge here; this method does not rely on it"
+        return Check("positive-real", True, margin, 0.0, f"{holds}: {reason}.")
     advice = (
         'not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that of the '
         "model, or OutputErrorML."

@@ -15,7 +15,9 @@ from .demo import demo
 from .edge import Edge
 from .estimate import estimate
 from .gain import gain
+from .identify import identify
 from .reproduce import reproduce
+from .simulate import simulate
 
 app = typer.Typer(
     name="estimable", cls=Edge, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -44,6 +46,8 @@ app.command("demo")(demo)
 app.command("gain")(gain)
 app.command("estimate")(estimate)
 app.command("check")(check)
+app.command("identify")(identify)
+app.command("simulate")(simulate)
 app.command("reproduce")(reproduce)
 
 

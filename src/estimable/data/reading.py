@@ -303,3 +303,8 @@ def _seconds(column, label: str, faults: checks.Faults) -> np.ndarray | None:
         )
         return None
     return t
+
+
+def column_names(path: Any) -> list[str]:
+    """The names of the columns of a file. Raises `InputError` where it is not there or not readable."""
+    return [str(name) for name in _read_frame(checks.existing_file(path), []).columns]

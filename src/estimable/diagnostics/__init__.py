@@ -2,6 +2,7 @@
 
 from .changes import Change, changes
 from .consistency import Consistency, nees, nis
+from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, information
 from .diagnose import Diagnosis, diagnose
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
@@ -11,10 +12,15 @@ __all__ = [
     "Consistency",
     "Correlations",
     "Diagnosis",
+    "Efficiency",
     "Nonlinearity",
     "changes",
+    "cramer_rao",
     "cross_correlation",
     "diagnose",
+    "efficiency",
+    "efficient_estimate",
+    "information",
     "nees",
     "nis",
     "nonlinearity",

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.excitation import Excitation, excitation
+from ..analysis.excitation import excitation_check
 from ..analysis.positive_real import positive_real_check
 from ..data.record import Record
+from ..diagnostics.cramer_rao import information
 from ..models.output_error import OutputError
 from ..results import Check, Validation
 
@@ -15,21 +16,36 @@ PROBABILITY = 0.999  # of the band in which the residuals' variance lies under a
 
 
 def validated(
-    model: OutputError, records: Sequence[Record], noise_variance: Any = None
-) -> tuple[Validation, Excitation]:
-    """The residuals, the fit and the assumptions of a model from rest; `noise_variance` (p,): what was assumed, if anything."""
-    residuals = tuple(record.y - model.response(record.applied()) for record in records)
-    found = combined([excitation(model, record) for record in records])
-    checks = [found.check, stability_check(model), positive_real_check(model)]
+    model: OutputError,
+    records: Sequence[Record],
+    noise_variance: Any = None,
+    residuals: Any = None,
+    information: Any = None,
+    pseudo_linear: bool = False,
+) -> Validation:
+    """The residuals, the fit and the assumptions of a model.
+
+    `noise_variance` (p,): what was assumed, if anything. `residuals`: of a model that did not start from rest. `information`
+    (d, d) of the parameters in all records; None: worked out from rest. `pseudo_linear`: whether the
+    method needs 1/A - 1/2 positive real.
+    """
+    if residuals is None:
+        residuals = tuple(record.y - model.response(record.applied()) for record in records)
+    if information is None:
+        information = told(model, records)
+    checks = [
+        excitation_check(information, model.parameter_names),
+        stability_check(model),
+        positive_real_check(model, needed=pseudo_linear),
+    ]
     if noise_variance is not None:
         checks.append(noise_check(residuals, noise_variance))
-    return Validation(residuals, fit_percent(residuals, records), tuple(checks)), found
+    return Validation(residuals, fit_percent(residuals, records), tuple(checks))
 
 
-def combined(found: list[Excitation]) -> Excitation:
-    """What several records tell together; the path is that of the record that tells most."""
-    best = max(found, key=lambda one: (one.check.passed, one.check.value))
-    return best
+def told(model: OutputError, records: Sequence[Record]) -> np.ndarray:
+    """The information of the parameters in all records, from rest."""
+    return np.sum([information(model, record) for record in records], axis=0)
 
 
 def fit_percent(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> np.ndarray:

@@ -24,6 +24,7 @@ class Trace:
     delay: Any
     late: str = static(default="drop")
     acknowledged: bool = static(default=True)
+    longest: int = static(default=0, init=False)
 
     draws = 0
 
@@ -41,7 +42,8 @@ class Trace:
                 "`delay` must be (T, c): 0 in time, a whole number of steps late, or infinite where it never came."
             )
         faults.finish()
-        set_field(self, delay=delay)
+        late = delay[np.isfinite(delay)].max(initial=0.0) if self.late == "use" else 0.0
+        set_field(self, delay=delay, longest=int(late))
 
     @property
     def arrival_rate(self) -> float:
@@ -50,9 +52,7 @@ class Trace:
 
     def init(self):
         """Nothing sent yet."""
-        delay = np.asarray(self.delay)
-        late = delay[np.isfinite(delay)].max(initial=0.0) if self.late == "use" else 0.0
-        return jnp.zeros((), int), flight(int(late))
+        return jnp.zeros((), int), flight(self.longest)
 
     def send(self, state, packet, draw=None):
         """Do what was done to the packet of this row; after the last row, deliver in time."""

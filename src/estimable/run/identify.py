@@ -8,9 +8,10 @@ import numpy as np
 
 from .. import checks
 from ..data.record import UNIFORM, Record
+from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..frozen import frozen, replace
-from ..identifiers.validation import validated
+from ..identifiers.validation import told, validated
 from ..results import Estimate, Fit, Outcome
 from .binding import bind, select
 
@@ -38,6 +39,10 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
     True
     """
     records = _read(method, record, engine)
+    if hasattr(method, "starter"):
+        method.check(records)
+        start, _ = _run(method.starter(records).for_channels(records[0].inputs, records[0].outputs), records, engine)
+        return method.fit(records, np.asarray(start.mean)[-1])
     if hasattr(method, "fit"):
         return method.fit(records)
     return _recursive(method, records, engine)
@@ -118,10 +123,13 @@ def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
     model = method.fitted(θ, records[0].dt)
-    validation, found = validated(model, records, method.noise_variance)
+    M = told(model, records)
+    free, printed = undetermined(M), getattr(method, "method", "") == "printed"
+    validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
     return Fit(
-        model, θ, Σ, method.names.states, validation, estimate, log_likelihood,
-        found.directions if found.directions.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
+        model, θ, Σ, method.names.states, validation, estimate,
+        log_likelihood,
+        free if free.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
     )  # fmt: skip
 
 

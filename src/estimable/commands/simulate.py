@@ -1,0 +1,59 @@
+"""`estimable simulate`: a record of a plant behind links that lose packets."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options, show, simulate_report
+from .destination import check_destination
+
+What = Annotated[str, typer.Argument(metavar="MODEL", help="What to simulate: output-error.", show_default=False)]
+Rows = Annotated[int, typer.Option("--rows", metavar="N", help="How many samples.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same record.")]
+Arrival = "The fraction of the {} packets that arrive."
+InputArrival = Annotated[float, typer.Option("--input-arrival", metavar="RATE", help=Arrival.format("input"))]
+OutputArrival = Annotated[float, typer.Option("--output-arrival", metavar="RATE", help=Arrival.format("output"))]
+Burst = Annotated[
+    float, typer.Option("--burst", metavar="N", help="Mean length of a burst of losses; 0: independent losses.")
+]
+OutFile = Annotated[
+    Path | None, typer.Option("--out", metavar="PATH", help="Write the record to this .csv file.", show_default=False)
+]  # fmt: skip
+
+
+def simulate(
+    what: What,
+    rows: Rows = 1000,
+    seed: Seed = 0,
+    input_arrival: InputArrival = 1.0,
+    output_arrival: OutputArrival = 1.0,
+    burst: Burst = 0.0,
+    lost: options.Lost = None,
+    settings: options.Set = None,
+    out: OutFile = None,
+    machine: options.Machine = False,
+) -> None:
+    """Draw a record of an output-error plant whose packets get lost.
+
+    The plant is that of Fang (2009), section 3.5, unless --set says otherwise (a, b, delay, noise_variance, dt); its input is
+    uniform, of zero mean and unit variance. The record has the columns time, u (what was sent), arrived and y (empty where
+    it was lost), as `estimable identify` reads them.
+
+    \b
+    Example:
+      estimable simulate output-error --input-arrival 0.8 --output-arrival 0.7 --seed 1 --out run.csv
+      estimable identify run.csv --method recursive-output-error
+    """
+    check_destination("--out", out, ".csv")
+    simulation = simulate_report.simulated(
+        what, rows=rows, seed=seed, arrivals=(input_arrival, output_arrival), burst=burst, lost=lost or "zero",
+        settings=settings or (),
+    )  # fmt: skip
+    written = None if out is None else simulate_report.write(simulation, out)
+    if machine:
+        show.data("simulate", simulate_report.as_data(simulation, seed, out))
+    else:
+        show.text(lambda _: simulate_report.as_text(simulation))
+    if written is not None:
+        show.notes(written)

@@ -1,0 +1,97 @@
+"""What `estimable simulate` draws and says."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..results import Simulation
+from .numbers import counted
+from .settings import read_settings
+
+MODELS = ("output-error",)
+PLANT: dict[str, Any] = {"a": [0.523, 0.349], "b": [0.440, 0.762], "noise_variance": 0.1, "dt": 1.0, "delay": 0}
+UNIFORM = np.sqrt(3.0)  # half the width of the uniform density of unit variance
+
+
+def simulated(
+    what: str, *, rows: int, seed: int, arrivals: tuple[float, float], burst: float, lost: str, settings: Iterable[str]
+) -> Simulation:
+    """Draw the record. Raises `InputError` with every fault of the call."""
+    from ..models.output_error import OutputError
+    from ..run.simulate import simulate
+
+    given, faults = read_settings(settings), checks.Faults()
+    faults.choice("MODEL", what, MODELS)
+    faults.whole("--rows", rows, 1)
+    faults.whole("--seed", seed, 0)
+    if unknown := sorted(given.keys() - PLANT.keys()):
+        faults.add(f"output-error has no setting {checks.listed(unknown)}: it has {checks.listed(PLANT)}.")
+    faults.finish()
+    model = OutputError(**{**PLANT, **given})
+    u = np.random.default_rng(seed).uniform(-UNIFORM, UNIFORM, (rows, model.m))
+    input_link, output_link = (_link(rate, burst) for rate in arrivals)
+    return simulate(model, u, seed=seed, input_link=input_link, output_link=output_link, lost=lost)
+
+
+def _link(rate: float, burst: float) -> Any:
+    from ..networks.links import BernoulliLink, GilbertElliottLink
+
+    if rate == 1.0:
+        return None
+    return BernoulliLink(rate) if burst == 0 else GilbertElliottLink.of_rate(rate, burst=burst)
+
+
+def frame(simulation: Simulation) -> Any:
+    """The record as a table: time, the inputs sent, what arrived of them, the outputs."""
+    import pandas as pd
+
+    record = simulation.record
+    names = [_short(record.inputs, "u"), _short(record.outputs, "y")]
+    columns = {"time": record.t} | dict(zip(names[0], record.u.T, strict=True))
+    if record.arrived is not None:
+        arrived = ["arrived"] if len(names[0]) == 1 else [f"arrived_{name}" for name in names[0]]
+        columns |= dict(zip(arrived, record.arrived.T.astype(int), strict=True))
+    return pd.DataFrame(columns | dict(zip(names[1], record.y.T, strict=True)))
+
+
+def _short(names: tuple[str, ...], letter: str) -> list[str]:
+    return [letter] if len(names) == 1 else list(names)
+
+
+def write(simulation: Simulation, out: Path) -> str:
+    """Write the record; the sentence that says so. Raises `InputError` where `out` cannot be written."""
+    table = frame(simulation)
+    try:
+        table.to_csv(out, index=False)
+    except OSError as error:
+        checks.refuse(f"--out {out} could not be written: {error.strerror or error}.")
+    return f"Wrote {counted(len(table), 'row')} of {counted(len(table.columns), 'column')} to {out}."
+
+
+def as_data(simulation: Simulation, seed: int, out: Path | None) -> dict[str, Any]:
+    """What `simulate` says to a machine; the rows themselves where they go to no file."""
+    record = simulation.record
+    found = {
+        "outcome": {"code": 0, "sentence": ""},
+        "samples": len(record),
+        "seed": seed,
+        "input_arrival": 1.0 if record.arrived is None else float(np.mean(record.arrived)),
+        "output_arrival": float(np.mean(record.seen)),
+        "out": None if out is None else str(out),
+    }
+    if out is None:
+        found["rows"] = {name: column.tolist() for name, column in frame(simulation).items()}
+    return found
+
+
+def as_text(simulation: Simulation) -> list[Any]:
+    """What `simulate` says to people."""
+    record = simulation.record
+    arrived = "all" if record.arrived is None else f"{100 * np.mean(record.arrived):.1f} %"
+    return [
+        f"Drew {counted(len(record), 'sample')} of an output-error plant.",
+        f"Of the inputs {arrived} arrived, of the outputs {100 * np.mean(record.seen):.1f} %.",
+    ]

@@ -1,0 +1,143 @@
+"""What an unbiased estimate of an output-error model can reach with the packets that arrived."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..errors import AssumptionError
+from ..kernels import output_error as kernel
+from ..models.output_error import OutputError
+
+UNTOLD = 1e-9  # eigenvalue of the scaled information, of its largest, below which a direction counts as not told of
+
+
+class Efficiency(NamedTuple):
+    """Mean squared errors of estimates over the Cramér-Rao bounds of their records: `ratio` 1 is the best.
+
+    `ratio`: mean over runs of the squared errors summed over the parameters, by the mean trace of the bounds; `normalised`: mean
+    of e' I e by the number of parameters, which does not depend on units; `runs`.
+    """
+
+    ratio: float
+    normalised: float
+    runs: int
+
+    @property
+    def sentence(self) -> str:
+        """What it says, in words."""
+        loss = 100 * (self.normalised - 1)
+        return f"{self.runs} runs: the normalised squared error is {self.normalised:.3f} of the bound ({loss:+.1f} %)."
+
+
+def slopes(model: OutputError, record: Record) -> tuple[np.ndarray, ...]:
+    """dx°_i/dθ_i of each output, (T, d) each, from rest under the inputs that were applied.
+
+    Raises `InputError` where an input is not known.
+    """
+    u = applied(model, record)
+    rows = zip(np.asarray(model.a), np.asarray(model.b), strict=True)
+    return tuple(kernel.slopes(a, b, model.delay, u, kernel.response(a, b, model.delay, u)) for a, b in rows)
+
+
+def information(model: OutputError, record: Record) -> np.ndarray:
+    """Fisher's information (d, d) of the parameters in the outputs that were seen, block by output.
+
+    >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
+    >>> information(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).tolist()
+    [[20.0]]
+    """
+    from scipy.linalg import block_diag
+
+    faults = checks.Faults()
+    if np.any(np.asarray(model.noise_variance) <= 0):
+        faults.add("`model` must have a noise variance greater than 0: without noise the information is infinite.")
+    faults.finish()
+    told = zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True)
+    return np.asarray(block_diag(*(kernel.information(ψ, seen, r) for ψ, seen, r in told)))
+
+
+def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
+    """The smallest covariance (d, d) that an unbiased estimate of the parameters of `model` can have from `record`.
+
+    It depends on which inputs were applied and which outputs seen, not on their values: so it can be worked out before an
+    experiment, for any pattern of losses (`simulate` with links makes some). Model: `OutputError`, from rest.
+
+    Raises `InputError` where an input is not known, `AssumptionError` where the record tells nothing of a direction.
+
+    >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
+    >>> cramer_rao(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).round(9).tolist()
+    [[0.05]]
+    """
+    M = information(model, record)
+    if (untold := undetermined(M)).shape[1]:
+        lacking = checks.counted(untold.shape[1], "direction")
+        raise AssumptionError(
+            f"the record tells nothing of {lacking} of the {len(M)} parameters, so there is no bound: "
+            "`excitation(model, record)` names them."
+        )
+    scale = scale_of(M)
+    return np.linalg.inv(M * np.outer(scale, scale)) * np.outer(scale, scale)
+
+
+def efficiency(error, bound) -> Efficiency:
+    """How near estimates come to the Cramér-Rao bound: error (B, d), bound (B, d, d) of each run.
+
+    >>> rng = np.random.default_rng(0)
+    >>> abs(efficiency(rng.normal(size=(4000, 2)), np.broadcast_to(np.eye(2), (4000, 2, 2))).ratio - 1) < 0.05
+    True
+    """
+    error, bound = np.asarray(error, float), np.asarray(bound, float)
+    if error.ndim != 2 or bound.shape != (*error.shape, error.shape[-1]):
+        checks.refuse(f"`error` must be (B, d) and `bound` (B, d, d). Got {error.shape} and {bound.shape}.")
+    squares = np.einsum("bi,bi->b", error, np.linalg.solve(bound, error[..., None])[..., 0])
+    ratio = np.mean(np.sum(error**2, axis=1)) / np.mean(np.trace(bound, axis1=1, axis2=2))
+    return Efficiency(float(ratio), float(np.mean(squares) / error.shape[1]), len(error))
+
+
+def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
+    """θ + I(θ)^-1 score(θ) of the true `model`: what an efficient estimate of this very record would be, to first order.
+
+    No estimator knows it; the error of an estimate beside this one's, on the same records, is free of the luck of the draws.
+    """
+    e = record.y - model.response(applied(model, record))
+    score = [
+        ψ[seen].T @ e[seen, i] / r
+        for i, (ψ, seen, r) in enumerate(zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True))
+    ]
+    return model.parameters + cramer_rao(model, record) @ np.concatenate(score)
+
+
+def applied(model: OutputError, record: Record) -> np.ndarray:
+    """The inputs that were applied (T, m), all of them known."""
+    faults = checks.Faults()
+    if (len(record.inputs), len(record.outputs)) != (model.m, model.p):
+        faults.add(
+            f"the model has {checks.counted(model.m, 'input')} and {checks.counted(model.p, 'output')}, the record "
+            f"{len(record.inputs)} and {len(record.outputs)}."
+        )
+    u = np.asarray(record.applied())
+    if np.isnan(u).any():
+        faults.add(
+            f"an input is not known at row {checks.first_index(np.isnan(u))}: NaN, or nobody knows whether it arrived."
+        )
+    faults.finish()
+    return u
+
+
+def undetermined(M: Any) -> np.ndarray:
+    """An orthonormal basis (d, r) of what the information M (d, d) does not tell of, whatever the units."""
+    scale = scale_of(M)
+    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    largest = values.max(initial=0.0)
+    if largest <= 0:
+        return np.eye(len(M))
+    basis = vectors[:, values <= UNTOLD * largest] * np.where(scale > 0, scale, 1.0)[:, None]
+    return np.linalg.qr(basis)[0] if basis.shape[1] else basis
+
+
+def scale_of(M: Any) -> np.ndarray:
+    """What makes the diagonal of M one; zero where it is zero."""
+    size = np.sqrt(np.diagonal(M))
+    return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)

@@ -1,0 +1,140 @@
+"""Maximum likelihood for one output of an output-error model, over several records."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..diagnostics.cramer_rao import scale_of, undetermined
+from ..kernels import impulse_start
+from ..kernels import output_error as kernel
+from ..kernels.auxiliary_model import stabilise
+
+CONVERGED = (
+    1e-13  # relative change of the parameters, of the sum of squares, and angle to the gradient, that end a search
+)
+LEAST = 1e-32  # of the mean square of an output: the square of the rounding unit
+FAR = 1e100  # what a residual that overflowed counts: a search steps back from it
+
+
+class Orders(NamedTuple):
+    """Degrees of A and B, the delay, and how many impulses z stand for what happened before row 0 of a record."""
+
+    na: int
+    nb: int
+    delay: int
+    past: int
+
+
+class Datum(NamedTuple):
+    """One record of one output: inputs applied u (T, m), output y (T,), and which were seen (T,)."""
+
+    u: np.ndarray
+    y: np.ndarray
+    seen: np.ndarray
+
+
+class OneOutput(NamedTuple):
+    """The fit: θ (d,), the noise's variance, the information of θ with the past marginalised, residuals, log-likelihood."""
+
+    parameters: np.ndarray
+    noise_variance: float
+    information: np.ndarray
+    residuals: tuple[np.ndarray, ...]
+    log_likelihood: float
+
+
+def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
+    """The best of the searches from `starts` (d,), and from an impulse response fitted linearly."""
+    first = impulse_start.start(orders.na, orders.nb, orders.delay, data)
+    ends = [_search(orders, data, θ) for θ in (first, *starts) if θ is not None]
+    best = min(ends, key=lambda end: end[1])[0]
+    return _assembled(orders, data, best, noise_variance)
+
+
+def _search(orders: Orders, data: Sequence[Datum], θ: Any) -> tuple[np.ndarray, float]:
+    """θ and all pasts at the end of one search, and the sum of squares there."""
+    from scipy.optimize import least_squares
+
+    θ = np.asarray(θ, float).copy()
+    θ[: orders.na] = np.asarray(stabilise(θ[: orders.na])) if orders.na else θ[: orders.na]
+    start = np.concatenate([θ, np.zeros(orders.past * len(data))])
+    seen = sum(int(datum.seen.sum()) for datum in data)
+    rows = max(len(start) - seen, 0)  # MINPACK wants as many data as unknowns: rows of zero tell nothing
+
+    def residual(x):
+        return np.append(_residuals(orders, data, x), np.zeros(rows))
+
+    def slopes(x):
+        return np.vstack([_slopes(orders, data, x), np.zeros((rows, len(x)))])
+
+    end = least_squares(
+        residual,
+        start,
+        jac=slopes,  # type: ignore[arg-type]
+        method="lm",
+        x_scale="jac",
+        xtol=CONVERGED,
+        ftol=CONVERGED,
+        gtol=CONVERGED,
+    )
+    return end.x, float(end.cost)
+
+
+def _parts(orders: Orders, datum: Datum, i: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """a, b and the past of record i."""
+    m = datum.u.shape[1]
+    d = orders.na + m * (orders.nb + 1)
+    return (
+        x[: orders.na],
+        x[orders.na : d].reshape(m, orders.nb + 1),
+        x[d + i * orders.past : d + (i + 1) * orders.past],
+    )
+
+
+def _responses(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> list[np.ndarray]:
+    parts = [_parts(orders, datum, i, x) for i, datum in enumerate(data)]
+    return [kernel.response(a, b, orders.delay, datum.u, z) for datum, (a, b, z) in zip(data, parts, strict=True)]
+
+
+def _residuals(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
+    responses = _responses(orders, data, x)
+    e = np.concatenate([(out - datum.y)[datum.seen] for out, datum in zip(responses, data, strict=True)])
+    return np.clip(e, -FAR, FAR)
+
+
+def _slopes(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
+    """The derivative of the residuals, (N, d + pasts)."""
+    blocks = []
+    for i, (datum, response) in enumerate(zip(data, _responses(orders, data, x), strict=True)):
+        a, b, _ = _parts(orders, datum, i, x)
+        ψ = kernel.slopes(a, b, orders.delay, datum.u, response)
+        pasts = np.zeros((len(datum.y), orders.past * len(data)))
+        pasts[:, i * orders.past : (i + 1) * orders.past] = kernel.initial_slopes(a, len(datum.y), orders.past)
+        blocks.append(np.concatenate([ψ, pasts], axis=1)[datum.seen])
+    return np.clip(np.concatenate(blocks), -FAR, FAR)
+
+
+def _assembled(orders: Orders, data: Sequence[Datum], x: np.ndarray, noise_variance: float | None) -> OneOutput:
+    e, J = _residuals(orders, data, x), _slopes(orders, data, x)
+    d = len(x) - orders.past * len(data)
+    told = len(x) - undetermined(J.T @ J).shape[1]
+    spare = max(len(e) - told, 1)
+    r = float(e @ e / spare) if noise_variance is None else noise_variance
+    size = max((float(np.mean(datum.y[datum.seen] ** 2)) for datum in data if datum.seen.any()), default=0.0)
+    r = max(r, LEAST * size, 1e-200)  # data without noise: what rounding leaves
+    log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r)
+    residuals = tuple(datum.y - out for datum, out in zip(data, _responses(orders, data, x), strict=True))
+    return OneOutput(x[:d], r, marginal(J.T @ J / r, d), residuals, log_likelihood)
+
+
+def marginal(M: np.ndarray, d: int) -> np.ndarray:
+    """The information of the first d unknowns when the others are estimated too: M11 - M12 M22^+ M21."""
+    if len(M) == d:
+        return M
+    scale = scale_of(M)
+    scaled = M * np.outer(scale, scale)
+    inner = np.linalg.pinv(scaled[d:, d:], rcond=1e-12, hermitian=True)
+    left = scaled[:d, :d] - scaled[:d, d:] @ inner @ scaled[d:, :d]
+    back = np.where(scale[:d] > 0, 1 / np.where(scale[:d] > 0, scale[:d], 1.0), 0.0)
+    return left * np.outer(back, back)

@@ -1,0 +1,109 @@
+"""Which orders? Information criteria on incomplete data."""
+
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..identifiers.output_error_ml import OutputErrorML
+from ..results import Fit
+
+CRITERIA = ("aic", "aicc", "bic")
+
+
+class Candidate(NamedTuple):
+    """One choice of orders: its criteria (smaller is better) and the residuals' variance over the best one's, per output."""
+
+    na: int
+    nb: int
+    delay: int
+    aic: float
+    aicc: float
+    bic: float
+    fit: Fit
+
+
+class Orders(NamedTuple):
+    """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
+
+    candidates: tuple[Candidate, ...]
+    criterion: str
+
+    @property
+    def best(self) -> Candidate:
+        """The candidate with the smallest criterion."""
+        return self.candidates[0]
+
+    @property
+    def sentence(self) -> str:
+        """What was chosen, and by how much, in words."""
+        first = self.best
+        said = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
+        if len(self.candidates) == 1:
+            return f"{said}: the only candidate."
+        second = self.candidates[1]
+        lead = getattr(second, self.criterion) - getattr(first, self.criterion)
+        doubt = ": a small lead, so look at both" if lead < 2 else ""
+        return f"{said}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."
+
+
+def choose_orders(
+    record: Record | Sequence[Record], *, na: Iterable[int] = (1, 2, 3), nb: Iterable[int] = (0, 1, 2),
+    delay: Iterable[int] = (0, 1), criterion: str = "bic", initial: str = "rest",
+) -> Orders:  # fmt: skip
+    """The orders of an output-error model by an information criterion, over every choice of `na`, `nb` and `delay`.
+
+    Each choice is fitted by `OutputErrorML` to the outputs that were seen; the criteria count those only: with N outputs seen and
+    k parameters (and a noise variance each), AIC = -2 log L + 2 k, AICC adds 2 k (k + 1) / (N - k - 1), BIC = -2 log L +
+    k log N. BIC finds the true orders when there are many data; AIC predicts best. Orders are degrees, as everywhere here.
+
+    Raises `InputError` with every fault of the call. Reference: H. Akaike (1974); G. Schwarz (1978).
+
+    >>> plant = OutputError([-0.5], [1.0], delay=1, noise_variance=0.01, dt=1)
+    >>> u = np.random.default_rng(1).normal(size=200)
+    >>> found = choose_orders(simulate(plant, u, seed=1).record, na=(1, 2), nb=(0, 1))
+    >>> (found.best.na, found.best.nb, found.best.delay)
+    (1, 0, 1)
+    """
+    faults, ranges = checks.Faults(), {}
+    faults.choice("criterion", criterion, CRITERIA)
+    for name, given in (("na", na), ("nb", nb), ("delay", delay)):
+        ranges[name] = list(given) if isinstance(given, Iterable) else [given]
+        if not ranges[name]:
+            faults.add(f"`{name}` must hold at least one number to try.")
+        for value in ranges[name]:
+            faults.whole(name, value, 0)
+    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
+    if not records or not all(isinstance(one, Record) for one in records):
+        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+    faults.finish()
+    found = [
+        _candidate(records, a, b, steps, initial)
+        for a, b, steps in product(ranges["na"], ranges["nb"], ranges["delay"])
+    ]
+    return Orders(tuple(sorted(found, key=lambda one: getattr(one, criterion))), criterion)
+
+
+def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str) -> Candidate:
+    fit = OutputErrorML(na, nb, delay=delay, initial=initial).fit(records)
+    N = int(sum(record.seen.sum() for record in records))
+    k = len(fit.parameters) + len(records[0].outputs)
+    k += len(records) * len(records[0].outputs) * max(na, nb + delay) if initial == "free" else 0
+    deviance = -2 * _likelihood(fit)
+    correction = 2 * k * (k + 1) / (N - k - 1) if k + 1 < N else np.inf
+    return Candidate(
+        na, nb, delay, deviance + 2 * k, deviance + 2 * k + correction, deviance + k * np.log(max(N, 1)), fit
+    )
+
+
+def _likelihood(fit: Fit) -> float:
+    """At the variance of maximum likelihood: the sum of squares by N, not by N - d."""
+    total = 0.0
+    for e in np.concatenate(fit.validation.residuals).T:
+        seen = e[~np.isnan(e)]
+        r = max(float(seen @ seen) / len(seen), np.finfo(float).tiny)
+        total -= 0.5 * len(seen) * (np.log(2 * np.pi * r) + 1)
+    return total

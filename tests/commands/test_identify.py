@@ -1,0 +1,60 @@
+"""`estimable simulate` and `estimable identify`, one after the other."""
+
+import pytest
+
+SIMULATE = ("simulate", "output-error", "--input-arrival", "0.8", "--output-arrival", "0.7", "--seed", "1")
+
+
+@pytest.fixture
+def drawn(run, tmp_path):
+    assert run(*SIMULATE, "--rows", "400", "--out", "run.csv").code == 0
+    return tmp_path / "run.csv"
+
+
+def test_a_drawn_record_has_gaps_that_are_read_back(run, drawn):
+    lines = drawn.read_text().splitlines()
+    assert lines[0] == "time,u,arrived,y"
+    assert len(lines) == 401
+    told = run(*SIMULATE, "--rows", "400", "--out", "again.csv", "--json").json
+    assert 0.7 < told["input_arrival"] < 0.9
+    assert (drawn.parent / "again.csv").read_text() == drawn.read_text()
+
+
+@pytest.mark.parametrize("method", ["recursive-output-error", "output-error-ml"])
+def test_what_was_drawn_is_identified(run, drawn, method):
+    told = run("identify", "run.csv", "--method", method, "--set", "na=2", "--set", "nb=1", "--json").json
+    true = {"a1": 0.523, "a2": 0.349, "b0": 0.440, "b1": 0.762}
+    for name, value in true.items():
+        assert abs(told["parameters"][name] - value) < 4 * told["sigma"][name]
+    assert told["outcome"]["code"] == 0
+    assert {check["name"] for check in told["checks"]} >= {"excitation", "stability", "positive-real"}
+
+
+def test_orders_that_are_not_given_are_chosen(run, drawn):
+    answer = run("identify", "run.csv", "--set", "delay=0", width=200)
+    assert answer.code == 0
+    assert "BIC chooses na = 2, nb = 1, delay = 0" in answer.stdout
+
+
+def test_bursts_and_other_plants(run):
+    answer = run("simulate", "output-error", "--output-arrival", "0.5", "--burst", "5", "--set", "a=[-0.9]", "--set",
+                 "b=[1.0]", "--rows", "50", "--json")  # fmt: skip
+    assert len(answer.json["rows"]["y"]) == 50
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("simulate", "arx"), "MODEL"),
+        (("simulate", "output-error", "--set", "c=1"), "no setting 'c'"),
+        (("simulate", "output-error", "--input-arrival", "2"), "probabilities"),
+        (("identify", "run.csv", "--method", "arx"), "no identifier 'arx'"),
+        (("identify", "none.csv"), "none.csv is not there"),
+        (("identify", "run.csv", "--output", "z"), "z"),
+        (("identify", "run.csv", "--set", "na=1", "--set", "nb=1", "--set", "colour=1"), "has the settings"),
+    ],
+)
+def test_what_is_wrong_is_said(run, drawn, arguments, sentence):
+    answer = run(*arguments)
+    assert answer.code == 2
+    assert sentence in answer.stderr + answer.stdout
