@@ -1,7 +1,7 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
 from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
-from . import catalogue, diagnostics, packaged, plants
+from . import catalogue, diagnostics, packaged, plants, report
 from .analysis.estimability import Estimability, estimability
 from .analysis.excitation import excitation
 from .analysis.observability import Observability, Reachability, observability, reachability
@@ -147,6 +147,7 @@ __all__ = [
     "read_record",
     "reduce",
     "regulability",
+    "report",
     "save",
     "simulate",
     "simulate_bank",
