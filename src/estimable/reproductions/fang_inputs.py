@@ -133,7 +133,7 @@ def _largest(e: np.ndarray) -> np.ndarray:
 def _compare(rows: list[Row]) -> Any:
     from . import plots
 
-    return plots.beside(rows, [row.quantity for row in rows], x="", y="norm of the error")
+    return plots.beside(rows, [row.quantity for row in rows], x="which error, by which norm", y="norm of the error")
 
 
 def estimates(example: Example) -> Any:
