@@ -204,11 +204,11 @@ class Compiled:
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(_Text(loop, lanes).write())
         kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
-        self._run = kind(self._engine.get_function_address("run"))
+        self.address = kind(self._engine.get_function_address("run"))
 
     def __call__(self, rows: int, fixed, carry, row, each, last) -> None:
         """Run `rows` rows; the arrays are contiguous float64 and `carry`, `each`, `last` are written."""
-        self._run(rows, *(array.ctypes.data for array in (fixed, carry, row, each, last)))
+        self.address(rows, *(array.ctypes.data for array in (fixed, carry, row, each, last)))
 
 
 @cache

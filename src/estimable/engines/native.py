@@ -48,7 +48,7 @@ class _Step:
     def __init__(self, structure: Any, shapes: tuple, keep: str, select: Any, lanes: int):
         examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
         algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
-        _refuse_varying(algorithm)
+        refuse_varying(algorithm)
         self.keep, self.lanes, told = keep, lanes, {}
 
         def init(algorithm, prior):
@@ -68,10 +68,10 @@ class _Step:
         parts = (algorithm, prior, state, sample, interval)
         counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
         fixed, states = counts[0] + counts[1], counts[2]
-        known: dict = {}
-        program = lower(step, *parts)
-        while len(always := _always(begin, program, fixed, states)) > len(known):
-            known = always
+        known = _constants(begin, fixed)
+        program = lower(step, *parts, known=known)
+        while len(kept := _kept(known, program, fixed, states)) < len(known):
+            known = kept
             program = lower(step, *parts, known=known)
         self.kept = told["kept"]
         self._lay_out(program, fixed, states)
@@ -145,15 +145,24 @@ def _step(*arguments: Any) -> _Step | UnsupportedError:
         return reason
 
 
-def _always(begin: Program, program: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
-    """Entries of the state that begin as a constant and stay it: the zeros of a triangular factor."""
-    found = {}
-    for array, (starts, nexts) in enumerate(zip(begin.outputs, program.outputs[:states], strict=True)):
-        for entry, (start, after) in enumerate(zip(starts.ravel(), nexts.ravel(), strict=True)):
-            first, then = begin.operations[start], program.operations[after]
-            if first.name == then.name == "constant" and first.value == then.value:
-                found[fixed + array, entry] = first.value
-    return found
+def _constants(begin: Program, fixed: int) -> dict[tuple[int, int], Any]:
+    """Entries of the state that begin as a constant, as the zeros of a triangular factor."""
+    return {
+        (fixed + array, entry): begin.operations[name].value
+        for array, names in enumerate(begin.outputs)
+        for entry, name in enumerate(names.ravel())
+        if begin.operations[name].name == "constant"
+    }
+
+
+def _kept(known: dict, program: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
+    """Those of the known entries that a step leaves as they were: by induction they always are."""
+    nexts = [[program.operations[name] for name in names.ravel()] for names in program.outputs[:states]]
+    return {
+        (array, entry): value
+        for (array, entry), value in known.items()
+        if (after := nexts[array - fixed][entry]).name == "constant" and repr(after.value) == repr(value)
+    }
 
 
 class _Start:
@@ -199,7 +208,7 @@ def _on_all_processors(work: Any, items: range) -> None:
         list(pool.map(work, items))  # raises what a thread raised
 
 
-def _refuse_varying(algorithm: Any) -> None:
+def refuse_varying(algorithm: Any) -> None:
     """A model that varies in time is looked up by row, which a straight line cannot."""
     now = jax.eval_shape(lambda a: a.at(0), algorithm)
     if jax.tree_util.tree_structure(now) != jax.tree_util.tree_structure(algorithm):

@@ -57,6 +57,7 @@ SCALAR: dict[str, Callable] = {
 }  # fmt: skip
 TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite", "truth"}
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
+HOISTED = {"div", "sqrt", "log"}  # slow, and without effect on what is not chosen
 NAMED = {"add_any": "add"}
 MOVES = {
     "reshape", "broadcast_in_dim", "squeeze", "expand_dims", "transpose", "slice", "concatenate", "rev", "copy", "pad", "split",
@@ -136,6 +137,11 @@ class _Line:
                 return self.add(Operation("constant", (), SCALAR[name](*values)))
             except (OverflowError, ValueError):
                 pass
+        if name in HOISTED and (chosen := self.operations[arguments[-1]]).name == "select":
+            condition, first, second = chosen.arguments
+            if self.value(second) is not None:  # chosen after, not before: the choice is made while the division runs
+                branches = (self.scalar(name, *arguments[:-1], branch) for branch in (first, second))
+                return self.scalar("select", condition, *branches)
         simpler = _simplify(name, arguments, values)
         if simpler is not None:
             return simpler if isinstance(simpler, int) else self.add(Operation("constant", (), simpler[0]))
@@ -208,6 +214,8 @@ def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tupl
                 return other
             if known is not None and known == ABSORBING.get(name):
                 return (known,)
+    if name == "div" and values[0] == 0:
+        return (0.0,)
     if name in NEUTRAL_RIGHT and values[1] == NEUTRAL_RIGHT[name]:
         return arguments[0]
     if name == "select" and (values[0] is not None or arguments[1] == arguments[2]):

@@ -3,9 +3,10 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from ..frozen import frozen
-from ..kernels import kalman, smoothing
+from ..kernels import independent, kalman, smoothing
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import factor, gram
 from ..models.prior import Prior, diffuse_columns
@@ -57,19 +58,14 @@ def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Beli
     """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
     if belief.drift_mean is not None:
         raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
-    post = kalman.correct(
-        belief.mean,
-        belief.factor,
-        belief.diffuse,
-        C,
-        d,
-        model.V,
-        Ω,
-        sample.y,
-        sample.seen,
-        belief.size,
-        belief.log_scale,
-    )
+    b, p = belief, C.shape[0]
+    if model.independent and b.diffuse.shape[1] == 0:
+        r = model.V[np.arange(p), np.arange(p)]
+        post = independent.correct(b.mean, b.factor, C, d, r, sample.y, sample.seen, b.size)
+    else:
+        post = kalman.correct(
+            b.mean, b.factor, b.diffuse, C, d, model.V, Ω, sample.y, sample.seen, b.size, b.log_scale
+        )  # fmt: skip
     return Belief(post.m, post.Z, post.X, belief.size, belief.log_scale, post.drift, post.Z_drift), post
 
 

@@ -85,8 +85,8 @@ def correct(
         finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω, jnp.zeros((n, 1))], axis=1))
         diffuse.append(jnp.zeros_like(X))
     magnitude = jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size)          # of the datum and of its prediction
-    known = KNOWN * (_terms(C, Z) + jnp.sum(V * V, axis=1) + magnitude**2)
-    determined = DETERMINED * _terms(C, X)
+    known = KNOWN * (terms(C, Z) + jnp.sum(V * V, axis=1) + magnitude**2)
+    determined = DETERMINED * terms(C, X)
 
     blank = jnp.zeros(p, bool)
     array = _Array(jnp.concatenate(finite), jnp.concatenate(diffuse), jnp.ones(p), e, blank, blank)
@@ -111,9 +111,9 @@ def correct(
     )
 
 
-def _terms(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, " p"]:
+def terms(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, " p"]:
     """Sum of the squares of all the terms in C Z: what its rows' size would be if nothing cancelled."""
-    return jnp.sum((C * C)[:, :, None] * (Z * Z)[None, :, :], axis=(1, 2))
+    return apply(C * C, jnp.sum(Z * Z, axis=1))
 
 
 def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:

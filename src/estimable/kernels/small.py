@@ -37,6 +37,15 @@ def gram(Z: Float[Real, "n k"]) -> Float[Real, "n n"]:
     return (P + P.T) / 2
 
 
+def sums_after(A: Float[Real, "... k"]) -> Float[Real, "... k"]:
+    """In place of each entry, the sum of those after it along the last axis."""
+    k = A.shape[-1]
+    if k > 2 * SMALL:
+        return jnp.flip(jnp.cumsum(jnp.flip(A, -1), -1), -1) - A
+    after = np.tri(k, k, -1).reshape((1,) * (A.ndim - 1) + (k, k))
+    return jnp.sum(A[..., :, None] * after, axis=-2)
+
+
 def repeat(count: int, step, carry):
     """`carry = step(j, carry)` for j = 0 .. count - 1: written out when small, a loop at run time otherwise."""
     if count > SMALL:

@@ -32,6 +32,7 @@ class SampledModel:
     """x+ = A x + B u + B_end u_end + ω, y = C x + D u + v about `point`; v = V e, ω = Ω e + W e' with e, e' unit white.
 
     Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` where several rows share one entry.
+    `independent`: V is diagonal and there is no Ω, so that each output has a noise of its own.
     """
 
     A: Any
@@ -45,6 +46,7 @@ class SampledModel:
     point: OperatingPoint
     rows: Any = None
     varying: tuple[str, ...] = static(default=())
+    independent: bool = static(default=False)
 
     def at(self, k) -> "SampledModel":
         """The model at row k."""
@@ -73,8 +75,15 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
     deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
     return SampledModel(
         model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
-        tuple(sorted(deterministic | _varying_noise(model))),
+        tuple(sorted(deterministic | _varying_noise(model))), _are_independent(model),
     )  # fmt: skip
+
+
+def _are_independent(model: StateSpace) -> bool:
+    """Whether R is known to be diagonal, in every row of time and batch, and S is zero."""
+    if model.S is not None or checks.is_traced(model.R):
+        return False
+    return not np.any(np.asarray(model.R) * (1 - np.eye(model.p)))
 
 
 def _varying_noise(model: StateSpace) -> set[str]:

@@ -8,6 +8,8 @@ import numpy as np
 
 from .. import checks
 from ..data.record import LOST, UNIFORM
+from ..engines.choice import ENGINES
+from ..engines.straight_line import UnsupportedError
 from ..errors import RunError
 from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS
@@ -15,8 +17,7 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
-
-ENGINES = ("auto", "xla")
+from .quick import Quick
 
 
 @jax.jit
@@ -56,9 +57,27 @@ class Online:
     [1.5]
     """
 
-    def __init__(self, progress: Progress):
-        self.progress = progress
+    def __init__(self, progress: Progress, engine: str = "auto"):
+        self._progress: Progress | None = progress
+        self._base = progress
         self._sampled: dict = {}
+        self._quick = _quick(progress) if engine == "native" else None
+
+    @property
+    def progress(self) -> Progress:
+        """All that the run is now."""
+        if self._progress is None:
+            quick: Any = self._quick
+            info = jax.tree_util.tree_map(np.asarray, quick.info)
+            self._progress = replace(
+                self._base, state=quick.state(), info=info, held=np.array(quick.held), sample=quick.sample,
+                corrected=quick.corrected, dt=float(quick.dt) if quick.sample else self._base.dt,
+            )  # fmt: skip
+        return self._progress
+
+    @progress.setter
+    def progress(self, progress: Progress) -> None:
+        self._progress, self._base, self._quick = progress, progress, None
 
     def __repr__(self) -> str:
         return f"Online({type(self.algorithm).__name__} at sample {self.progress.sample})"
@@ -66,20 +85,25 @@ class Online:
     @property
     def algorithm(self) -> Any:
         """The algorithm at work."""
-        return self.progress.algorithm
+        return self._base.algorithm
 
     @property
     def info(self) -> Info | None:
         """What the last `correct` said; None before the first."""
-        return self.progress.info
+        return self._base.info if self._quick is None else self._quick.info
 
     def correct(self, y, u=None, *, arrived=None) -> Info:
         """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
 
         Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
         """
+        quick = self._quick
+        if quick is not None and u is None and arrived is None and quick.accepts(y):
+            code, refused = quick.correct(y, quick.rest)
+            if not refused:
+                return self._moved(code)
         model, faults = model_of(self.algorithm), checks.Faults()
-        faults.learn("p", model.p, f"the model has {model.p} outputs")
+        faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
         y = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
         if self.progress.corrected and model.S is not None:
@@ -90,12 +114,12 @@ class Online:
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
+        if quick is not None:
+            return self._moved(quick.correct(y, applied)[0])
         sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied)
         state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
-        outcome = Outcome.of(int(info.outcome), self.progress.sample, None)
-        if outcome.code:
-            raise RunError(outcome)
+        self._settle(int(info.outcome))
         self.progress = replace(self.progress, state=state, info=info, corrected=True)
         return info
 
@@ -104,6 +128,11 @@ class Online:
 
         `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
         """
+        quick = self._quick
+        plain = quick is not None and u_end is None and arrived is None and dt is None and quick.accepts_input(u)
+        if quick is not None and plain and not quick.predict(u, u):
+            self._progress = None
+            return
         faults = checks.Faults()
         dt = self._step(dt, faults)
         self._check_room(faults)
@@ -119,11 +148,27 @@ class Online:
         elif u_end is not None:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
         faults.finish()
+        if quick is not None:
+            quick.predict(applied, end)
+            self._progress = None
+            return
         interval = Interval(applied, end, None, np.asarray(dt, float))
         state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
         self.progress = replace(
             self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
         )
+
+    def _moved(self, code: int) -> Any:
+        """What a quick step said."""
+        if code:
+            self._settle(code)
+        self._progress = None
+        return self.info
+
+    def _settle(self, code: int) -> None:
+        outcome = Outcome.of(code, self.progress.sample, None)
+        if outcome.code:
+            raise RunError(outcome)
 
     def save(self, path: str | Path) -> None:
         """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
@@ -190,14 +235,24 @@ class Online:
         return self._sampled[dt]
 
 
+def _quick(progress: Progress) -> Quick:
+    """The run as machine code."""
+    try:
+        return Quick(progress)
+    except UnsupportedError as reason:
+        name = type(progress.algorithm).__name__
+        checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
+
+
 def online(
     algorithm: Any, *, prior: Prior | None, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
 ) -> Online:
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
-    `prior`: of the state at the first sample. `hold`: how the input moves between samples. `lost`: what the actuator does
-    when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)` and `.predict(u)`; `.info` is the last
-    answer, `.save(path)` keeps everything, and `load(path)` resumes.
+    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small discrete models that do not vary;
+    microseconds a sample where y and u are float64 arrays), or "xla", which "auto" takes. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for
+    each sample, `.correct(y)` and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and
+    `load(path)` resumes.
 
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
@@ -214,4 +269,4 @@ def online(
     check_hold(model, hold, faults)
     faults.finish()
     state = algorithm.sampled(Clock.every(model.dt, hold)).init(prior)
-    return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost))
+    return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost), engine)

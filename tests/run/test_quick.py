@@ -1,0 +1,94 @@
+"""Steps from Python as machine code: what `estimate` gives, in every order of calls, saved and resumed."""
+
+import jax
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from cases import case
+from estimable import InputError, Kalman, Prior, RunError, StateSpace, UnknownGain, estimate, load, online, save
+
+FEATURES = ({}, {"cross": True}, {"missing": 0.8})
+
+
+def run(algorithm, c, engine):
+    running, infos = online(algorithm, prior=c.prior, engine=engine), []
+    for y, u in zip(c.record.y, c.record.u, strict=True):
+        infos.append(running.correct(y, u))
+        running.predict(u)
+    return running, infos
+
+
+def assert_equal(a, b):
+    for x, y in zip(jax.tree_util.tree_leaves(a), jax.tree_util.tree_leaves(b), strict=True):
+        assert_allclose(x, y, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("features", FEATURES, ids=str)
+def test_machine_code_says_at_each_sample_what_xla_says(features):
+    c = case(1, (2, 1, 1), **features)
+    for algorithm in (Kalman(c.model), UnknownGain(c.model, Prior([1.0], [[1.0]]))):
+        (native, told), (xla, expected) = run(algorithm, c, "native"), run(algorithm, c, "xla")
+        for a, b in zip(told, expected, strict=True):
+            assert_equal(a, b)
+        assert_equal(native.progress.state, xla.progress.state)
+        assert native.progress.sample == len(c.record.y)
+        whole = estimate(algorithm, c.record, prior=c.prior)
+        assert_allclose([info.mean for info in told], whole.mean, rtol=1e-11, atol=1e-12)
+
+
+MODEL = StateSpace([[0.5, 0.1], [0.0, 0.9]], [[1.0], [0.5]], C=np.eye(2), Q=np.eye(2), R=np.eye(2), dt=1)
+CORRELATED = StateSpace(
+    [[0.5, 0.1], [0.0, 0.9]], [[1.0], [0.5]], C=np.eye(2), Q=np.eye(2), R=[[1, 0.5], [0.5, 1]], dt=1
+)
+PRIOR = Prior([0.0, 0.0], np.eye(2))
+
+
+@pytest.mark.parametrize("model", [MODEL, CORRELATED], ids=["independent", "correlated"])
+def test_sensors_may_report_one_after_the_other_and_samples_may_be_passed_over(model):
+    two, one = (online(Kalman(model), prior=PRIOR, engine="native") for _ in range(2))
+    for running in (two, one):
+        running.predict(np.array([1.0]))
+    two.correct(np.array([1.0, np.nan]))
+    if model is MODEL:  # of correlated noises, what one sensor said of the other's is not carried to a second call
+        assert_allclose(two.correct(np.array([np.nan, 2.0])).mean, one.correct(np.array([1.0, 2.0])).mean, rtol=1e-13)
+    two.predict(np.array([1.0]))
+    assert two.progress.sample == 2
+
+
+def test_an_info_keeps_what_it_said_and_a_saved_run_resumes(tmp_path):
+    running = online(Kalman(MODEL), prior=PRIOR, engine="native")
+    first = running.correct(np.array([1.0, 2.0]))
+    mean = first.mean.copy()
+    running.predict(np.array([1.0]))
+    running.correct(np.array([5.0, 5.0]))
+    assert np.array_equal(first.mean, mean)
+    save(tmp_path / "run.npz", running)
+    resumed = load(tmp_path / "run.npz")  # on XLA
+    for other in (running, resumed):
+        other.predict(np.array([2.0]))
+    y = np.array([0.0, 1.0])
+    assert_equal(running.correct(y).whole(), resumed.correct(y))
+    assert_equal(running.info, resumed.info)
+
+
+def test_what_is_wrong_with_a_plain_array_is_still_said():
+    running = online(Kalman(MODEL), prior=PRIOR, engine="native")
+    before = running.progress
+    with pytest.raises(InputError, match="`y` must be finite"):
+        running.correct(np.array([1.0, np.inf]))
+    with pytest.raises(InputError, match="`u` must not hold NaN"):
+        running.predict(np.array([np.nan]))
+    assert running.progress is before
+    exact = online(Kalman(StateSpace([[1.0]], R=[[0.0]], dt=1)), prior=Prior([0.0], [[0.0]]), engine="native")
+    exact.correct(np.array([0.0]))
+    exact.predict()
+    with pytest.raises(RunError, match=r"At sample 1: .*contradicts"):
+        exact.correct(np.array([1.0]))
+
+
+def test_what_cannot_be_machine_code_online_is_said():
+    continuous = StateSpace([[-1.0]], R=[[1.0]], dt=0)
+    with pytest.raises(InputError, match="cannot run Kalman online: a continuous model, whose steps may differ"):
+        online(Kalman(continuous), prior=Prior([0.0], [[1.0]]), engine="native")
+    assert online(Kalman(continuous), prior=Prior([0.0], [[1.0]])).correct([1.0]).mean == [0.5]
