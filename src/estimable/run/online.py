@@ -250,9 +250,9 @@ def online(
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
     `prior`: of the state at the first sample. `engine`: "native" (machine code, for small discrete models that do not vary;
-    microseconds a sample where y and u are float64 arrays), or "xla", which "auto" takes. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for
-    each sample, `.correct(y)` and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and
-    `load(path)` resumes.
+    microseconds a sample where y and u are float64 arrays), or "xla", which "auto" takes. `hold`: how the input moves between
+    samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)` and
+    `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and `load(path)` resumes.
 
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
