@@ -141,10 +141,13 @@ def assert_same(native, xla, rtol=1e-12):
     leaves = zip(jax.tree_util.tree_leaves(native.info), jax.tree_util.tree_leaves(xla.info), strict=True)
     for a, b in leaves:
         assert_allclose(a, b, rtol=rtol, atol=rtol * max(1.0, np.nanmax(np.abs(b), initial=0.0)))
-    assert_allclose(native.log_likelihood, xla.log_likelihood, rtol=1e-12)
+    assert_allclose(native.log_likelihood, xla.log_likelihood, rtol=rtol)
 
 
-FILE = read_model(packaged.path("f16-model.toml"))
+AMPLIFIED = {
+    "unknown-input": 1e-9
+}  # outputs missing, an input no one measured: innovations grow to 1e9, and rounding with them
+FILE = read_model(packaged.path("f16-model.toml"))._replace(unknown=("elevator_deg",))
 
 
 @pytest.mark.parametrize("keep", ["all", "means", "last", "likelihood"])
@@ -155,7 +158,8 @@ def test_every_entry_of_the_catalogue_gives_the_same(name, keep):
     y[rng.random(y.shape) < 0.3] = np.nan
     record = Record(y, rng.normal(size=(200, 1)), dt=0.01, hold="first_order",
                     inputs=FILE.model.inputs, outputs=FILE.model.outputs)  # fmt: skip
-    assert_same(*both(catalogue.build(name, FILE, **SHORT.get(name, {})), record, FILE.prior, keep=keep))
+    algorithm = catalogue.build(name, FILE, **SHORT.get(name, {}))
+    assert_same(*both(algorithm, record, FILE.prior, keep=keep), rtol=AMPLIFIED.get(name, 1e-12))
 
 
 @pytest.mark.parametrize("features", [{"cross": True}, {"singular": True}, {"missing": 0.8}], ids=str)
