@@ -14,9 +14,7 @@ PLANT = OutputError([0.523, 0.349], [0.440, 0.762], noise_variance=0.1, dt=1)
 @pytest.mark.parametrize(
     ("rows", "input_arrival", "output_arrival", "percent"),
     [
-        (63, 0.8, 0.7, 10.4),
         (1000, 0.8, 0.7, 2.59),
-        (313, 0.4, 0.2, 13.1),
         (1250, 0.4, 0.2, 6.3),
         (5000, 0.4, 0.2, 3.06),
     ],
