@@ -105,6 +105,12 @@ class UnknownInput:
         )  # fmt: skip
 
     @property
+    def complete(self) -> "UnknownInput":
+        """The filter, once sampled, for a record of which every output is seen, and a proper prior: the same, and faster."""
+        constant = self.ready is not None and not self.ready.varying
+        return replace(self, layout=self.layout.complete) if constant and self.layout is not None else self
+
+    @property
     def told(self) -> dict:
         """What a result says of its rows, once the model is sampled: which input, which samples, and by which method."""
         return {} if self.layout is None else {"input_delay": self.layout.delay, "note": self.layout.note}
@@ -178,7 +184,9 @@ class UnknownInput:
         if layout.freedom != "none":
             return belief.predict(state, F, c, W, _grown(model.Ω, layout))
         finite = replace(state, diffuse=state.diffuse[:, :0])
-        X, log_scale = kernel.spread(state.diffuse, F, E, state.log_scale)
+        X, log_scale = E, state.log_scale
+        if layout.leftover:
+            X, log_scale = kernel.spread(state.diffuse, F, E, state.log_scale)
         return replace(belief.predict(finite, F, c, W, _grown(model.Ω, layout)), diffuse=X, log_scale=log_scale)
 
     def _change(self, interval: Interval) -> tuple[Any, Any, Any, Any]:
@@ -247,7 +255,7 @@ def _with_inputs(x: Belief, ready: UnknownInput) -> Belief:
         else:
             spread = jnp.concatenate([column, jnp.zeros((size, size - d))], axis=1)
     if layout.freedom == "none":
-        core = jnp.concatenate([diffuse, jnp.zeros((n, n - r))], axis=1)
+        core = jnp.concatenate([diffuse, jnp.zeros((n, n - r if layout.leftover else 0))], axis=1)
         diffuse = block_diagonal(core, jnp.eye(size))
     elif diffuse.shape[0] == n:
         diffuse = jnp.concatenate([diffuse, jnp.zeros((size, r))])

@@ -19,7 +19,8 @@ class Layout(NamedTuple):
     """The state (x, d[-slots + 1], .., d[0]): n states and `slots` times d unknown inputs, the oldest first.
 
     `now`: the newest input is that of this instant (it enters y or x at once), not of the one before. `freedom`: what is
-    known of the input: "none", "variance" or "walk". `known`, `unknown`: columns of the model's inputs.
+    known of the input: "none", "variance" or "walk". `known`, `unknown`: columns of the model's inputs. `leftover`: whether
+    something may stay undetermined from one sample to the next.
     """
 
     n: int
@@ -32,6 +33,13 @@ class Layout(NamedTuple):
     unknown: tuple[int, ...]
     delay: int
     note: str
+    leftover: bool = True
+
+    @property
+    def complete(self) -> "Layout":
+        """The layout where every output is seen and the prior is proper: each input is told as soon as it can be."""
+        told = self.slots == 1 and self.method == ("feedthrough" if self.now else "no_feedthrough")
+        return self._replace(leftover=not (told and self.freedom == "none"))
 
     @property
     def size(self) -> int:
