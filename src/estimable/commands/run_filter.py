@@ -99,6 +99,9 @@ def run_filter(
     options = record_options(file.record, reading or {})
     if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
         options["dt"] = file.model.dt
+    nowhere = algorithm.names.unknown_inputs
+    if nowhere and "units" in options:
+        options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
     measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
     result = estimate(algorithm, measured, prior=file.prior)
     detects = name == "change-detection"
