@@ -116,12 +116,13 @@ def existence(model: StateSpace, columns: tuple[int, ...], *, steady: bool = Fal
     """The verdict on the columns `unknown`; the spectral radii, which take an iteration, where `steady`."""
     systems = list(_systems(model, columns))
     ranks = [_ranks(*system) for system in systems]
-    worst = max(range(len(ranks)), key=lambda i: np.inf if ranks[i][2] is None else ranks[i][2])
+    delays = [np.inf if told is None else float(told) for _, _, told in ranks]
+    worst = int(np.argmax(delays))
     rank_D, rank_next, delay = ranks[worst]
     constant = len(systems) == 1
     zeros = invariant_zeros(*systems[0]) if constant else None
-    values = np.zeros(0, complex) if zeros is None else zeros.values
-    outside = values.real >= -ON_THE_CIRCLE if model.is_continuous else np.abs(values) >= 1 - ON_THE_CIRCLE
+    values: np.ndarray = np.zeros(0, complex) if zeros is None else zeros.values
+    outside = np.real(values) >= -ON_THE_CIRCLE if model.is_continuous else np.abs(values) >= 1 - ON_THE_CIRCLE
     radius = fang = None
     if (
         steady

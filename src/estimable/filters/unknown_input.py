@@ -48,7 +48,8 @@ class UnknownInput:
     `extra["unknown_input_diffuse_covariance"]`. `innovation` is of each output given those before it in the same sample,
     NaN where it told of an unknown input only: the others judge the model.
 
-    Cost: that of `Kalman` with n + d (delay + 1) states and as many diffuse directions: measured, 2 to 2.5 times `Kalman`.
+    Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper; otherwise
+    what is undetermined is carried along, n + d (delay + 1) directions: 2 times with one unknown input, 3 with two.
 
     Reference: S. Gillijns, B. De Moor, Automatica 43 (2007) 111-116 and 934-937; H. Fang (2009), ch. 2, Algorithm 1.
 
@@ -66,9 +67,9 @@ class UnknownInput:
     walk: Any = None
     levels: Any = None
     delay: int | None = static(default=None)
-    ready: SampledModel | None = field(default=None, init=False)
+    ready: Any = field(default=None, init=False)
     freedom: Any = field(default=None, init=False)
-    layout: Layout | None = static(default=None, init=False)
+    layout: Any = static(default=None, init=False)
 
     def __post_init__(self):
         faults = checks.Faults()

@@ -22,7 +22,7 @@ def fang_closed_loop(A, B, C, D, Q, R) -> float | None:
 
 
 def _radius(step, A, C) -> float | None:
-    P = np.eye(len(A))
+    P, K = np.eye(len(A)), np.zeros(C.T.shape)
     for _ in range(STEPS):
         K, after = step(P)
         if not np.all(np.isfinite(after)) or np.abs(after).max() > 1e100:

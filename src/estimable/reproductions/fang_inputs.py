@@ -95,8 +95,9 @@ def errors(drawn: Drawn, estimate: Any) -> dict[str, Any]:
 
 def filter_of(example: Example, name: str) -> UnknownInput:
     """The algorithm of that name."""
-    how = {"levels": LEVELS} if example.levels else {"method": "fang"} if name == FANG else {}
-    return UnknownInput(example.model, unknown=["u"], **how)
+    if example.levels:
+        return UnknownInput(example.model, unknown=["u"], levels=LEVELS)
+    return UnknownInput(example.model, unknown=["u"], method="fang" if name == FANG else "auto")
 
 
 def run(example: Example, name: str, draws: int) -> Any:

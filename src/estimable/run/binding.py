@@ -76,7 +76,7 @@ def bind(
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
     ready = (algorithms or algorithm).sampled(clock)
-    if hasattr(ready, "complete") and prior.diffuse is None and samples.seen.all():
+    if hasattr(ready, "complete") and prior is not None and prior.diffuse is None and samples.seen.all():
         ready = ready.complete
     names = names._replace(units=record.units, **getattr(ready, "told", {}))
     return Bound(ready, samples, intervals, names, rows.t)
