@@ -391,6 +391,10 @@ def test_options_of_online_are_named_at_once(refused):
 
 SIMULATIONS = {
     "no u": (lambda: simulate(MODEL, seed=1, steps=3), "`u` must be (T, m) = (T, 1): the model has 1 input."),
+    "no model": (
+        lambda: simulate(3, seed=1),
+        "`model` must be a StateSpace, a NonlinearModel or an OutputError. Got 3.",
+    ),
     "no steps": (lambda: simulate(NO_INPUT, seed=1), "`steps` must say how many rows to draw, as there is no `u`."),
     "no time": (
         lambda: simulate(CONTINUOUS, [1.0], seed=1),

@@ -12,22 +12,27 @@ from .. import checks
 from ..data.record import Record
 from ..frozen import replace
 from ..kernels.small import apply, factor
+from ..models.nonlinear import NonlinearModel
 from ..models.output_error import OutputError
 from ..models.prior import Prior
-from ..models.sampled import sample
 from ..models.state_space import StateSpace
-from ..results import Simulation
+from ..results import Interval, Simulation
+from . import motion
 from .binding import check_hold, check_prior
 from .stack import Stacked
 from .transmit import Links, Sent, check_links, send_inputs, send_outputs
 
+Model = StateSpace | NonlinearModel | OutputError
+
 
 def simulate(
-    model: StateSpace | OutputError, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
+    model: Model, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
     dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Simulation:  # fmt: skip
     """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
 
+    `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces (8,
+    where it has none), with the noise added after each piece: exact in the limit of many.
     `prior`: x[0] is drawn from it; without one it is the operating point (or zero). `steps`: how many rows, for a model
     without inputs. `dt` or `t`, in seconds: of a continuous model.
 
@@ -43,7 +48,7 @@ def simulate(
 
 
 def simulate_bank(
-    model: StateSpace | OutputError, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
+    model: Model, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
     dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Stacked:  # fmt: skip
     """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
@@ -58,15 +63,15 @@ def simulate_bank(
     links = Links(input_link, output_link)
     _check_call(model, prior, seed, runs, steps)
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
-    sampled = sample(model, record.clock(model.dt or None))
+    sampled, lengths = _ready(model, record)
     keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
-    drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, record.u, prior, links, lost, keys))
+    drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, lengths, record.u, prior, links, lost, keys))
     t_rows = None if record.t is None else np.broadcast_to(record.t, (runs, *record.t.shape))
     return Stacked(_simulation(replace(_template(record, model, lost), t=t_rows), drawn), runs)
 
 
 def drawn_from(
-    model: StateSpace | OutputError, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
+    model: Model, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
     t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
 ) -> Callable[[Any], Simulation]:  # fmt: skip
     """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
@@ -82,15 +87,22 @@ def drawn_from(
     links = Links(input_link, output_link)
     _check_call(model, prior, 0, 1, steps)
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
-    sampled, template = sample(model, record.clock(model.dt or None)), _template(record, model, lost)
+    (sampled, lengths), template = _ready(model, record), _template(record, model, lost)
 
     def draw(key) -> Simulation:
-        return _simulation(template, _draw(sampled, record.u, prior, links, lost, key))
+        return _simulation(template, _draw(sampled, lengths, record.u, prior, links, lost, key))
 
     return draw
 
 
-def _template(record: Record, model: StateSpace, lost: str) -> Record:
+def _ready(model: StateSpace | NonlinearModel, record: Record) -> tuple[Any, np.ndarray]:
+    """The model made ready for the record's steps, and their lengths (T,)."""
+    clock = record.clock(model.dt or None)
+    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    return motion.ready(model, clock), np.broadcast_to(lengths, len(record)).astype(float)
+
+
+def _template(record: Record, model: StateSpace | NonlinearModel, lost: str) -> Record:
     """The record of a run, but for what is drawn."""
     return Record(
         record.y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
@@ -109,7 +121,9 @@ def _check_call(model, prior, seed, runs, steps) -> None:
     faults.whole("runs", runs, 1)
     if steps is not None:
         faults.whole("steps", steps, 1)
-    is_model = faults.instance("model", model, StateSpace)
+    is_model = isinstance(model, StateSpace | NonlinearModel)
+    if not is_model:
+        faults.add(f"`model` must be a StateSpace, a NonlinearModel or an OutputError. Got {checks.short(model)}.")
     if prior is not None and faults.instance("prior", prior, Prior) and is_model:
         check_prior(prior, model, faults)
         if prior.diffuse is not None:
@@ -117,7 +131,7 @@ def _check_call(model, prior, seed, runs, steps) -> None:
     faults.finish()
 
 
-def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold, links: Links, lost: str) -> Record:
+def _empty_record(model: StateSpace | NonlinearModel, u, steps, dt, t: Any, hold, links: Links, lost: str) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
     _check_rows(model, u, steps, t, faults)
@@ -141,11 +155,11 @@ def _empty_record(model: StateSpace, u, steps, dt, t: Any, hold, links: Links, l
     return record
 
 
-def _inputs(model: StateSpace) -> str:
+def _inputs(model: StateSpace | NonlinearModel) -> str:
     return f"the model has {checks.counted(model.m, 'input')}"
 
 
-def _check_rows(model: StateSpace, u, steps, t, faults: checks.Faults) -> None:
+def _check_rows(model: StateSpace | NonlinearModel, u, steps, t, faults: checks.Faults) -> None:
     """How many rows to draw must be said, once."""
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
@@ -167,38 +181,31 @@ class Drawn(NamedTuple):
     delay: Any
 
 
-def _draw(model, u, prior: Prior | None, links: Links, lost: str, key) -> Drawn:
+def _draw(model, lengths, u, prior: Prior | None, links: Links, lost: str, key) -> Drawn:
     """One run, in absolute units."""
-    T, n, p = u.shape[0], model.A.shape[-1], model.V.shape[-1]
-    noises = p + model.W.shape[-1]
-    x_mean, x_factor = model.point.states, jnp.zeros((n, n))
+    start = motion.origin(model)
+    T, n = u.shape[0], start.shape[0]
+    x_mean, x_factor = start, jnp.zeros((n, n))
     if prior is not None:
         x_mean, x_factor = jnp.asarray(prior.mean), factor(prior.covariance)
     first, rows = jax.random.split(key)
-    x0 = x_mean - model.point.states + apply(x_factor, jax.random.normal(first, (n,)))
-    noise = jax.random.normal(rows, (T, noises))
+    x0 = x_mean - start + apply(x_factor, jax.random.normal(first, (n,)))
+    noise = jax.random.normal(rows, (T, motion.noises(model)))
     sent = send_inputs(links.input, u, key, lost)
     u_end = jnp.concatenate([sent.applied[1:], sent.applied[-1:]])
-    steps = (jnp.arange(T), sent.applied, u_end, noise)
-    measured, x = jax.lax.scan(lambda x, row: _move(model, x, *row), x0, steps)[1]
+
+    def step(x, row):
+        k, interval, e = row
+        x_next, y = motion.move(model, x, k, interval, e)
+        return x_next, (y, start + x)
+
+    steps = (jnp.arange(T), Interval(sent.applied, u_end, None, lengths), noise)
+    measured, x = jax.lax.scan(step, x0, steps)[1]
     y, delay = send_outputs(links.output, measured, key)
     return Drawn(y, x, sent, measured, delay)
 
 
 @partial(jax.jit, static_argnames=("lost",))
-def _draw_all(model, u, prior, links, lost, keys) -> Drawn:
+def _draw_all(model, lengths, u, prior, links, lost, keys) -> Drawn:
     """One run a key."""
-    return jax.vmap(lambda key: _draw(model, u, prior, links, lost, key))(keys)
-
-
-def _move(model, x, k, applied, applied_end, noise):
-    """One step of the plant, about the operating point: the next state, and what is recorded of this one."""
-    now, point, p = model.at(k), model.point, model.V.shape[-1]
-    e, e_free, u = noise[:p], noise[p:], applied - point.inputs
-    y = point.outputs + apply(now.C, x) + apply(now.D, u) + apply(now.V, e)
-    x_next = apply(now.A, x) + apply(now.B, u) + apply(now.W, e_free)
-    if now.B_end is not None:
-        x_next = x_next + apply(now.B_end, applied_end - point.inputs)
-    if now.Ω is not None:
-        x_next = x_next + apply(now.Ω, e)
-    return x_next, (y, point.states + x)
+    return jax.vmap(lambda key: _draw(model, lengths, u, prior, links, lost, key))(keys)
