@@ -8,6 +8,7 @@ from .analysis.observability import Observability, Reachability, observability, 
 from .analysis.positive_real import positive_real_margin
 from .analysis.reduction import Reduction, reduce
 from .analysis.regulability import Regulability, regulability
+from .analysis.rho import Perturbed, RhoMargin, StabilityRadius, rho_margin, stability_radius
 from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
 from .data.reading import read_record
 from .data.record import Record
@@ -101,18 +102,21 @@ __all__ = [
     "OutputError",
     "OutputErrorML",
     "PerfectLink",
+    "Perturbed",
     "Prior",
     "Reachability",
     "Record",
     "RecursiveOutputError",
     "Reduction",
     "Regulability",
+    "RhoMargin",
     "RunError",
     "Sample",
     "SecondOrderKalman",
     "Simulation",
     "Smoothed",
     "SmoothedEstimate",
+    "StabilityRadius",
     "Stacked",
     "StateSpace",
     "Trace",
@@ -148,10 +152,12 @@ __all__ = [
     "reduce",
     "regulability",
     "report",
+    "rho_margin",
     "save",
     "simulate",
     "simulate_bank",
     "smooth",
+    "stability_radius",
     "stack",
     "unknown_input_existence",
     "write_model",
