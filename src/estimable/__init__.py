@@ -25,8 +25,10 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.least_squares import LeastSquares
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
+from .models.arx import ARX
 from .models.files import GainSection, ModelFile, read_model, write_model
 from .models.nonlinear import NonlinearModel
 from .models.operating_point import OperatingPoint
@@ -66,6 +68,7 @@ from .store import load, save
 __version__ = "0.1.0"
 
 __all__ = [
+    "ARX",
     "AssumptionError",
     "BernoulliLink",
     "Bounded",
@@ -90,6 +93,7 @@ __all__ = [
     "Interval",
     "Kalman",
     "KalmanGain",
+    "LeastSquares",
     "ModelFile",
     "MonteCarlo",
     "MovingWindow",

@@ -15,6 +15,7 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.least_squares import LeastSquares
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.files import ModelFile
@@ -88,6 +89,10 @@ ENTRIES = (
 )  # fmt: skip
 
 IDENTIFIERS = (
+    Entry(
+        "least-squares", LeastSquares, "identifier", "Ljung (1999) §4.2, §7.3; Sillence (1999) (22)-(23)",
+        "the orders are right; the noise is white on the equation",
+    ),
     Entry(
         "output-error-ml", OutputErrorML, "identifier", "Ljung (1999) §7.4, §10.2; Fang (2009) (3.1)-(3.4)",
         "the orders are right; white noise on the outputs only",

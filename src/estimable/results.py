@@ -347,12 +347,14 @@ class Validation(NamedTuple):
     """How a fitted model stands to the records it was fitted to.
 
     `residuals`: one (T, p) a record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over what
-    was seen. `checks`: the assumptions looked at.
+    was seen. `checks`: the assumptions looked at. `one_step_fit`, `one_step_residuals`: of predictions from the sample before.
     """
 
     residuals: tuple[Any, ...]
     fit: Any
     checks: tuple[Check, ...] = ()
+    one_step_fit: Any = None
+    one_step_residuals: Any = None
 
     @property
     def passed(self) -> bool:

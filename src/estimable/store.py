@@ -17,6 +17,7 @@ from .filters.smoothed import Average
 from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .identifiers.recursive_output_error import Recursion
+from .models.arx import ARX
 from .models.operating_point import OperatingPoint
 from .models.output_error import OutputError
 from .models.prior import Prior
@@ -48,7 +49,7 @@ RECORDS = {
         *(entry.cls for entry in (*catalogue.ENTRIES, *catalogue.IDENTIFIERS)), StateSpace, OperatingPoint, Prior, Record,
         Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
-        DelayLink, Trace,
+        DelayLink, Trace, ARX,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Check, Layout, Names, Outcome, Validation)}

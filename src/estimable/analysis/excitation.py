@@ -53,9 +53,13 @@ def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     return np.asarray(block_diag(*blocks))
 
 
-def excitation_check(M: np.ndarray, names: tuple[str, ...]) -> Check:
-    """Whether the information M (d, d) tells of every direction of the parameters, in words."""
-    scale, directions = scale_of(M), undetermined(M)
+def excitation_check(M: np.ndarray, names: tuple[str, ...], directions: np.ndarray | None = None) -> Check:
+    """Whether the information M (d, d) tells of every direction of the parameters, in words.
+
+    `directions` (d, r): those it does not tell of, where they are known better than from M.
+    """
+    scale = scale_of(M)
+    directions = undetermined(M) if directions is None else directions
     value = max(float(np.linalg.eigvalsh(M * np.outer(scale, scale)).min(initial=1.0)), 0.0)
     if directions.shape[1]:
         shown = "; ".join(_combination(column, names) for column in directions.T[:4])

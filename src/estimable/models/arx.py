@@ -1,0 +1,130 @@
+"""The ARX model: polynomials A and B for each output, and white noise on the equation."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field, static
+from .output_error import OutputError, parameter_names
+from .state_space import StateSpace
+
+
+@frozen
+class ARX:
+    """A linear system by its polynomials, with noise that goes through the plant's own poles.
+
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, B_ij = z^-delay (b_ij0 +
+    .. + b_ij,nb z^-nb); e white, independent between outputs. Each output has polynomials of its own.
+    The orders are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
+
+    Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
+    steps; `noise_variance` of e: one number or (p,), in squared units of the outputs; `dt` in seconds, greater than 0;
+    `offset` c (p,), None: none, and the signals are deviations; `inputs` and `outputs` name the channels.
+
+    Reference: L. Ljung, System Identification (1999), (4.7).
+
+    >>> ARX([-0.5], [1.0], noise_variance=0.1, dt=1).parameter_names
+    ('a1', 'b0')
+    """
+
+    a: Any
+    b: Any
+    _: KW_ONLY
+    delay: int = static(default=0)
+    noise_variance: Any
+    dt: float = static()
+    offset: Any = None
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+
+    def __post_init__(self):
+        plant = OutputError(
+            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
+            outputs=self.outputs,
+        )  # fmt: skip
+        faults = checks.Faults()
+        faults.learn("p", plant.p, f"`a` has {checks.counted(plant.p, 'row')}")
+        offset = None if self.offset is None else faults.array("offset", np.atleast_1d(self.offset), "p")
+        faults.finish()
+        set_field(
+            self, a=plant.a, b=plant.b, noise_variance=plant.noise_variance, dt=plant.dt, offset=offset,
+            inputs=plant.inputs, outputs=plant.outputs,
+        )  # fmt: skip
+
+    @property
+    def plant(self) -> OutputError:
+        """B/A as an output-error model: the same response, without the offset."""
+        return OutputError(
+            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
+            outputs=self.outputs,
+        )  # fmt: skip
+
+    @property
+    def na(self) -> int:
+        """Degree of A."""
+        return self.a.shape[-1]
+
+    @property
+    def nb(self) -> int:
+        """Degree of B without its delay."""
+        return self.b.shape[-1] - 1
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """θ: output by output, a then b, input by input, then the offset where there is one."""
+        rows = [self.a, np.reshape(self.b, (len(self.a), -1))]
+        return np.concatenate([*rows, *([] if self.offset is None else [self.offset[:, None]])], axis=1).ravel()
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of θ: a1, b0, ..; with the channels where there are several."""
+        return arx_names(self.na, self.nb, self.inputs, self.outputs, self.offset is not None)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return self.plant.is_stable
+
+    def to_state_space(self) -> StateSpace:
+        """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e, in absolute units.
+
+        Raises `InputError` where there is an offset and A has a root at 1: then no level belongs to it.
+
+        >>> ARX([-0.5], [1.0], noise_variance=0.1, dt=1).to_state_space().G.tolist()
+        [[0.5]]
+        """
+        still = self.plant.to_state_space()
+        n, p = still.n // len(self.a), len(self.a)
+        K = np.zeros((still.n, p))
+        for i in range(p):
+            K[i * n : i * n + self.na, i] = -self.a[i]
+        Σ = np.diag(self.noise_variance)
+        return StateSpace(
+            still.A, still.B, still.C, still.D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
+            operating_point=self._level(still.n),
+        )  # fmt: skip
+
+    def _level(self, n: int) -> Any:
+        """Where the outputs settle without input: c_i / A_i(1)."""
+        if self.offset is None:
+            return None
+        at_one = 1 + self.a.sum(axis=1)
+        if np.any(np.abs(at_one) < 1e-12):
+            checks.refuse("the model has a pole at 1, so that its offset is a ramp: no level belongs to it.")
+        return {"states": np.zeros(n), "outputs": self.offset / at_one}
+
+
+def arx_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[str, ...], offset: bool) -> tuple[str, ...]:
+    """a1.., b0.., c of one output and one input; with several, output by output.
+
+    >>> arx_names(1, 0, ("u1",), ("y1",), True)
+    ('a1', 'b0', 'c')
+    """
+    names, alone = parameter_names(na, nb, inputs, outputs), len(inputs) == len(outputs) == 1
+    if not offset:
+        return names
+    each = len(names) // len(outputs)
+    rows = [(*names[i * each : (i + 1) * each], "c" if alone else f"c_{y}") for i, y in enumerate(outputs)]
+    return tuple(name for row in rows for name in row)
