@@ -12,6 +12,7 @@ from .analysis.rho import Perturbed, RhoMargin, StabilityRadius, rho_margin, sta
 from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
 from .data.reading import read_record
 from .data.record import Record
+from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
@@ -129,6 +130,8 @@ __all__ = [
     "UnknownInputExistence",
     "UnscentedKalman",
     "Validation",
+    "alpha_beta_covariance",
+    "alpha_beta_gains",
     "catalogue",
     "choose_orders",
     "diagnostics",
