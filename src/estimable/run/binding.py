@@ -134,7 +134,7 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
     return match(names, any(default), given, what, faults)
 
 
-def check_prior(prior: Any, model: StateSpace, faults: checks.Faults) -> None:
+def check_prior(prior: Any, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """The prior must describe the model's states."""
     if prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
@@ -152,7 +152,7 @@ def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) ->
         )
 
 
-def check_hold(model: StateSpace, hold: str, faults: checks.Faults) -> None:
+def check_hold(model: StateSpace | NonlinearModel, hold: str, faults: checks.Faults) -> None:
     """The record and a discrete model must agree on how the input moves between samples."""
     if model.is_continuous or model.m == 0:
         return
