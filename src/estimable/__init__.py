@@ -10,6 +10,9 @@ from .analysis.reduction import Reduction, reduce
 from .analysis.regulability import Regulability, regulability
 from .analysis.rho import Perturbed, RhoMargin, StabilityRadius, rho_margin, stability_radius
 from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
+from .controllers.gain_reconfiguration import GainReconfiguration
+from .controllers.proportional_integral import ProportionalIntegral
+from .controllers.state_feedback import StateFeedback
 from .data.reading import read_record
 from .data.record import Record
 from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
@@ -30,6 +33,7 @@ from .identifiers.least_squares import LeastSquares
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .models.arx import ARX
+from .models.controlled import Change, ControlledPlant, Failure
 from .models.files import GainSection, ModelFile, read_model, write_model
 from .models.nonlinear import NonlinearModel
 from .models.operating_point import OperatingPoint
@@ -54,6 +58,7 @@ from .results import (
     Validation,
 )
 from .run.choose_orders import choose_orders
+from .run.close_loop import ClosedLoop, ClosedLoopBank, close_loop, close_loop_bank
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
 from .run.fit_noise import NoiseFit, fit_noise
@@ -73,8 +78,12 @@ __all__ = [
     "AssumptionError",
     "BernoulliLink",
     "Bounded",
+    "Change",
     "ChangeDetection",
     "Check",
+    "ClosedLoop",
+    "ClosedLoopBank",
+    "ControlledPlant",
     "DelayLink",
     "Delivery",
     "Estimability",
@@ -83,9 +92,11 @@ __all__ = [
     "Estimate",
     "EstimateBank",
     "ExtendedKalman",
+    "Failure",
     "FeedbackGain",
     "Fit",
     "Forecast",
+    "GainReconfiguration",
     "GainSection",
     "Gated",
     "GilbertElliottLink",
@@ -109,6 +120,7 @@ __all__ = [
     "PerfectLink",
     "Perturbed",
     "Prior",
+    "ProportionalIntegral",
     "Reachability",
     "Record",
     "RecursiveOutputError",
@@ -123,6 +135,7 @@ __all__ = [
     "SmoothedEstimate",
     "StabilityRadius",
     "Stacked",
+    "StateFeedback",
     "StateSpace",
     "Trace",
     "UnknownGain",
@@ -134,6 +147,8 @@ __all__ = [
     "alpha_beta_gains",
     "catalogue",
     "choose_orders",
+    "close_loop",
+    "close_loop_bank",
     "diagnostics",
     "drawn_from",
     "estimability",

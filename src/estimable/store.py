@@ -8,6 +8,9 @@ import jax
 import numpy as np
 
 from . import catalogue, checks
+from .controllers.gain_reconfiguration import GainReconfiguration
+from .controllers.proportional_integral import ProportionalIntegral
+from .controllers.state_feedback import StateFeedback
 from .data.record import Record
 from .filters.belief import Belief
 from .filters.change_detection import Watch
@@ -18,6 +21,7 @@ from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .identifiers.recursive_output_error import Recursion
 from .models.arx import ARX
+from .models.controlled import Change, ControlledPlant, Failure
 from .models.operating_point import OperatingPoint
 from .models.output_error import OutputError
 from .models.prior import Prior
@@ -38,6 +42,7 @@ from .results import (
     SmoothedEstimate,
     Validation,
 )
+from .run.close_loop import ClosedLoop, ClosedLoopBank
 from .run.fit_noise import NoiseFit
 from .run.online import Online, Progress
 from .run.stack import Stacked
@@ -49,7 +54,8 @@ RECORDS = {
         *(entry.cls for entry in (*catalogue.ENTRIES, *catalogue.IDENTIFIERS)), StateSpace, OperatingPoint, Prior, Record,
         Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
-        DelayLink, Trace, ARX,
+        DelayLink, Trace, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
+        ClosedLoop, ClosedLoopBank,
     )
 }  # fmt: skip
 TUPLES = {cls.__name__: cls for cls in (Check, Layout, Names, Outcome, Validation)}

@@ -1,5 +1,5 @@
 """Plants to learn on and to test with."""
 
-from . import f16
+from . import f16, f16_failure
 
-__all__ = ["f16"]
+__all__ = ["f16", "f16_failure"]

@@ -11,8 +11,11 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..controllers.proportional_integral import ProportionalIntegral
+from ..controllers.state_feedback import StateFeedback
 from ..data.record import Record
 from ..frozen import replace
+from ..models.controlled import ControlledPlant, Failure
 from ..models.discretisation import exponential
 from ..models.state_space import StateSpace
 
@@ -58,6 +61,38 @@ def pitch_command(t: np.ndarray) -> np.ndarray:
     steps = np.array([10.0, -20.0, 20.0, -20.0, 20.0, -20.0, 10.0])
     since = np.asarray(t, float)[:, None] - edges
     return np.sum(np.where(since > 0, steps * -np.expm1(-3 * np.maximum(since, 0)), 0.0), axis=1)
+
+
+def controlled(
+    gain_after: float = 1.0, *, failure_time: float = 4.5, simulation: str = "continuous_actuator",
+    sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
+) -> ControlledPlant:  # fmt: skip
+    """The short period behind its actuator, for `close_loop`; at `failure_time` [s] the gain drops to `gain_after`.
+
+    >>> controlled(0.4).hold
+    'first_order'
+    """
+    faults = checks.Faults()
+    faults.choice("simulation", simulation, SIMULATIONS)
+    faults.finish()
+    return ControlledPlant(
+        short_period(sigma_alpha=sigma_alpha, sigma_q=sigma_q), actuator=ACTUATOR, held=simulation == "held_elevator",
+        events=[Failure(failure_time, gain_after)],
+    )  # fmt: skip
+
+
+def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
+    """The pitch-rate law of the healthy aircraft, for `close_loop`: P, or with its integral PI.
+
+    >>> law().feedback.tolist()
+    [[-0.283, -0.876]]
+    """
+    F, N, L = -FEEDBACK[None, :2], [[COMMAND]], -FEEDBACK[None, 2:]
+    if not integral:
+        return StateFeedback(F, reference_gain=N, input_feedback=L)
+    return ProportionalIntegral(
+        F, reference_gain=N, integral=[[-INTEGRAL]], tracked=[[0.0, 1.0]], dt=1 / RATE, input_feedback=L
+    )
 
 
 class Flight(NamedTuple):

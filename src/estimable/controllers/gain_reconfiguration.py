@@ -1,0 +1,92 @@
+"""A law for the healthy plant that is told how much of its effect the input has left."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax.numpy as jnp
+
+from .. import checks
+from ..frozen import frozen, set_field
+from ..results import Info, Names
+
+
+@frozen
+class GainReconfiguration:
+    """A controller whose demand on the plant is divided by the estimated gain, so that a loss of effect is made good.
+
+    Model: the input acts through a gain K (one, or one for each input). What the controller asks of the plant is divided by
+    K~ = K^ + c P / K^, and what it asks of the actuator itself (`input_feedback`) is not. K^ is the estimate, held at `lower`
+    at least, P its variance and c the `caution`. At c = 1 this is the divisor for which E(K/K~ - 1)² is least: what is not
+    known is not acted on. At c = 0 the estimate is taken at its word.
+
+    Assumes that the gain is estimated well enough and soon. `ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])),
+    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window take `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`.
+    The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
+
+    Settings: `controller`, as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1).
+
+    Says `effect` (m,) or (1,), the divisor K~. Cost: five operations a gain.
+
+    Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower` and `caution` are ours.
+
+    >>> law = GainReconfiguration(StateFeedback([[1.0]]))
+    >>> believed = Info(mean=np.array([-1.0]), gain=np.array([0.5]), gain_covariance=np.array([[0.0]]))
+    >>> state, u, said = law.act(law.init(), believed, np.zeros(0))
+    >>> u.tolist(), said["effect"].tolist()
+    ([2.0], [0.5])
+    """
+
+    controller: Any
+    _: KW_ONLY
+    lower: Any = 0.05
+    caution: Any = 1.0
+
+    acts_on = "filtered"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        if isinstance(self.controller, type) or not all(
+            hasattr(self.controller, part) for part in ("act", "references")
+        ):
+            faults.add(
+                f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(self.controller)}."
+            )
+        lower = faults.number("lower", self.lower, above=0.0)
+        caution = faults.number("caution", self.caution, lower=0.0)
+        faults.finish()
+        set_field(self, lower=lower, caution=caution)
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.controller.references
+
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.controller.size
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """What this asks of the estimator whose columns have these names."""
+        self.controller.check(names, faults)
+        if not names.gains:
+            faults.add(
+                "`controller` needs the gain, and the estimator gives none: use UnknownGain, best in ChangeDetection."
+            )
+        elif len(names.gains) not in (1, self.size):
+            faults.add(
+                f"`controller` needs one gain, or one for each of {checks.counted(self.size, 'input')}. The estimator gives "
+                f"{len(names.gains)}: {checks.listed(names.gains)}."
+            )
+
+    def init(self):
+        """The controller's own state."""
+        return self.controller.init()
+
+    def act(self, state, estimate: Info, reference):
+        """The input (m,), and the `effect` that was counted on."""
+        K = jnp.maximum(jnp.asarray(estimate.gain), self.lower)
+        variance = jnp.sum(jnp.asarray(estimate.gain_covariance) * jnp.eye(K.shape[0]), axis=0)
+        effect = K + self.caution * variance / K
+        state, u, said = self.controller.act(state, estimate, reference, effect)
+        return state, u, {**said, "effect": effect}

@@ -1,0 +1,81 @@
+"""State feedback with the integral of the tracking error."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax.numpy as jnp
+
+from .. import checks
+from ..frozen import frozen, set_field
+from ..kernels.small import apply
+from ..models.controlled import read_limits
+from ..results import Info, Names
+from .state_feedback import check_law, demand, of_input, read_law
+
+
+@frozen
+class ProportionalIntegral:
+    """u = N r - F x^ - J z - L i, with z the integral of r - M x^: a constant error of the tracked states vanishes.
+
+    Settings: F, N and L as in `StateFeedback`; `integral` J (m, r); `tracked` M (r, n), the combinations of states that
+    follow the references; `dt` in seconds; `limits` (2,) or (2, m): smallest and largest input (default None). Where an
+    input is at its limit, what would drive z further into it is not integrated (no wind-up).
+
+    Cost: m (n + 2 r + m) + r n multiplications. Reference: A. G. Sillence (1999), ch. 3; the integral by Euler's rule.
+
+    >>> law = ProportionalIntegral([[0.0]], reference_gain=[[0.0]], integral=[[-1.0]], tracked=[[1.0]], dt=0.5)
+    >>> state, u, _ = law.act(law.init(), Info(mean=np.array([0.0])), np.array([2.0]))
+    >>> law.act(state, Info(mean=np.array([0.0])), np.array([2.0]))[1].tolist()
+    [1.0]
+    """
+
+    feedback: Any
+    _: KW_ONLY
+    reference_gain: Any
+    integral: Any
+    tracked: Any
+    dt: Any
+    input_feedback: Any = None
+    limits: Any = None
+
+    acts_on = "filtered"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        law = read_law(self, faults)
+        law["integral"] = faults.array("integral", self.integral, "m r")
+        law["tracked"] = faults.array("tracked", self.tracked, "r n")
+        law["dt"] = faults.number("dt", self.dt, above=0.0, unit="seconds")
+        law["limits"] = read_limits(self.limits, faults)
+        faults.finish()
+        set_field(self, **law)
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.reference_gain.shape[-1]
+
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.feedback.shape[-2]
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """What this asks of the estimator whose columns have these names."""
+        check_law(self, names, faults)
+
+    def init(self):
+        """No error so far."""
+        return jnp.zeros(self.references)
+
+    def act(self, state, estimate: Info, reference, effect=1.0):
+        """The input (m,), with the part that passes through the plant divided by `effect` (m,) or one number."""
+        J = jnp.asarray(self.integral)
+        u = (demand(self, estimate, reference) - apply(J, state)) / effect - of_input(self, estimate)
+        error = jnp.asarray(reference) - apply(jnp.asarray(self.tracked), jnp.asarray(estimate.mean))
+        if self.limits is None:
+            return state + self.dt * error, u, {}
+        within = jnp.clip(u, self.limits[0], self.limits[1])
+        push = -(u - within)[:, None] * J * error[None, :]  # positive: integrating this error drives u further out
+        winds = jnp.max(push, axis=0) > 0
+        return state + jnp.where(winds, 0.0, self.dt * error), within, {}

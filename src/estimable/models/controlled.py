@@ -1,0 +1,217 @@
+"""A plant in a loop: a model behind its actuators, and what happens to it on the way."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, set_field, static
+from ..kernels.small import factors
+from .output_error import OutputError
+from .state_space import StateSpace
+
+
+@frozen
+class Failure:
+    """From `time` [s] on the inputs act through `gain`: one number, or (m,), times what they had in the plant's model.
+
+    >>> Failure(4.5, 0.2).gain.tolist()
+    [0.2]
+    """
+
+    time: Any
+    gain: Any
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        time = faults.number("time", self.time, lower=0.0, unit="seconds")
+        gain = faults.array("gain", [self.gain] if np.ndim(self.gain) == 0 else self.gain, "m")
+        faults.finish()
+        set_field(self, time=time, gain=gain)
+
+    def after(self, model: StateSpace) -> StateSpace:
+        """The model after it."""
+        return replace(model, B=model.B * self.gain, D=model.D * self.gain)
+
+
+@frozen
+class Change:
+    """From `time` [s] on the plant moves as `model` says, from the state where it is.
+
+    >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
+    [[0.5]]
+    """
+
+    time: Any
+    model: StateSpace
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        time = faults.number("time", self.time, lower=0.0, unit="seconds")
+        faults.instance("model", self.model, StateSpace)
+        faults.finish()
+        set_field(self, time=time)
+
+    def after(self, model: StateSpace) -> StateSpace:
+        """The model after it."""
+        return self.model
+
+
+@frozen
+class ControlledPlant:
+    """A model, its actuators, and the events of a run.
+
+    Model: that of `model`; its inputs are what the actuators do. Without `actuator` they do what they are told. With it, input i
+    follows its command by di/dt = `actuator` (command - i), is measured without error, and command and plant move
+    together between samples (`held`: i is kept over each sample and jumps at the next).
+
+    Settings: `model`, a `StateSpace` (or an `OutputError`); `actuator`: 1/s, None or one number; `held`; `limits` (2,) or (2, m):
+    smallest and largest input; `rate`: largest change per second, one number; both act on the command, which holds the
+    input there too; `events`: `Failure`s and `Change`s, in any order.
+
+    >>> plant = ControlledPlant(StateSpace([[-1.0]], [[1.0]], dt=0), actuator=20.0, events=[Failure(1.0, 0.5)])
+    >>> plant.steps(0.1).A.shape  # two phases, a state and an actuator
+    (2, 2, 2)
+    """
+
+    model: Any
+    _: KW_ONLY
+    actuator: Any = None
+    held: bool = static(default=False)
+    limits: Any = None
+    rate: Any = None
+    events: Any = ()
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        model = self.model.to_state_space() if isinstance(self.model, OutputError) else self.model
+        if faults.instance("model", model, StateSpace):
+            _check_model(model, self, faults)
+        actuator = None if self.actuator is None else faults.number("actuator", self.actuator, above=0.0)
+        rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
+        limits, events = read_limits(self.limits, faults), _read_events(self.events, model, faults)
+        faults.finish()
+        set_field(self, model=model, actuator=actuator, rate=rate, limits=limits, events=events)
+
+    @property
+    def hold(self) -> str:
+        """How the input moves between samples."""
+        return "zero_order" if self.actuator is None or self.held else "first_order"
+
+    def phases(self) -> list[StateSpace]:
+        """The model at first, and after each event."""
+        models = [self.model]
+        for event in self.events:
+            models.append(event.after(models[-1]) if isinstance(event, Change) else self._failed(event, models))
+        return models
+
+    def _failed(self, event: Failure, models: list[StateSpace]) -> StateSpace:
+        """The last model that was changed to, its inputs at the failure's gain."""
+        changed = [e.model for e in self.events[: len(models) - 1] if isinstance(e, Change)]
+        return event.after(changed[-1] if changed else self.model)
+
+    def phase_rows(self, t: np.ndarray) -> np.ndarray:
+        """Which phase each row is in, (T,)."""
+        return np.sum([t >= event.time - 1e-9 for event in self.events] + [np.zeros(len(t))], axis=0).astype(int)
+
+    def steps(self, dt: float) -> "Steps":
+        """What a step over `dt` seconds is, phase by phase."""
+        each = [_step(model, self, dt) for model in self.phases()]
+        A, B, C, W = (np.stack(matrices) for matrices in zip(*each, strict=True))
+        m, n = self.model.m, self.model.n
+        return Steps(
+            A, B, C, np.stack([model.D for model in self.phases()]), W, np.asarray(factors(self.model.R)),
+            None if self.actuator is None else np.eye(m, n + m, n), self.limits, _reach(self, dt),
+        )  # fmt: skip
+
+
+@frozen
+class Steps:
+    """x+ = A x + B c + W e', y = C x + D c + V e, i = L x (None: i = c), phase by phase; c within `limits`, and from i not
+    farther than `reach`."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    W: Any
+    V: Any
+    L: Any
+    limits: Any
+    reach: Any
+
+
+def _reach(plant: ControlledPlant, dt: float) -> float | None:
+    """How far a command may be from the input: the actuator then moves at its rate, from the start of the sample on."""
+    if plant.rate is None:
+        return None
+    return plant.rate * dt if plant.actuator is None else plant.rate / plant.actuator
+
+
+def _step(model: StateSpace, plant: ControlledPlant, dt: float):
+    """A, B, C and W over a step: of the plant, or of plant and actuators together."""
+    n, m, p = model.n, model.m, model.p
+    if plant.actuator is None:
+        now = model.discretise(dt) if model.is_continuous else model
+        return now.A, now.B, now.C, now.G @ np.asarray(factors(now.Q))
+    C = np.hstack([model.C, np.zeros((p, m))])
+    if plant.held:
+        now, decay = model.discretise(dt), np.exp(-plant.actuator * dt)
+        A = np.block([[now.A, now.B], [np.zeros((m, n)), decay * np.eye(m)]])
+        B = np.vstack([np.zeros((n, m)), (1 - decay) * np.eye(m)])
+        return A, B, C, np.vstack([np.asarray(factors(now.Q)), np.zeros((m, n))])
+    both = StateSpace(
+        np.block([[model.A, model.B], [np.zeros((m, n)), -plant.actuator * np.eye(m)]]),
+        np.vstack([np.zeros((n, m)), plant.actuator * np.eye(m)]), G=np.vstack([model.G, np.zeros((m, model.G.shape[1]))]),
+        Q=model.Q, dt=0,
+    ).discretise(dt)  # fmt: skip
+    return both.A, both.B, C, np.asarray(factors(both.Q))
+
+
+def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:
+    """What a loop asks of its plant."""
+    if model.m == 0:
+        faults.add("`model` must have an input: without one there is nothing to control.")
+    if model.R is None:
+        faults.add("`model` must have R, the covariance of the measurement noise: zeros for outputs without noise.")
+    if model.varying or model.S is not None or model.B_end is not None:
+        faults.add("`model` must be constant, without cross noise S and without B_end.")
+    if model.operating_point is not None:
+        faults.add("`model` must be about zero: leave out `operating_point`, and give deviations from it.")
+    if plant.actuator is not None and not model.is_continuous:
+        faults.add("`model` must be continuous (dt = 0) to move together with its `actuator`.")
+    faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
+
+
+def read_limits(limits: Any, faults: checks.Faults) -> Any:
+    """Smallest and largest input, (2, m), of one number each or (m,)."""
+    if limits is None or checks.is_traced(limits):
+        return limits
+    m = faults.sizes.get("m", 1)
+    read = faults.array("limits", [[limit] * m for limit in limits] if np.ndim(limits) == 1 else limits, "2 m")
+    if read is not None and np.any(read[0] >= read[1]):
+        faults.add(f"`limits` must be (smallest, largest), the first below the second. Got {checks.short(limits)}.")
+    return read
+
+
+def _read_events(events: Any, model: Any, faults: checks.Faults) -> tuple:
+    """The events by time, each one that fits the model."""
+    if not isinstance(events, Sequence) or not all(isinstance(event, Failure | Change) for event in events):
+        faults.add(
+            f"`events` must be a list of Failure(time, gain) and Change(time, model). Got {checks.short(events)}."
+        )
+        return ()
+    for event in events:
+        if isinstance(event, Failure) and len(event.gain) not in (1, faults.sizes.get("m", 1)):
+            faults.add(f"`events`: a Failure has {len(event.gain)} gains, and {faults.sources['m']}.")
+        if isinstance(event, Change) and _sizes(event.model) != _sizes(model):
+            faults.add(
+                "`events`: a Change must be to a model with as many states, inputs and outputs, and the same dt."
+            )
+    return tuple(sorted(events, key=lambda event: event.time))
+
+
+def _sizes(model: Any) -> tuple:
+    return tuple(getattr(model, name, None) for name in ("n", "m", "p", "dt"))

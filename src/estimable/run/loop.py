@@ -1,0 +1,148 @@
+"""One step of a closed loop: measure, correct, act, move; a step like that of any algorithm, so that every engine runs it."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ..frozen import frozen, replace, static
+from ..kernels.small import apply
+from ..models.controlled import Steps
+from ..results import Info, Interval, Sample
+from .transmit import Links
+
+
+@frozen
+class Row:
+    """What enters the loop at one instant: unit normal noises, uniform draws of the links, the reference, and which phase the
+    plant is in (its entry 1, the others 0)."""
+
+    noise: Any
+    input_draw: Any
+    output_draw: Any
+    reference: Any
+    phase: Any
+    seen: Any
+
+
+@frozen
+class LoopState:
+    """The plant's state, what the estimator believes, what the controller and the links remember; `applied` (m,): the last
+    command of the actuators, `input`, `input_end`: what they do over the interval that follows."""
+
+    x: Any
+    belief: Any
+    control: Any
+    links: Any
+    applied: Any
+    input: Any
+    input_end: Any
+
+
+@frozen
+class Loop:
+    """A plant, an estimator and a controller, in a ring. `columns`: the plant's outputs that the estimator takes."""
+
+    plant: Steps
+    estimator: Any
+    controller: Any
+    links: Links
+    x0: Any
+    dt: Any
+    columns: tuple[int, ...] = static()
+    lost: str = static(default="zero")
+
+    def at(self, k) -> "Loop":
+        """The loop at row k."""
+        return replace(self, estimator=self.estimator.at(k))
+
+    def init(self, prior) -> LoopState:
+        """Before the first sample."""
+        m = self.plant.B.shape[-1]
+        nothing = jnp.zeros(m)
+        links = tuple(None if link is None else _begin(link, size) for link, size in
+                      ((self.links.input, m), (self.links.output, self.plant.C.shape[-2])))  # fmt: skip
+        return LoopState(
+            jnp.asarray(self.x0), self.estimator.init(prior), self.controller.init(), links, nothing, nothing, nothing
+        )
+
+    def correct(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
+        """Measure, learn, act, and let the plant move."""
+        now = _phase(self.plant, row.phase)
+        p, m = now.V.shape[0], now.B.shape[-1]
+        n = len(state.x) - (0 if now.L is None else m)
+        measured = apply(now.C, state.x) + apply(now.V, row.noise[:p])
+        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        belief, info = self._learn(state, measured, seen)
+        standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
+        known = replace(info, extra={**(info.extra or {}), "input": standing})
+        control, u, said = self.controller.act(state.control, known, row.reference)
+        arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
+        rest = state.applied if self.lost == "hold" else jnp.zeros(m)
+        applied = _within(now, jnp.where(came, arrived, rest), standing)
+        x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
+        input, input_end = (applied, applied) if now.L is None else (standing, apply(jnp.asarray(now.L), x))
+        told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
+                "state": state.x[:n], "input": input,
+                **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
+        after = LoopState(x, belief, control, (carrier, sensors), applied, input, input_end)
+        return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
+
+    def predict(self, state: LoopState, interval: Interval) -> LoopState:
+        """What the estimator then expects, from what the actuators did."""
+        seen = Interval(state.input, state.input_end, None, interval.dt)
+        return replace(state, belief=self.estimator.predict(state.belief, seen))
+
+    def _learn(self, state: LoopState, measured, seen):
+        columns = list(self.columns)
+        y = jnp.where(seen, measured, 0.0)
+        sample = Sample(_entries(y, columns), _entries(seen, columns), jnp.zeros(self.plant.B.shape[-1]))
+        return self.estimator.correct(state.belief, sample)
+
+
+def _entries(vector, columns: list[int]):
+    """Entries picked one by one, which a straight line can."""
+    return jnp.concatenate([vector[i : i + 1] for i in columns])
+
+
+def _phase(plant: Steps, weight) -> Steps:
+    """The matrices of the phase whose weight is 1."""
+
+    def chosen(stack):
+        M = jnp.asarray(stack[0])
+        for i in range(1, len(stack)):
+            M = jnp.where(weight[i] > 0, jnp.asarray(stack[i]), M)
+        return M
+
+    return replace(plant, **{name: chosen(getattr(plant, name)) for name in "ABCDW"}, V=jnp.asarray(plant.V))
+
+
+def _begin(link: Any, size: int) -> Any:
+    """A link's state with the shapes that a packet of `size` channels gives it."""
+    fresh = link.init()
+    like, _ = jax.eval_shape(lambda: link.send(link.init(), jnp.zeros(size), jnp.zeros(max(link.draws, 1))))
+    return jax.tree_util.tree_map(lambda leaf, shape: jnp.broadcast_to(leaf, shape.shape), fresh, like)
+
+
+def _measure(link: Any, state: Any, measured, draw):
+    """Which outputs came in time."""
+    if link is None:
+        return jnp.ones(measured.shape, bool), None
+    state, delivery = link.send(state, measured, draw)
+    return delivery.arrived, state
+
+
+def _command(link: Any, state: Any, u, draw):
+    """What came to the actuators, and where something did."""
+    if link is None:
+        return u, jnp.ones(u.shape, bool), None
+    state, delivery = link.send(state, u, draw)
+    came = jnp.isfinite(delivery.age)
+    return jnp.where(came, delivery.value, 0.0), came, state
+
+
+def _within(plant: Steps, command, standing):
+    """The command as far as the actuators can follow."""
+    if plant.limits is not None:
+        command = jnp.clip(command, plant.limits[0], plant.limits[1])
+    return command if plant.reach is None else jnp.clip(command, standing - plant.reach, standing + plant.reach)

@@ -1,0 +1,178 @@
+"""The loop is what its blocks make it: the same estimate as offline, the plant's own motion, links and limits as they say."""
+
+import jax
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import expm
+
+import estimable as es
+from estimable.plants import f16
+
+NAMES = {"states": ["x", "v"], "inputs": ["force"], "outputs": ["place", "speed"]}
+MODEL = es.StateSpace(
+    [[0.9, 0.2], [-0.1, 0.8]], [[0.5], [1.0]], Q=0.01 * np.eye(2), R=np.diag([0.1, 0.2]), dt=0.5, **NAMES
+)
+LAW = es.StateFeedback([[0.2, 0.3]], reference_gain=[[0.4]])
+PRIOR = es.Prior([0.0, 0.0], np.eye(2))
+REFERENCE = np.sin(0.3 * np.arange(40.0))
+
+
+def run(plant=MODEL, controller=LAW, estimator=None, **given):
+    estimator = estimator or es.Kalman(MODEL)
+    return es.close_loop(plant, controller, estimator, **{"reference": REFERENCE, "seed": 3, "prior": PRIOR, **given})
+
+
+def offline(closed, estimator, hold="zero_order", prior=PRIOR):
+    names = estimator.names
+    record = es.Record(closed.output, closed.input, t=closed.t, hold=hold, inputs=names.inputs, outputs=names.outputs)
+    return es.estimate(estimator, record, prior=prior)
+
+
+@pytest.mark.parametrize("links", [{}, {"output_link": es.BernoulliLink([0.7, 0.5])},
+                                   {"input_link": es.GilbertElliottLink.of_rate(0.7, burst=2), "lost": "hold"},
+                                   {"input_link": es.DelayLink([0.5, 0.3], late="use"), "output_link": es.BernoulliLink(0.5)}],
+                         ids=["none", "sensors", "actuators", "both"])  # fmt: skip
+def test_the_estimate_is_the_one_offline_from_what_arrived(links):
+    closed = run(**links)
+    told = offline(closed, es.Kalman(MODEL))
+    assert_allclose(closed.mean, told.mean, rtol=1e-12, atol=1e-12)
+    assert_allclose(closed.info.covariance, told.covariance, rtol=1e-12)
+    assert_allclose(closed.info.innovation, told.innovation, rtol=1e-12, atol=1e-12)
+
+
+def test_the_command_is_the_law_of_the_estimate_and_the_plant_follows_it():
+    quiet = es.StateSpace(MODEL.A, MODEL.B, R=MODEL.R, dt=0.5, **NAMES)
+    closed = run(quiet, start=[1.0, -1.0])
+    assert_allclose(closed.command[:, 0], 0.4 * REFERENCE - closed.mean @ [0.2, 0.3], rtol=1e-12)
+    assert_array_equal(closed.applied, closed.command)
+    assert_allclose(closed.state[0], [1.0, -1.0])
+    assert_allclose(closed.state[1:], closed.state[:-1] @ MODEL.A.T + closed.applied[:-1] @ MODEL.B.T, atol=1e-12)
+
+
+def test_an_actuator_moves_together_with_its_plant():
+    plant = f16.controlled(0.4)
+    closed = es.close_loop(plant, f16.law(), es.UnknownGain(f16.short_period(), es.Prior([1.0], [[1.0]])), prior=PRIOR,
+                           reference=np.full(60, 5.0), seed=1, dt=0.1)  # fmt: skip
+    now = np.concatenate([closed.state, closed.input], axis=1)
+    for k in (3, 44, 45, 58):
+        K = 1.0 if k < 45 else 0.4
+        M = np.zeros((4, 4))
+        M[:2, :2], M[:2, 2], M[2, 2], M[2, 3] = f16.A, K * f16.B[:, 0], -20.0, 20.0
+        assert_allclose(now[k + 1], (expm(0.1 * M) @ np.append(now[k], closed.applied[k]))[:3], rtol=1e-11)
+    demanded = f16.COMMAND * 5.0 + closed.mean @ f16.FEEDBACK[:2] + f16.FEEDBACK[2] * closed.input[:, 0]
+    assert_allclose(closed.command[:, 0], demanded, rtol=1e-12)
+
+
+def test_a_held_elevator_flies_as_the_flight_of_the_plant_does():
+    """The same states fed back, noise left out: `f16.flight` is written without any of this."""
+    plant = f16.controlled(0.5, simulation="held_elevator", sigma_alpha=1e-9, sigma_q=1e-9)
+    estimator = es.Kalman(f16.short_period(sigma_alpha=1e-9, sigma_q=1e-9, Q=np.eye(2)))
+    closed = es.close_loop(plant, f16.law(integral=True), estimator, prior=PRIOR, seed=1, dt=0.01,
+                           reference=f16.pitch_command(np.arange(600) / 100))  # fmt: skip
+    flown = f16.flight(0.5, seed=0, simulation="held_elevator")
+    assert_allclose(closed.state, flown.state[:600], atol=2e-3)
+
+
+@pytest.mark.parametrize("lost", ["zero", "hold"])
+def test_what_is_lost_leaves_the_actuator_at_zero_or_where_it_was(lost):
+    closed = run(input_link=es.BernoulliLink(0.6), lost=lost)
+    arrived = closed.arrived[:, 0]
+    assert 0.2 < np.mean(arrived) < 0.95
+    assert_array_equal(closed.applied[arrived], closed.command[arrived])
+    gone = np.flatnonzero(~arrived & (np.arange(len(arrived)) > 0))
+    assert_array_equal(closed.applied[gone], closed.applied[gone - 1] if lost == "hold" else 0 * closed.applied[gone])
+
+
+def test_actuators_stay_within_their_limits_and_rates():
+    free = run()
+    closed = run(es.ControlledPlant(MODEL, limits=(-0.1, 0.15), rate=0.2))
+    assert np.max(np.abs(free.applied)) > 0.2
+    assert closed.applied.min() >= -0.1
+    assert closed.applied.max() <= 0.15
+    steps = np.abs(np.diff(np.append(0.0, closed.applied[:, 0])))
+    assert 0.099 < steps.max() <= 0.1 + 1e-12
+    told = offline(closed, es.Kalman(MODEL))
+    assert_allclose(closed.mean, told.mean, atol=1e-12)
+
+
+def test_events_follow_one_another():
+    other = es.StateSpace(0.5 * MODEL.A, MODEL.B, Q=MODEL.Q, R=MODEL.R, dt=0.5, **NAMES)
+    plant = es.ControlledPlant(MODEL, events=[es.Failure(12.0, 0.0), es.Change(5.0, other), es.Failure(8.0, 0.5)])
+    phases = plant.phases()
+    assert_allclose([phase.A[0, 0] for phase in phases], [0.9, 0.45, 0.45, 0.45])
+    assert_allclose([phase.B[1, 0] for phase in phases], [1.0, 1.0, 0.5, 0.0])
+    assert_array_equal(plant.phase_rows(np.array([0.0, 4.9, 5.0, 8.0, 11.9, 12.0])), [0, 0, 1, 2, 2, 3])
+
+
+def test_a_run_does_not_depend_on_how_many_there_are():
+    given = {"reference": REFERENCE, "seed": 3, "prior": PRIOR, "output_link": es.BernoulliLink(0.7)}
+    few, many = (es.close_loop_bank(MODEL, LAW, es.Kalman(MODEL), runs=runs, **given) for runs in (2, 5))
+    assert_allclose(many[1].state, few[1].state, rtol=1e-12)
+    assert_allclose(few[0].state, run(output_link=es.BernoulliLink(0.7)).state, rtol=1e-12)
+    assert np.abs(few[0].state - few[1].state).max() > 0.1
+    assert (len(many), len(few[0])) == (5, 40)
+
+
+def test_the_engines_agree():
+    closed = {engine: run(es.ControlledPlant(MODEL, limits=(-0.1, 0.1)), engine=engine) for engine in ("native", "xla")}
+    for leaf, other in zip(*(jax.tree_util.tree_leaves(c) for c in closed.values()), strict=True):
+        assert_allclose(leaf, other, rtol=1e-10, atol=1e-12)
+
+
+def test_one_sample_and_nothing_seen_are_ordinary():
+    assert run(reference=[1.0]).command.shape == (1, 1)
+    blind = run(output_link=es.BernoulliLink(0.0))
+    assert np.isnan(blind.output).all()
+    assert np.isfinite(blind.state).all()
+
+
+def test_what_was_run_can_be_saved(tmp_path):
+    closed = run()
+    es.save(tmp_path / "run.npz", closed)
+    assert_array_equal(es.load(tmp_path / "run.npz").state, closed.state)
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({"reference": np.zeros((4, 2))}, r"`reference` must be \(T, r\) = \(T, 1\): the controller follows 1 reference"),
+    ({"reference": []}, "`reference` must have at least one row"),
+    ({"controller": es.StateFeedback([[1.0]], reference_gain=[[1.0]])}, "feeds back 1 states, and the estimator gives 2 states"),
+    ({"controller": es.GainReconfiguration(LAW)}, "needs the gain, and the estimator gives none"),
+    ({"controller": es.StateFeedback}, "`controller` must be a controller"),
+    ({"controller": es.StateFeedback(np.ones((2, 2)), reference_gain=np.ones((2, 1)))}, "makes 2 inputs, and the plant has 1"),
+    ({"plant": es.StateSpace(MODEL.A, MODEL.B, np.eye(2), [[1.0], [0.0]], R=MODEL.R, dt=0.5, **NAMES)}, "an algebraic loop"),
+    ({"plant": 1.0}, "`plant` must be a ControlledPlant"),
+    ({"input_link": es.BernoulliLink(0.5, acknowledged=False)}, "never acknowledges"),
+    ({"dt": 0.1}, "must have one step"),
+    ({"plant": es.StateSpace(MODEL.A, MODEL.B, R=MODEL.R, dt=0.5, inputs=["force"])}, "needs the output 'place'"),
+    ({"estimator": es.Kalman(es.StateSpace(MODEL.A, MODEL.B, R=MODEL.R, dt=0.5, outputs=NAMES["outputs"], inputs=["thrust"]))},
+     r"must have the plant's inputs, 'force'\. It has 'thrust'"),
+    ({"seed": -1}, "`seed` must be a whole number"),
+    ({"start": [1.0]}, r"`start` must be \(n,\) = \(2,\): the plant has 2 states"),
+    ({"engine": "quick"}, "`engine` must be one of"),
+])  # fmt: skip
+def test_a_wrong_call_is_refused_in_one_sentence(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        run(**given)
+
+
+def test_a_continuous_plant_needs_a_step():
+    plant = es.ControlledPlant(f16.short_period(), actuator=20.0)
+    with pytest.raises(es.InputError, match="`dt` must be given"):
+        es.close_loop(plant, f16.law(), es.Kalman(f16.short_period()), reference=[1.0], seed=0, prior=PRIOR)
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({"actuator": -1.0}, "`actuator` must be greater than 0"),
+    ({"actuator": 20.0}, r"`model` must be continuous \(dt = 0\) to move together"),
+    ({"limits": (1.0, -1.0)}, "the first below the second"),
+    ({"rate": 0.0}, "`rate` must be greater than 0"),
+    ({"events": [3.0]}, "`events` must be a list of Failure"),
+    ({"events": [es.Failure(1.0, [0.5, 0.5])]}, "a Failure has 2 gains"),
+    ({"events": [es.Change(1.0, es.StateSpace([[1.0]], [[1.0]], dt=0.5))]}, "as many states"),
+    ({"model": es.StateSpace(MODEL.A, R=MODEL.R, dt=0.5)}, "must have an input"),
+    ({"model": es.StateSpace(MODEL.A, MODEL.B, dt=0.5)}, "must have R"),
+])  # fmt: skip
+def test_a_plant_that_cannot_be_controlled_is_refused(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        es.ControlledPlant(**{"model": MODEL, **given})
