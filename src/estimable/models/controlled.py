@@ -71,7 +71,8 @@ class ControlledPlant:
     smallest and largest input; `rate`: largest change per second, one number; both act on the command, which holds the
     input there too; `events`: `Failure`s and `Change`s, in any order.
 
-    >>> plant = ControlledPlant(StateSpace([[-1.0]], [[1.0]], dt=0), actuator=20.0, events=[Failure(1.0, 0.5)])
+    >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
+    >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
     >>> plant.steps(0.1).A.shape  # two phases, a state and an actuator
     (2, 2, 2)
     """
