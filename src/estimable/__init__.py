@@ -29,9 +29,12 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
+from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
+from .identifiers.subspace import Subspace
 from .models.arx import ARX
 from .models.controlled import Change, ControlledPlant, Failure
 from .models.files import GainSection, ModelFile, read_model, write_model
@@ -100,12 +103,14 @@ __all__ = [
     "GainSection",
     "Gated",
     "GilbertElliottLink",
+    "HoKalman",
     "Info",
     "InputError",
     "Interval",
     "Kalman",
     "KalmanGain",
     "LeastSquares",
+    "MarkovParameters",
     "ModelFile",
     "MonteCarlo",
     "MovingWindow",
@@ -137,6 +142,7 @@ __all__ = [
     "Stacked",
     "StateFeedback",
     "StateSpace",
+    "Subspace",
     "Trace",
     "UnknownGain",
     "UnknownInput",

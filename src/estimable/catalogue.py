@@ -15,9 +15,12 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
+from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
+from .identifiers.subspace import Subspace
 from .models.files import ModelFile
 from .models.nonlinear import NonlinearModel
 
@@ -90,8 +93,16 @@ ENTRIES = (
 
 IDENTIFIERS = (
     Entry(
+        "ho-kalman", HoKalman, "identifier", "Ho & Kálmán (1966); Juang & Pappa (1985)",
+        "the impulse response has died out after `length` steps",
+    ),
+    Entry(
         "least-squares", LeastSquares, "identifier", "Ljung (1999) §4.2, §7.3; Sillence (1999) (22)-(23)",
         "the orders are right; the noise is white on the equation",
+    ),
+    Entry(
+        "markov-parameters", MarkovParameters, "identifier", "Bass (2005); Aitken (1935)",
+        "the impulse response has died out after `length` steps",
     ),
     Entry(
         "output-error-ml", OutputErrorML, "identifier", "Ljung (1999) §7.4, §10.2; Fang (2009) (3.1)-(3.4)",
@@ -100,6 +111,10 @@ IDENTIFIERS = (
     Entry(
         "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",
         "the orders and the noise variance are right; the plant starts at rest",
+    ),
+    Entry(
+        "subspace", Subspace, "identifier", "Van Overschee & De Moor (1996); Verhaegen & Dewilde (1992)",
+        "the input moves, is known, and does not depend on the outputs",
     ),
 )  # fmt: skip
 

@@ -373,8 +373,7 @@ class Fit:
 
     `validation` is how the model stands to its records, None where that does not apply. `path` is the `Estimate` of a
     recursive method (row k: the parameters after sample k), `log_likelihood` that of the records under the model,
-    `undetermined` (d, r) an orthonormal basis of what the records tell nothing of (None: of everything something).
-    `extra`: what this method alone says, by name.
+    `undetermined` (d, r) a basis of what the records tell nothing of (None: something of all), `extra` what this method says.
     """
 
     model: Any
@@ -392,9 +391,10 @@ class Fit:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviations of the parameters, (d,)."""
-        return np.sqrt(np.diagonal(np.asarray(self.covariance)))
+        """Standard deviations of the parameters, (d,); NaN where the method tells none."""
+        variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
+        return np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
 
     def __repr__(self) -> str:
         values = zip(self.names, np.asarray(self.parameters), self.sigma, strict=True)
-        return f"Fit({', '.join(f'{name} = {x:.4g} ± {s:.3g}' for name, x, s in values)})"
+        return f"Fit({', '.join(f'{name} = {x:.4g}' + (f' ± {s:.3g}' if s == s else '') for name, x, s in values)})"

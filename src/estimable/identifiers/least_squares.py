@@ -17,10 +17,14 @@ from .standing import validation_of
 
 
 class Rows(NamedTuple):
-    """The equations of one output: Φ (N, d) and y (N,), of those rows in which nothing is missing."""
+    """The equations of one output: Φ (N, d), y (N,), and `at` (N,), in steps from row 0 of the first record.
+
+    Between records lie as many steps as a row reaches back, so that nothing in two of them is less apart.
+    """
 
     Φ: np.ndarray
     y: np.ndarray
+    at: np.ndarray
 
 
 @frozen
@@ -71,23 +75,37 @@ class LeastSquares:
 
         Raises `InputError` where an output is in no complete equation.
         """
-        first = records[0]
-        rows = [self.rows(records, i) for i in range(len(first.outputs))]
-        self._check(rows, first)
-        return self._assembled(records, [regress(one.Φ, one.y) for one in rows])
+        return self._assembled(records, self._regressions(records))
+
+    def model(self, records: Sequence[Record]) -> ARX:
+        """The model of the fit alone."""
+        return self._model(records[0], self._regressions(records))
+
+    def _regressions(self, records: Sequence[Record]) -> list[Regression]:
+        return [regress(one.Φ, one.y) for one in self.complete_rows(records)]
+
+    def complete_rows(self, records: Sequence[Record]) -> list[Rows]:
+        """The complete equations of each output. Raises `InputError` where one has none."""
+        rows = [self.rows(records, i) for i in range(len(records[0].outputs))]
+        self._check(rows, records[0])
+        return rows
 
     def rows(self, records: Sequence[Record], i: int) -> Rows:
         """The complete equations of output i, in all records."""
-        found = [self._equations(record, i) for record in records]
-        Φ, y = np.concatenate([one.Φ for one in found]), np.concatenate([one.y for one in found])
+        found, start = [], 0
+        for record in records:
+            one = self._equations(record, i)
+            found.append(one._replace(at=one.at + start))
+            start += len(record) + max(self.na, self.nb + self.delay) + 1
+        Φ, y, at = (np.concatenate(columns) for columns in zip(*found, strict=True))
         complete = ~np.isnan(y) & ~np.isnan(Φ).any(axis=1)
-        return Rows(Φ[complete], y[complete])
+        return Rows(Φ[complete], y[complete], at[complete])
 
     def _equations(self, record: Record, i: int) -> Rows:
         """Every equation of output i in one record; NaN where something in it is not known."""
         y, lags = record.y[:, i], range(self.delay, self.delay + self.nb + 1)
         columns = [-lagged(y, range(1, self.na + 1)), *(lagged(u, lags) for u in record.applied().T)]
-        return Rows(np.concatenate([*columns, np.ones((len(y), int(self.offset)))], axis=1), y)
+        return Rows(np.concatenate([*columns, np.ones((len(y), int(self.offset)))], axis=1), y, np.arange(len(y)))
 
     def _check(self, rows: Sequence[Rows], first: Record) -> None:
         """Every output must have an equation."""
@@ -101,17 +119,19 @@ class LeastSquares:
                 )
         faults.finish()
 
-    def _assembled(self, records: Sequence[Record], found: list[Regression]) -> Fit:
-        from scipy.linalg import block_diag
-
-        first, p = records[0], len(records[0].outputs)
+    def _model(self, first: Record, found: list[Regression]) -> ARX:
         θ = np.stack([one.θ for one in found])
         lags = slice(self.na, self.na + len(first.inputs) * (self.nb + 1))
-        model = ARX(
-            θ[:, : self.na], θ[:, lags].reshape(p, -1, self.nb + 1), delay=self.delay,
+        return ARX(
+            θ[:, : self.na], θ[:, lags].reshape(len(found), -1, self.nb + 1), delay=self.delay,
             noise_variance=[one.variance for one in found], offset=θ[:, -1] if self.offset else None, dt=float(first.dt or 0.0),
             inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
+
+    def _assembled(self, records: Sequence[Record], found: list[Regression]) -> Fit:
+        from scipy.linalg import block_diag
+
+        first, model = records[0], self._model(records[0], found)
         Σ = np.asarray(block_diag(*(one.variance * one.inverse for one in found)))
         M = np.asarray(block_diag(*(one.information / max(one.variance, 1e-300) for one in found)))
         free = np.asarray(block_diag(*(one.untold for one in found)))
@@ -119,7 +139,7 @@ class LeastSquares:
         told = excitation_check(M, names, free)
         likelihood = sum(_log_likelihood(one) for one in found)
         return Fit(
-            model, θ.ravel(), Σ, names, validation_of(model, records, [told]), None, likelihood,
+            model, model.parameters, Σ, names, validation_of(model, records, [told]), None, likelihood,
             free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 

@@ -1,0 +1,117 @@
+"""A state-space model from an impulse response (Ho-Kalman, ERA)."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..frozen import frozen, static
+from ..kernels.realisation import ho_kalman, markov
+from ..models.state_space import StateSpace
+from ..results import Fit
+from .markov_parameters import WEIGHTINGS, MarkovParameters
+from .realised import check_moving, check_records, impulse_names, whole
+from .standing import validation_of
+
+LENGTH = 20  # Markov parameters where nothing is said, or two for each state and two more
+STEP = 1e-6  # of the norm of the response: step of the numerical derivative
+
+
+@frozen
+class HoKalman:
+    """A state-space model of a given order from Markov parameters: those of a record, or given.
+
+    Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], balanced: `fit.model`, without process noise.
+
+    Assumes what `MarkovParameters` assumes: a stable plant whose response has died out after `length` steps, a long record.
+    `realise` needs no more than 2 n Markov parameters, and is exact where they are. `Subspace` is better on short records.
+
+    Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20, or 2 n + 2); `weighting` of their fit:
+    "ordinary" or "best".
+
+    `fit.parameters` are the model's own M_0 .. M_2n, which fix it whatever its states; their covariance follows from that of the
+    parameters fitted, to first order. `fit.extra["singular_values"]` of the Hankel matrix tell the order: look for the gap.
+
+    Cost: that of `MarkovParameters`, and a singular value decomposition of half the length for each parameter.
+
+    Reference: B. L. Ho, R. E. Kálmán (1966); J.-N. Juang, R. S. Pappa (1985).
+
+    >>> HoKalman(1).realise([1.0, 2.0, 1.0, 0.5], dt=1).A.round(12).tolist()
+    [[0.5]]
+    """
+
+    order: int = static()
+    _: KW_ONLY
+    length: int | None = static(default=None)
+    weighting: str = static(default="ordinary")
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.whole("order", self.order, 1)
+        whole("length", self.length, 2, faults)
+        faults.choice("weighting", self.weighting, WEIGHTINGS)
+        faults.finish()
+
+    def realise(self, markov_parameters: Any, *, dt: float, inputs: Any = None, outputs: Any = None) -> StateSpace:
+        """The model of M_0, M_1, .. (length+1, p, m), or (length+1,) of one input and output; `dt` in seconds.
+
+        Raises `InputError` where there are too few for the order.
+        """
+        faults = checks.Faults()
+        given = np.asarray(markov_parameters)
+        M = faults.array("markov_parameters", given[:, None, None] if given.ndim == 1 else given, "lags p m")
+        faults.finish()
+        assert M is not None
+        self._check(len(M) - 1, *M.shape[1:])
+        found = ho_kalman(M, self.order)
+        p, n = found.C.shape
+        return StateSpace(*found[:4], Q=np.zeros((n, n)), R=np.zeros((p, p)), dt=dt, inputs=inputs, outputs=outputs)
+
+    def _check(self, length: int, p: int, m: int) -> None:
+        needed = -(-self.order // p) + -(-self.order // m)
+        if length < needed:
+            checks.refuse(
+                f"order {self.order} needs the Markov parameters up to M{needed} with {checks.counted(p, 'output')} and "
+                f"{checks.counted(m, 'input')}. Got up to M{length}."
+            )
+
+    def fit(self, records: Sequence[Record]) -> Fit:
+        """The fit to records of equal channels and step."""
+        faults, first = checks.Faults(), records[0]
+        check_records(records, faults)
+        faults.finish()
+        check_moving(records, faults)
+        faults.finish()
+        length = max(LENGTH, 2 * self.order + 2) if self.length is None else self.length
+        self._check(length, len(first.outputs), len(first.inputs))
+        fitted = MarkovParameters(length, weighting=self.weighting).fit(records)
+        M = fitted.model.b.transpose(2, 0, 1)
+        found = ho_kalman(M, self.order)
+        n = len(found.A)
+        model = StateSpace(
+            *found[:4], Q=np.zeros((n, n)), R=np.diag(fitted.model.noise_variance), dt=float(first.dt or 0.0),
+            inputs=first.inputs, outputs=first.outputs,
+        )  # fmt: skip
+        J = self._slopes(M)
+        return Fit(
+            model, self._own(M), J @ fitted.covariance @ J.T, impulse_names(2 * self.order, first.inputs, first.outputs),
+            validation_of(model, records), method=type(self).__name__, extra={"singular_values": found.singular_values},
+        )  # fmt: skip
+
+    def _own(self, M: np.ndarray) -> np.ndarray:
+        """The Markov parameters of the model of M, output by output, input by input."""
+        return markov(*ho_kalman(M, self.order)[:4], 2 * self.order).transpose(1, 2, 0).ravel()
+
+    def _slopes(self, M: np.ndarray) -> np.ndarray:
+        """Their derivative with respect to M, in the same order, by central differences."""
+        flat, shape = M.transpose(1, 2, 0).ravel(), (*M.shape[1:], len(M))
+        step = STEP * max(float(np.linalg.norm(flat)), np.finfo(float).tiny)
+        columns = []
+        for i in range(len(flat)):
+            ends = [flat + sign * step * (np.arange(len(flat)) == i) for sign in (1, -1)]
+            up, down = (self._own(end.reshape(shape).transpose(2, 0, 1)) for end in ends)
+            columns.append((up - down) / (2 * step))
+        return np.stack(columns, axis=1)

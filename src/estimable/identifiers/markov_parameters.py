@@ -1,0 +1,133 @@
+"""The impulse response of a system by least squares, ordinary or best."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..analysis.excitation import excitation_check
+from ..data.record import Record
+from ..frozen import frozen, set_field, static
+from ..kernels.banded import autocovariance, whitened
+from ..kernels.regression import Regression, regress
+from ..models.arx import ARX
+from ..results import Fit
+from .least_squares import LeastSquares, Rows
+from .realised import impulse_names
+from .standing import validation_of
+
+WEIGHTINGS = ("ordinary", "best")
+ROUNDS = 3  # of estimating the noise from the residuals, and the response again
+
+
+@frozen
+class MarkovParameters:
+    """The Markov parameters (impulse response) of a stable system by least squares, from one record or several with gaps.
+
+    Model: y[k] = Σ_{j=0..length} M_j u[k-j] + c + v[k]: `fit.model` is an `ARX` with na = 0. M_0 = D, M_j = C A^(j-1) B.
+
+    Assumes a response that has died out after `length` steps (what is left is taken for noise), an input that moves at as many
+    frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). Nothing is assumed of the order.
+    `HoKalman` makes a small model of it; where an order is known, `Subspace` and `OutputErrorML` need far fewer data.
+
+    Settings: `length`; `weighting`: "ordinary", or "best": generalised least squares with the covariance of stationary noise
+    (BLUE), banded; `noise_covariance` of v for it: its autocovariance r_0, r_1, .. in squared units, (q+1,), or (p, q+1), which
+    process and output noise imply (None: estimated from the residuals up to lag `length`, three times over); `offset`:
+    whether a constant c is fitted.
+
+    Rows in which anything is missing are left out, for that output only; so are the first `length` of each record. The
+    covariance is σ² (Φ'Φ)^-1, or (Φ' R^-1 Φ)^-1; the ordinary one is too small or too large where the noise is not white.
+
+    Cost: O(T d²), d = m (length + 1); "best" O(T q²) more.
+
+    Reference: R. W. Bass (2005); A. C. Aitken (1935) for the best weights.
+
+    >>> u = np.random.default_rng(0).normal(size=300)
+    >>> record = simulate(OutputError([], [1.0, 0.5], noise_variance=1e-8, dt=1), u, seed=0).record
+    >>> identify(MarkovParameters(2), record).parameters.round(3).tolist()
+    [1.0, 0.5, 0.0]
+    """
+
+    length: int = static()
+    _: KW_ONLY
+    weighting: str = static(default="ordinary")
+    noise_covariance: Any = None
+    offset: bool = static(default=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        faults.whole("length", self.length, 0)
+        faults.choice("weighting", self.weighting, WEIGHTINGS)
+        r = self.noise_covariance
+        if r is not None:
+            r = faults.array("noise_covariance", np.atleast_2d(np.asarray(r, float)), "p lags")
+            if self.weighting == "ordinary":
+                faults.add(
+                    '`noise_covariance` belongs to weighting = "best": ordinary least squares has no use for it.'
+                )
+            if r is not None and np.any(r[:, 0] <= 0):
+                faults.add(f"`noise_covariance` must begin with variances greater than 0. Got {r[:, 0].tolist()}.")
+        if not isinstance(self.offset, bool):
+            faults.add(f"`offset` must be True or False. Got {checks.short(self.offset)}.")
+        faults.finish()
+        set_field(self, noise_covariance=r)
+
+    def fit(self, records: Sequence[Record]) -> Fit:
+        """The fit to records of equal channels and step."""
+        from scipy.linalg import block_diag
+
+        first, p = records[0], len(records[0].outputs)
+        ordinary = LeastSquares(0, self.length, offset=self.offset)
+        rows = ordinary.complete_rows(records)
+        self._check(p)
+        found = [self._regressed(one, i) for i, one in enumerate(rows)]
+        θ = np.stack([one.θ for one in found])
+        d = len(first.inputs) * (self.length + 1)
+        noise = [float(np.mean((one.y - one.Φ @ fit.θ) ** 2)) for one, fit in zip(rows, found, strict=True)]
+        model = ARX(
+            np.zeros((p, 0)), θ[:, :d].reshape(p, -1, self.length + 1), noise_variance=noise, dt=float(first.dt or 0.0),
+            offset=θ[:, -1] if self.offset else None, inputs=first.inputs, outputs=first.outputs,
+        )  # fmt: skip
+        spread = [fit.inverse * (fit.variance if self.weighting == "ordinary" else 1.0) for fit in found]
+        free, M = (
+            np.asarray(block_diag(*parts)) for parts in zip(*((f.untold, f.information) for f in found), strict=True)
+        )
+        names = impulse_names(self.length, first.inputs, first.outputs)
+        if self.offset:
+            names = tuple(n for i, y in enumerate(first.outputs) for n in (*names[i * d : (i + 1) * d], f"c_{y}"))
+        told = excitation_check(M, names, free)
+        return Fit(
+            model, θ.ravel(), np.asarray(block_diag(*spread)), names, validation_of(model, records, [told]),
+            undetermined=free if free.shape[1] else None, method=type(self).__name__,
+        )  # fmt: skip
+
+    def _check(self, p: int) -> None:
+        given = self.noise_covariance
+        if given is not None and len(given) not in (1, p):
+            checks.refuse(
+                f"`noise_covariance` must have a row for each of {checks.counted(p, 'output')}. Got {len(given)}."
+            )
+
+    def _regressed(self, rows: Rows, i: int) -> Regression:
+        """One output; what is weighted has noise of variance 1."""
+        found = regress(rows.Φ, rows.y)
+        if self.weighting == "ordinary":
+            return found
+        given = self.noise_covariance
+        for _ in range(ROUNDS if given is None else 1):
+            e = rows.y - rows.Φ @ found.θ
+            r = autocovariance(e, rows.at, self.length) if given is None else given[i % len(given)]
+            found = self._weighted(rows, r)
+        return found
+
+    def _weighted(self, rows: Rows, r: np.ndarray) -> Regression:
+        r = np.append(max(r[0] * (1 + 1e-9), np.finfo(float).tiny), r[1:])
+        try:
+            both = whitened(r, rows.at, np.column_stack([rows.Φ, rows.y]))
+        except np.linalg.LinAlgError:
+            checks.refuse(
+                "`noise_covariance` is not the autocovariance of any noise: its matrix must be positive definite."
+            )
+        return regress(both[:, :-1], both[:, -1])

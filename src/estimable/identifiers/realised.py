@@ -1,0 +1,83 @@
+"""What the identifiers of state-space models share: checks of records, the innovations form, and what a fit says of it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..errors import AssumptionError
+from ..kernels.realisation import markov
+from ..kernels.riccati import dare
+from ..models.state_space import StateSpace
+
+
+def check_records(records: Sequence[Record], faults: checks.Faults) -> None:
+    """Every input known, every output seen at least once."""
+    for i, record in enumerate(records):
+        unknown = np.isnan(record.applied())
+        if unknown.any():
+            faults.add(
+                f"record {i}: an input is not known at index {checks.first_index(unknown)}. Cut the record there, or use "
+                "LeastSquares, which leaves out the rows that need it."
+            )
+    seen = np.concatenate([record.seen for record in records])
+    never = [name for i, name in enumerate(records[0].outputs) if not seen[:, i].any()]
+    if never:
+        faults.add(f"output {checks.listed(never)} was never seen: there is nothing to fit. Leave it out.")
+
+
+def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:
+    """Inputs must move, and not together."""
+    u = np.concatenate([record.applied() - record.applied().mean(axis=0) for record in records])
+    still = [name for name, moved in zip(records[0].inputs, np.abs(u).max(axis=0), strict=True) if moved == 0]
+    if still:
+        faults.add(f"input {checks.listed(still)} never moves: its effect cannot be told from a level. Leave it out.")
+        return
+    size = np.linalg.svd(u / np.linalg.norm(u, axis=0), compute_uv=False)
+    if size[-1] < 1e-8 * size[0]:
+        faults.add(f"inputs {checks.listed(records[0].inputs)} move together: one is a sum of others. Leave it out.")
+
+
+def innovations_model(matrices: Sequence[np.ndarray], noise: np.ndarray, record: Record) -> StateSpace:
+    """x+ = A x + B u + K e, y = C x + D u + e, with the K of the stationary Kalman filter for the joint noise of (w, v)."""
+    A, B, C, D = matrices
+    K, Σ = stationary_gain(A, C, noise)
+    return StateSpace(
+        A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=float(record.dt or 0.0), inputs=record.inputs, outputs=record.outputs
+    )
+
+
+def stationary_gain(A: np.ndarray, C: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """K (n, p) and the covariance of e; zero and that of v where the noise leaves no stationary filter."""
+    n, size = len(A), max(float(np.diagonal(noise).max()), np.finfo(float).tiny)
+    noise = noise / size
+    Q, S, R = noise[:n, :n], noise[:n, n:], noise[n:, n:]
+    try:
+        found = dare(A.T, C.T, Q, R, S)
+    except (AssumptionError, np.linalg.LinAlgError):
+        return np.zeros((n, len(C))), size * R
+    Σ = C @ found.X @ C.T + R
+    return found.K.T, size * (Σ + Σ.T) / 2
+
+
+def impulse(model: StateSpace, length: int) -> np.ndarray:
+    """M_0 .. M_length of a model, output by output, input by input: what does not depend on the choice of states."""
+    return markov(model.A, model.B, model.C, model.D, length).transpose(1, 2, 0).ravel()
+
+
+def impulse_names(length: int, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
+    """M0, M1, ..; with several channels M0_y1_u1.
+
+    >>> impulse_names(1, ["u1"], ["y1"])
+    ('M0', 'M1')
+    """
+    alone = len(inputs) == len(outputs) == 1
+    return tuple(f"M{j}" + ("" if alone else f"_{y}_{u}") for y in outputs for u in inputs for j in range(length + 1))
+
+
+def whole(name: str, value: Any, lower: int, faults: checks.Faults) -> None:
+    """A whole number, or None: chosen."""
+    if value is not None:
+        faults.whole(name, value, lower)
