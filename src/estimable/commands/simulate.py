@@ -1,14 +1,16 @@
-"""`estimable simulate`: a record of a plant behind links that lose packets."""
+"""`estimable simulate`: a record of a plant behind links that lose packets, or flights in which the elevator fails."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from . import options, show, simulate_report
+from . import options, show, simulate_flight, simulate_report
 from .destination import check_destination
 
-What = Annotated[str, typer.Argument(metavar="MODEL", help="What to simulate: output-error.", show_default=False)]
+What = Annotated[
+    str, typer.Argument(metavar="MODEL", help="What to simulate: output-error or f16.", show_default=False)
+]
 Rows = Annotated[int, typer.Option("--rows", metavar="N", help="How many samples.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same record.")]
 Arrival = "The fraction of the {} packets that arrive."
@@ -17,6 +19,13 @@ OutputArrival = Annotated[float, typer.Option("--output-arrival", metavar="RATE"
 Burst = Annotated[
     float, typer.Option("--burst", metavar="N", help="Mean length of a burst of losses; 0: independent losses.")
 ]
+Loss = Annotated[
+    float | None,
+    typer.Option("--loss", metavar="FRACTION", help="f16: how much of the elevator's effect is lost.", show_default=False),
+]  # fmt: skip
+Runs = Annotated[
+    int | None, typer.Option("--runs", metavar="N", help="f16: how many flights; 200 by default.", show_default=False)
+]  # fmt: skip
 OutFile = Annotated[
     Path | None, typer.Option("--out", metavar="PATH", help="Write the record to this .csv file.", show_default=False)
 ]  # fmt: skip
@@ -32,19 +41,38 @@ def simulate(
     lost: options.Lost = None,
     settings: options.Set = None,
     out: OutFile = None,
+    loss: Loss = None,
+    runs: Runs = None,
     machine: options.Machine = False,
 ) -> None:
-    """Draw a record of an output-error plant whose packets get lost.
+    """Draw a record of an output-error plant whose packets get lost, or fly an F-16 whose elevator fails.
 
-    The plant is that of Fang (2009), section 3.5, unless --set says otherwise (a, b, delay, noise_variance, dt); its input is
-    uniform, of zero mean and unit variance. The record has the columns time, u (what was sent), arrived and y (empty where
-    it was lost), as `estimable identify` reads them.
+    The plant of output-error is that of Fang (2009), section 3.5, unless --set says otherwise (a, b, delay, noise_variance,
+    dt); its input is uniform, of zero mean and unit variance. The record has the columns time, u (what was sent), arrived
+    and y (empty where it was lost), as `estimable identify` reads them.
+
+    f16 flies three pitch doublets with a law that stays as it is, and with one that finds the failure out: told are medians
+    over the runs of the RMS of the pitch rate about the flight that does not fail, and how soon the failure is seen.
 
     \b
     Example:
       estimable simulate output-error --input-arrival 0.8 --output-arrival 0.7 --seed 1 --out run.csv
       estimable identify run.csv --method recursive-output-error
+      estimable simulate f16 --loss 0.8 --runs 200
     """
+    if what == "f16":
+        rest = {"rows": rows, "lost": lost, "settings": settings, "out": out}
+        with show.working("Flying"):
+            numbers = simulate_flight.flown(
+                0.5 if loss is None else loss, runs=200 if runs is None else runs, seed=seed,
+                arrivals=(input_arrival, output_arrival), burst=burst, rest=rest,
+            )  # fmt: skip
+        if machine:
+            show.data("simulate", simulate_flight.as_data(numbers))
+        else:
+            show.text(lambda _: simulate_flight.as_text(numbers))
+        return
+    simulate_flight.refuse_options(loss, runs)
     check_destination("--out", out, ".csv")
     simulation = simulate_report.simulated(
         what, rows=rows, seed=seed, arrivals=(input_arrival, output_arrival), burst=burst, lost=lost or "zero",

@@ -11,7 +11,7 @@ from ..results import Simulation
 from .numbers import counted
 from .settings import read_settings
 
-MODELS = ("output-error",)
+MODELS = ("output-error", "f16")
 PLANT: dict[str, Any] = {"a": [0.523, 0.349], "b": [0.440, 0.762], "noise_variance": 0.1, "dt": 1.0, "delay": 0}
 UNIFORM = np.sqrt(3.0)  # half the width of the uniform density of unit variance
 
@@ -32,11 +32,12 @@ def simulated(
     faults.finish()
     model = OutputError(**{**PLANT, **given})
     u = np.random.default_rng(seed).uniform(-UNIFORM, UNIFORM, (rows, model.m))
-    input_link, output_link = (_link(rate, burst) for rate in arrivals)
+    input_link, output_link = (link(rate, burst) for rate in arrivals)
     return simulate(model, u, seed=seed, input_link=input_link, output_link=output_link, lost=lost)
 
 
-def _link(rate: float, burst: float) -> Any:
+def link(rate: float, burst: float) -> Any:
+    """The link of an arrival rate and a mean burst of losses; None where nothing gets lost."""
     from ..networks.links import BernoulliLink, GilbertElliottLink
 
     if rate == 1.0:
