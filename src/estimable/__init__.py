@@ -4,6 +4,7 @@ from . import precision as _precision  # isort: skip  # noqa: F401  float64, bef
 from . import catalogue, diagnostics, packaged, plants, report
 from .analysis.estimability import Estimability, estimability
 from .analysis.excitation import excitation
+from .analysis.gain_information import GainInformation, gain_information
 from .analysis.observability import Observability, Reachability, observability, reachability
 from .analysis.positive_real import positive_real_margin
 from .analysis.reduction import Reduction, reduce
@@ -99,6 +100,7 @@ __all__ = [
     "FeedbackGain",
     "Fit",
     "Forecast",
+    "GainInformation",
     "GainReconfiguration",
     "GainSection",
     "Gated",
@@ -163,6 +165,7 @@ __all__ = [
     "excitation",
     "fit_noise",
     "forecast",
+    "gain_information",
     "identify",
     "kalman_gain",
     "load",

@@ -11,14 +11,13 @@ from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
 from ..kernels.kalman import Posterior
 from ..kernels.small import factors, gram
+from ..models import gain_blocks
 from ..models.prior import Prior
-from ..models.sampled import Clock, SampledModel, point_of, sample
+from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
 from .belief import Belief, Instant
-
-WORDS = ("one", "per_input", "every_entry")
 
 
 @frozen
@@ -66,16 +65,12 @@ class UnknownGain:
         faults.instance("model", self.model, StateSpace)
         faults.instance("gain", self.gain, Prior)
         faults.finish()
-        faults.learn("n", self.model.n, f"the model has {checks.counted(self.model.n, 'state')}")
-        faults.learn("m", self.model.m, f"the model has {checks.counted(self.model.m, 'input')}")
-        faults.learn("outputs", self.model.p, f"the model has {checks.counted(self.model.p, 'output')}")
-        if self.model.m == 0:
-            faults.add("the model has no input: a gain multiplies B u, so give `B`.")
-        directions = self._read_directions(faults)
-        feedthrough = self._read_feedthrough(faults)
+        directions = gain_blocks.read_directions(self.directions, self.model, faults)
+        self._check_gain(self.directions, faults)
+        feedthrough = gain_blocks.read_feedthrough(self.feedthrough, self.directions, faults)
         fixed = None if self.fixed is None else faults.array("fixed", self.fixed, "n m")
         walk = self.read_walk(self.walk, faults)
-        if self.model.B_end is not None and (fixed is not None or not _is_word(directions)):
+        if self.model.B_end is not None and (fixed is not None or not gain_blocks.is_word(directions)):
             faults.add(
                 "the model was discretised for an input that moves between samples (it has `B_end`), where `fixed` and "
                 "`directions` as matrices have no meaning: give the continuous model (dt = 0)."
@@ -84,34 +79,12 @@ class UnknownGain:
         faults.finish()
         set_field(self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting)
 
-    def _read_directions(self, faults: checks.Faults) -> Any:
-        given = "one" if self.directions is None else self.directions
-        if isinstance(given, str):
-            faults.choice("directions", given, WORDS)
-            p = {"one": 1, "per_input": self.model.m, "every_entry": self.model.n * self.model.m}.get(given)
-            if p is not None:
-                states, inputs = checks.counted(self.model.n, "state"), checks.counted(self.model.m, "input")
-                gains = checks.counted(p, "gain")
-                faults.learn("p", p, f"directions {given!r} of a model with {states} and {inputs} means {gains}")
-        else:
-            given = faults.array("directions", given, "p n m")
+    def _check_gain(self, directions: Any, faults: checks.Faults) -> None:
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
-            hint = ' For one gain an input: directions="per_input".' if self.directions is None else ""
+            hint = ' For one gain an input: directions="per_input".' if directions is None else ""
             gains = checks.counted(p, "gain")
             faults.add(f"`gain` must be a prior of {gains}: {faults.sources['p']}. Got {self.gain.size}.{hint}")
-        return given
-
-    def _read_feedthrough(self, faults: checks.Faults) -> Any:
-        given = self.feedthrough
-        if given is None or not isinstance(given, str):
-            return None if given is None else faults.array("feedthrough", given, "p outputs m")
-        faults.choice("feedthrough", given, ("scaled",))
-        if self.directions is not None and not _is_word(self.directions):
-            faults.add(
-                '`feedthrough` = "scaled" needs directions "one" or "per_input"; otherwise give (p, outputs, m).'
-            )
-        return given
 
     def read_walk(self, given: Any, faults: checks.Faults) -> Any:
         """A walk of these gains as a covariance per second (p, p)."""
@@ -131,18 +104,18 @@ class UnknownGain:
     def names(self) -> Names:
         """Names of states, inputs, outputs and gains."""
         model = self.model
-        gains = tuple(f"gain{i + 1}" for i in range(self.gain.size))
-        if isinstance(self.directions, str):
-            gains = {
-                "one": ("gain",),
-                "per_input": tuple(f"gain_{name}" for name in model.inputs),
-                "every_entry": tuple(f"B_{x}_{u}" for x in model.states for u in model.inputs),
-            }[self.directions]
+        gains = gain_blocks.gain_names(self.directions, self.gain.size, model)
         return Names(model.states, model.inputs, model.outputs, gains)
 
     def sampled(self, clock: Clock) -> "UnknownGain":
         """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
-        return replace(self, ready=sample(_in_blocks(self), clock), walk_factor=factors(self.walk), model=None)
+        return replace(self, ready=sample(self._in_blocks(), clock), walk_factor=factors(self.walk), model=None)
+
+    def _in_blocks(self) -> StateSpace:
+        p = self.gain.mean.shape[-1]
+        return gain_blocks.in_blocks(
+            self.model, p, directions=self.directions, fixed=self.fixed, feedthrough=self.feedthrough
+        )
 
     def at(self, k) -> "UnknownGain":
         """The filter at row k of a time-varying model."""
@@ -229,45 +202,3 @@ class UnknownGain:
         p = self.gain.mean.shape[0]
         D = jnp.ones(state.mean.shape[0]).at[-p:].set(self.forgetting**-0.5)[:, None]
         return replace(state, factor=D * state.factor, diffuse=D * state.diffuse)
-
-
-def _is_word(directions: Any) -> bool:
-    """Whether the directions are those of the model's own B."""
-    return isinstance(directions, str) and directions in ("one", "per_input")
-
-
-def _in_blocks(algorithm: UnknownGain) -> StateSpace:
-    """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
-    model, gain, given = algorithm.model, algorithm.gain, algorithm.directions
-    p = gain.mean.shape[-1]
-    fixed = 0 * model.B if algorithm.fixed is None else _beside(algorithm.fixed, model.B) + 0 * model.B
-    B, B_end = _side_by_side([fixed, *_blocks(given, model.B, p)]), model.B_end
-    if B_end is not None:
-        B_end = _side_by_side([0 * B_end, *_blocks(given, B_end, p)])
-    D = [model.D, *[0 * model.D] * p]
-    if isinstance(algorithm.feedthrough, str):
-        D = [0 * model.D, *_blocks(given, model.D, p)]
-    elif algorithm.feedthrough is not None:
-        D = [model.D, *_blocks(algorithm.feedthrough, model.D, p)]
-    return replace(model, B=B, B_end=B_end, D=_side_by_side(D), operating_point=point_of(model))
-
-
-def _blocks(directions: Any, M, p: int) -> list:
-    """The p matrices that θ multiplies, each with the leading axes of M."""
-    n, m = M.shape[-2:]
-    if isinstance(directions, str):
-        if directions == "one":
-            return [M]
-        if directions == "per_input":
-            return [M * (np.arange(m) == i) for i in range(m)]
-        directions = np.eye(n * m).reshape(n * m, n, m)
-    return [_beside(directions[..., i, :, :], M) + 0 * M for i in range(p)]
-
-
-def _beside(N, M):
-    """N with an axis of time where M has one and N, which may be stacked, has none."""
-    return N[..., None, :, :] if np.ndim(N) == np.ndim(M) - 1 and np.ndim(M) > 3 else N
-
-
-def _side_by_side(blocks: list):
-    return jnp.concatenate(blocks, axis=-1) if checks.is_traced(blocks) else np.concatenate(blocks, axis=-1)

@@ -1,0 +1,306 @@
+"""What an input lets be known of a gain, before any data."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record, match
+from ..errors import AssumptionError
+from ..frozen import frozen, static
+from ..kernels.gain_information import information_factor, posterior
+from ..models import gain_blocks
+from ..models.prior import Prior
+from ..models.sampled import Clock, SampledModel, sample
+from ..models.state_space import StateSpace
+from .directions import echelon, words
+
+SILENT = 1e-8  # share of a direction, in the units of what is known, below which a gain has no part in it
+ROUNDING = 1e-13  # of an input and a dither that cancel: what is left is rounding
+GRID = 400  # amplitudes tried below one that is enough, for the bound need not fall steadily
+DOUBLINGS = 30  # of the amplitude, after which none is enough
+
+
+@frozen
+class GainInformation:
+    """What `gain_information` returns, for the dither at `amplitude`.
+
+    `information` (n + p, n + p): of (x[0], θ), from the record alone; `covariance` (p, p) and `sigma` (p,): the Cramér-Rao bound
+    of the gains, with the priors given: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An infinite
+    sigma: not told of (its covariances with others are then 0). `directions` (r, p): the combinations of gains about which
+    the record says nothing, in `sentences` by name.
+    """
+
+    information: Any
+    covariance: Any
+    sigma: Any
+    directions: Any
+    amplitude: float
+    gains: tuple[str, ...] = static()
+    sentences: tuple[str, ...] = static()
+    factor: Any
+    state: Prior | None
+    gain: Prior | None
+
+    def at(self, amplitude: float) -> "GainInformation":
+        """The same with the dither `amplitude` times as large. Costs nothing of the record's length.
+
+        Raises `InputError` where no dither was given.
+        """
+        faults = checks.Faults()
+        amplitude = faults.number("amplitude", amplitude)
+        self._need_dither(faults)
+        faults.finish()
+        return _found(
+            self.factor, len(self.information) - len(self.gains), float(amplitude), self.gains, self.state, self.gain
+        )
+
+    def amplitude_for(self, sigma: Any) -> float:
+        """The amplitude of the dither from which on every gain is known to `sigma`, a number or (p,).
+
+        Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
+        """
+        faults = checks.Faults()
+        faults.learn("p", len(self.gains), f"there {'are' if len(self.gains) > 1 else 'is'} "
+                     f"{checks.counted(len(self.gains), 'gain')}")  # fmt: skip
+        wanted = faults.array("sigma", np.full(len(self.gains), sigma) if np.ndim(sigma) == 0 else sigma, "p")
+        if wanted is not None and np.any(np.asarray(wanted) <= 0):
+            faults.add(f"`sigma` must be greater than 0. Got {checks.short(sigma)}.")
+        self._need_dither(faults)
+        faults.finish()
+        start = _start(self.factor, len(self.gains), np.asarray(wanted))
+        amplitude = _smallest(lambda a: float(np.max(self.at(a).sigma / wanted)), start)
+        if amplitude is None:
+            hidden = self.at(start).directions
+            what = f": it tells nothing of {words(hidden[0], self.gains)}" if len(hidden) else ""
+            raise AssumptionError(f"no amplitude of this dither is enough{what}.")
+        return amplitude
+
+    def _need_dither(self, faults: checks.Faults) -> None:
+        if self.factor.shape[1] == len(self.information):
+            faults.add("no dither was given: gain_information(model, u, dither=...) with the shape of one, (T, m).")
+
+    def __repr__(self) -> str:
+        return f"GainInformation({' '.join(self.sentences)})"
+
+
+def gain_information(
+    model: StateSpace,
+    u: Any,
+    *,
+    directions: Any = None,
+    feedthrough: Any = None,
+    state: Prior | None = None,
+    gain: Prior | None = None,
+    dither: Any = None,
+    dt: float | None = None,
+) -> GainInformation:
+    """How well an input lets unknown gains be known, and which combinations of them it leaves in the dark.
+
+    Model: that of `UnknownGain`: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], θ (p,) constant.
+
+    The outputs are linear in (x[0], θ) given u, so the information I does not depend on what they will be, and the bound is
+    exact: errors of the best unbiased estimate have the covariance of the θ block of I^-1.
+
+    `u`: (T, m), or a `Record`, whose inputs, times and missing outputs count. `directions`, `feedthrough`: as `UnknownGain` has
+    them; None: one gain on all of B. `state`, `gain`: `Prior`s of x[0] and θ; None: nothing is known. `dither` (T, m): the shape
+    of an input to add; `found.at(a)` is the bound with `a` times as much, and `found.amplitude_for(sigma)` how much it takes.
+    `dt`: the step in seconds, of a continuous model. The result is for no dither (amplitude 0).
+
+    Cost: the filter of n states and n + 2 p responses of it, once, in a NumPy loop over the T samples.
+
+    Raises `InputError`; `AssumptionError` where an output has no noise, which tells infinitely much of a first state.
+
+    Reference: B. Friedland, IEEE TAC 14 (1969) 359-367 (sensitivities); M. Pachter (1999), (42)-(49).
+
+    >>> model = StateSpace([[0.5]], [[1.0]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
+    >>> known = Prior([0.0], [[0.0]])
+    >>> found = gain_information(model, np.ones((4, 1)), state=known, gain=Prior([1.0], [[1.0]]))
+    >>> float(round(1 / found.covariance[0, 0], 9))  # 1 + (1² + 1.5² + 1.75²) / 0.01
+    632.25
+    """
+    faults = checks.Faults()
+    if not faults.instance("model", model, StateSpace):
+        faults.finish()
+    given = gain_blocks.read_directions(directions, model, faults)
+    p = faults.sizes.get("p", 0)
+    feedthrough = gain_blocks.read_feedthrough(feedthrough, directions, faults)
+    _check_prior("state", state, model.n, "state", faults)
+    _check_prior("gain", gain, p, "gain", faults)
+    u, seen, clock = _read_inputs(model, u, dt, faults)
+    dither = None if dither is None else faults.array("dither", dither, "T m")
+    faults.finish()
+    blocks = gain_blocks.in_blocks(model, p, directions=given, feedthrough=feedthrough)
+    rows = _rows(sample(blocks, clock), u, dither, seen, p)
+    try:
+        factor = information_factor(rows, model.n, model.n + p * (1 if dither is None else 2))
+    except np.linalg.LinAlgError:
+        raise AssumptionError(
+            "an output has no noise, so that it tells infinitely much: give R a small variance for it."
+        ) from None
+    return _found(factor, model.n, 0.0, gain_blocks.gain_names(given, p, model), state, gain)
+
+
+def _check_prior(name: str, prior: Any, size: int, what: str, faults: checks.Faults) -> None:
+    if prior is not None and faults.instance(name, prior, Prior) and prior.size != size and size:
+        faults.add(f"`{name}` must be a prior of {checks.counted(size, what)}. Got {prior.size}.")
+
+
+def _read_inputs(model: StateSpace, u: Any, dt: Any, faults: checks.Faults) -> Any:
+    """What the actuators do (T, m), which outputs are seen (T, p), and the steps."""
+    if isinstance(u, Record):
+        return _from_record(model, u, dt, faults)
+    u = faults.array("u", u, "T m")
+    if dt is None and model.is_continuous:
+        faults.add("`dt` is needed: the model is continuous (dt = 0), and `u` has no time.")
+    dt = model.dt if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
+    if dt and not model.is_continuous and dt != model.dt:
+        faults.add(f"`dt` must be the model's own step, {model.dt:g} s. Got {dt:g}.")
+    _check_length(model, u, faults)
+    return u, None if u is None else np.ones((len(u), model.p), bool), Clock.every(dt or 1.0)
+
+
+def _from_record(model: StateSpace, record: Record, dt: Any, faults: checks.Faults) -> Any:
+    if dt is not None:
+        faults.add("`dt` is for inputs without a time; the record has its own.")
+    columns = []
+    for names, given, what in ((model.inputs, record.inputs, "input"), (model.outputs, record.outputs, "output")):
+        default = any(all(name[1:].isdigit() for name in some) for some in (names, given)) and len(names) == len(given)
+        columns.append(match(names, default, given, what, faults))
+    if not model.is_continuous and record.dt is not None and not np.isclose(record.dt, model.dt, rtol=1e-6):
+        faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")
+    if not model.is_continuous and record.dt is None and record.t is not None and len(record) > 1:
+        faults.add("the record's steps vary, but the model is discrete: give a continuous model (dt = 0).")
+    faults.finish()
+    u = record.applied()[:, columns[0]]
+    if np.isnan(u).any():
+        faults.add("`u` must be known in every row: the record has inputs of which nobody knows whether they arrived.")
+    faults.learn("T", len(u), f"the record has {checks.counted(len(u), 'row')}")
+    _check_length(model, u, faults)
+    return u, record.seen[:, columns[1]], record.clock(model.dt or None)
+
+
+def _check_length(model: StateSpace, u: Any, faults: checks.Faults) -> None:
+    if u is not None and len(u) == 0:
+        faults.add("`u` must have at least one row.")
+    if u is not None and model.steps not in (None, len(u)):
+        faults.add(f"`u` must have {model.steps} rows: the model varies over as many. Got {len(u)}.")
+
+
+def _rows(ready: SampledModel, u: Any, dither: Any, seen: Any, p: int) -> Any:
+    """(A, N, C, M, Q, R, Ω V', seen) of every row, with columns for (x[0], θ by u, θ by the dither)."""
+    n, point = ready.A.shape[-1], np.asarray(ready.point.inputs)
+    acts = [u - point] if dither is None else [u - point, np.asarray(dither)]
+    still = np.zeros((n, n)), np.zeros((seen.shape[1], n))
+    after = [np.concatenate([a[1:], a[-1:]]) for a in acts]
+    for k in range(len(u)):
+        now = _Instant(ready, k)
+        N = [now.effects("B", a[k], p) for a in acts]
+        if ready.B_end is not None:
+            N = [b + now.effects("B_end", a[k], p) for b, a in zip(N, after, strict=True)]
+        M = [now.effects("D", a[k], p) for a in acts]
+        yield now("A"), np.hstack([still[0], *N]), now("C"), np.hstack([still[1], *M]), *now.noises(), seen[k]
+
+
+class _Instant:
+    """The matrices of a sampled model at row k."""
+
+    def __init__(self, ready: SampledModel, k: int):
+        self.ready, self.row = ready, k if ready.rows is None else int(np.asarray(ready.rows)[k])
+
+    def __call__(self, name: str) -> np.ndarray:
+        M = np.asarray(getattr(self.ready, name))
+        return M[self.row] if name in self.ready.varying else M
+
+    def effects(self, name: str, u: np.ndarray, p: int) -> np.ndarray:
+        """What each gain multiplies, (n, p)."""
+        M = self(name)
+        return (M.reshape(len(M), p + 1, len(u)) @ u)[:, 1:]
+
+    def noises(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Q, R and Ω V'."""
+        V, W = self("V"), self("W")
+        if self.ready.Ω is None:
+            return W @ W.T, V @ V.T, np.zeros((len(W), len(V)))
+        Ω = self("Ω")
+        return W @ W.T + Ω @ Ω.T, V @ V.T, Ω @ V.T
+
+
+def _found(factor: Any, n: int, amplitude: float, gains: tuple[str, ...], state: Any, gain: Any) -> GainInformation:
+    """The bound where the last p columns of the factor count `amplitude` times."""
+    p = len(gains)
+    F = factor[:, : n + p]
+    if factor.shape[1] > n + p:
+        added = np.hstack([np.zeros((len(F), n)), amplitude * factor[:, n + p :]])
+        terms = np.linalg.norm(F, axis=0) + np.linalg.norm(added, axis=0)
+        F = F + added
+        F = np.where(np.linalg.norm(F, axis=0) > ROUNDING * terms, F, 0.0)
+    hidden = _of_gains(posterior(F, *_joint(state, n, None, p))[1], F, n)
+    covariance, left = posterior(F, *_joint(state, n, gain, p))
+    silent = np.abs(_of_gains(left, F, n)).max(axis=0, initial=0.0) > SILENT
+    C = np.where(silent[:, None] | silent, 0.0, covariance[n:, n:])
+    C[silent, silent] = np.inf
+    sigma = np.sqrt(np.diagonal(C))
+    sentences = _sentences(sigma, hidden, gains, amplitude)
+    return GainInformation(F.T @ F, C, sigma, hidden, amplitude, gains, sentences, factor, state, gain)
+
+
+def _joint(state: Prior | None, n: int, gain: Prior | None, p: int) -> tuple[Any, Any]:
+    """The factor of the covariance of (x[0], θ), and its diffuse directions."""
+    from scipy.linalg import block_diag
+
+    (L, D), (M, H) = _halves(state, n), _halves(gain, p)
+    return block_diag(L, M), block_diag(D, H)
+
+
+def _halves(prior: Prior | None, size: int) -> tuple[Any, Any]:
+    if prior is None:
+        return np.zeros((size, 0)), np.eye(size)
+    λ, V = np.linalg.eigh(np.array(prior.covariance, float))
+    D = np.zeros((size, 0)) if prior.diffuse is None else np.array(prior.diffuse, float)
+    return np.asarray(V) * np.sqrt(np.maximum(λ, 0.0)), D
+
+
+def _of_gains(untold: np.ndarray, F: np.ndarray, n: int) -> np.ndarray:
+    """The gains' part of untold directions, (r, p), rows of norm 1."""
+    size = np.linalg.norm(F, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    scaled = untold * size[:, None]
+    scaled = scaled / np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
+    U, s, _ = np.linalg.svd(scaled[n:], full_matrices=False)
+    basis = U[:, s > SILENT] / size[n:, None]
+    return echelon(basis / np.linalg.norm(basis, axis=0)).T
+
+
+def _sentences(sigma: Any, hidden: Any, gains: tuple[str, ...], amplitude: float) -> tuple[str, ...]:
+    when = f"With {amplitude:g} times the dither, " if amplitude else ""
+    told = [
+        f"{when}{name} can be known to ±{s:.3g} (1 sigma)."
+        for name, s in zip(gains, sigma, strict=True)
+        if np.isfinite(s)
+    ]
+    nothing = [f"The input adds nothing about {words(g, gains)}." for g in hidden]
+    return (*told, *nothing)
+
+
+def _smallest(worst: Any, start: float) -> float | None:
+    """The amplitude above which `worst` stays at most 1, searched below the first doubling of `start` where it is."""
+    from scipy.optimize import brentq
+
+    enough = next((start * 2.0**k for k in range(DOUBLINGS) if worst(start * 2.0**k) <= 1), None)
+    if enough is None:
+        return None
+    tried = np.linspace(0.0, enough, GRID)
+    short = [i for i, amplitude in enumerate(tried[:-1]) if worst(amplitude) > 1]
+    if not short:
+        return 0.0
+    lower, upper = tried[short[-1]], tried[short[-1] + 1]
+    root: Any = brentq(lambda amplitude: min(worst(amplitude), 1e6) - 1, lower, upper, xtol=1e-14 * enough)
+    return float(root)
+
+
+def _start(factor: np.ndarray, p: int, wanted: np.ndarray) -> float:
+    """The amplitude at which the dither outweighs the input, and could be enough if nothing else were unknown."""
+    input_told, dither_told = np.linalg.norm(factor[:, -2 * p : -p], axis=0), np.linalg.norm(factor[:, -p:], axis=0)
+    some = dither_told > 0
+    return float(np.max((4 * input_told[some] + 1 / wanted[some]) / dither_told[some], initial=0.0)) or 1.0
