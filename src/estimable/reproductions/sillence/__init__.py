@@ -1,11 +1,11 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import expanding, sampling, tables, window
+from . import adapted, expanding, sampling, tables, window
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
-LOOP = "not yet: it needs closed loops"
+LOOP = "not yet: its fixed law is not flown over draws"
 K1 = (0.8, 0.6, 0.4, 0.2, 0.1)
 
 
@@ -59,13 +59,12 @@ ENTRIES = (
     _done("fig-37", "Bounded and smoothed gain at 40 dB, K1 = 0.2", window.at_noise(40.0, bounded=True)),
     _done("fig-38", "Moving window at 60 dB, K1 = 0.2", window.at_noise(60.0, bounded=False)),
     _done("fig-39", "Bounded and smoothed gain at 60 dB, K1 = 0.2", window.at_noise(60.0, bounded=True)),
-    *(
-        _not_yet(f"fig-{i}", f"{what} at {snr} dB, K1 = 0.2", LOOP)
-        for i, what, snr in (
-            (40, "Pitch rate with adaptation", 23.29), (41, "Pitch rate with bounded adaptation", 23.29),
-            (42, "Moving window's gain", 37.227), (43, "Pitch rate with and without adaptation", 37.227),
-            (44, "Gain estimated after adaptation", 37.227), (45, "Pitch rate with bounded adaptation", 40),
-            (46, "Pitch rate with adaptation", 53.286), (47, "Pitch rate with bounded adaptation", 60),
-        )
-    ),
+    _done("fig-40", "Pitch rate with adaptation at 23.29 dB, K1 = 0.2", adapted.adapted(23.29, bounded=False)),
+    _done("fig-41", "Pitch rate with bounded adaptation at 23.29 dB, K1 = 0.2", adapted.adapted(23.29, bounded=True)),
+    _done("fig-42", "Moving window's gain at 37.227 dB, K1 = 0.2", adapted.compared),
+    _done("fig-43", "Pitch rate with and without adaptation at 37.227 dB, K1 = 0.2", adapted.compared),
+    _done("fig-44", "Gain estimated after adaptation at 37.227 dB, K1 = 0.2", adapted.compared),
+    _done("fig-45", "Pitch rate with bounded adaptation at 40 dB, K1 = 0.2", adapted.adapted(40.0, bounded=True)),
+    _done("fig-46", "Pitch rate with adaptation at 53.286 dB, K1 = 0.2", adapted.adapted(53.286, bounded=False)),
+    _done("fig-47", "Pitch rate with bounded adaptation at 60 dB, K1 = 0.2", adapted.adapted(60.0, bounded=True)),
 )  # fmt: skip
