@@ -63,6 +63,7 @@ from .results import (
 )
 from .run.choose_orders import choose_orders
 from .run.close_loop import ClosedLoop, ClosedLoopBank, close_loop, close_loop_bank
+from .run.compare import Comparison, compare
 from .run.estimate import estimate, log_likelihood
 from .run.estimate_bank import estimate_bank
 from .run.fit_noise import NoiseFit, fit_noise
@@ -87,6 +88,7 @@ __all__ = [
     "Check",
     "ClosedLoop",
     "ClosedLoopBank",
+    "Comparison",
     "ControlledPlant",
     "DelayLink",
     "Delivery",
@@ -157,6 +159,7 @@ __all__ = [
     "choose_orders",
     "close_loop",
     "close_loop_bank",
+    "compare",
     "diagnostics",
     "drawn_from",
     "estimability",

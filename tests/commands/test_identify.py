@@ -1,5 +1,6 @@
 """`estimable simulate` and `estimable identify`, one after the other."""
 
+import numpy as np
 import pytest
 
 SIMULATE = ("simulate", "output-error", "--input-arrival", "0.8", "--output-arrival", "0.7", "--seed", "1")
@@ -58,3 +59,22 @@ def test_what_is_wrong_is_said(run, drawn, arguments, sentence):
     answer = run(*arguments)
     assert answer.code == 2
     assert sentence in answer.stderr + answer.stdout
+
+
+def test_without_a_method_all_are_compared(run, drawn):
+    told = run("identify", "run.csv", "--inputs", "u", "--outputs", "y", "--json").json
+    assert set(told["best"]) == {"method", "order", "fit_percent"}
+    assert told["best"]["method"] == told["methods"][0]["method"]
+    assert told["methods"][0]["within_noise_of_best"]
+    assert len(told["methods"]) >= 3
+    shown = run("identify", "run.csv", width=200).stdout
+    assert told["outcome"]["sentence"] in shown
+
+
+def test_a_record_of_noise_has_no_best(run, tmp_path):
+    rng = np.random.default_rng(0)
+    rows = "\n".join(f"{u:.6f},{y:.6f}" for u, y in rng.normal(size=(120, 2)))
+    (tmp_path / "noise.csv").write_text(f"u,y\n{rows}\n")
+    told = run("identify", "noise.csv", "--json").json
+    assert told["best"] is None
+    assert "no linear model explains this record" in told["outcome"]["sentence"]

@@ -36,7 +36,7 @@ def identified(
 
     entry = catalogue.identifier(name)
     given = read_settings(settings)
-    record = _read(path, outputs, inputs, reading)
+    record = read(path, outputs, inputs, reading)
     chosen = _chosen_orders(record, given) if not {"na", "nb"} <= given.keys() else None
     if "noise_variance" not in given and name == "recursive-output-error":
         given["noise_variance"] = _noise(record, given)
@@ -87,7 +87,7 @@ def as_text(run: Identified) -> list[Any]:
     return [head, *chosen, "", table, "", *fits, *fit.validation.sentences]
 
 
-def _read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:
+def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:
     """The record; the columns `time` and `arrived` are taken where they are there and nothing else was said."""
     from ..data.reading import column_names, read_record
 

@@ -80,6 +80,15 @@ class Subspace:
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step. Raises `InputError` where they do not bear the order."""
+        model, values = self.model(records)
+        first, length = records[0], 2 * self.order
+        return Fit(
+            model, impulse(model, length), None, impulse_names(length, first.inputs, first.outputs),
+            validation_of(model, records), method=type(self).__name__, extra={"singular_values": values},
+        )  # fmt: skip
+
+    def model(self, records: Sequence[Record]) -> tuple[StateSpace, np.ndarray]:
+        """The model of the fit alone, and the singular values."""
         s = self._check(records)
         data: Data = [(record.applied(), record.y) for record in records]
         gaps = any(np.isnan(y).any() for _, y in data)
@@ -87,11 +96,7 @@ class Subspace:
         model, values = self._model(full, data, s, records[0])
         for _ in range(ROUNDS if gaps else 0):
             model, values = self._model(self._filled(model, data), data, s, records[0])
-        first, length = records[0], 2 * self.order
-        return Fit(
-            model, impulse(model, length), None, impulse_names(length, first.inputs, first.outputs),
-            validation_of(model, records), method=type(self).__name__, extra={"singular_values": values},
-        )  # fmt: skip
+        return model, values
 
     def _check(self, records: Sequence[Record]) -> int:
         """The horizon; every fault of the records at once."""

@@ -1,0 +1,216 @@
+"""Identify by several methods, and rank them on data that none of them has seen."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..errors import EstimableError
+from ..identifiers.standing import standing, state_space_of
+from ..models.state_space import StateSpace
+from ..results import Fit
+from .candidates import candidates
+from .identify import identify
+
+LEVELS = ("mean", "none")
+NOISE = 2.0  # standard errors of a difference of squared errors within which two methods are alike
+REFUSED = "no linear model explains this record"
+
+
+class Ranked(NamedTuple):
+    """One method: its `fit` to the first part, and how its `model` (in absolute units) stands to the part held out.
+
+    `fits` (p,) per cent, by simulation, and `one_step_fits` (p,); `fit_percent` is the mean of the first. `behind`: how many
+    standard errors its squared errors are above the best one's. `failure`: why there is no fit, else empty.
+    """
+
+    method: Any
+    fit: Fit | None
+    model: StateSpace | None
+    fits: np.ndarray
+    one_step_fits: np.ndarray
+    behind: float = 0.0
+    failure: str = ""
+
+    @property
+    def name(self) -> str:
+        """The class of the method."""
+        return type(self.method).__name__
+
+    @property
+    def order(self) -> int | None:
+        """Number of states, or the degrees of A of all outputs together; None where there is no fit."""
+        if self.fit is None or self.model is None:
+            return None
+        na = getattr(self.fit.model, "na", None)
+        return self.model.n if na is None else na * self.model.p
+
+    @property
+    def fit_percent(self) -> float:
+        """Mean over the outputs of the fit by simulation."""
+        return float(np.mean(self.fits))
+
+    @property
+    def alike(self) -> bool:
+        """Whether its difference from the best is within noise."""
+        return not self.failure and bool(self.behind < NOISE)
+
+
+class Comparison(NamedTuple):
+    """What `compare` returns: the methods, the best first, those that failed last; the `best`, None where none is worth it."""
+
+    ranked: tuple[Ranked, ...]
+    best: Ranked | None
+    sentence: str
+
+
+class _HeldOut(NamedTuple):
+    """Errors on the rows held out (N, p): simulated and one step ahead, and the outputs there."""
+
+    simulated: np.ndarray
+    one_step: np.ndarray
+    y: np.ndarray
+
+
+def compare(
+    methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = 0.5, level: str = "mean",
+    progress: Callable[[str], None] | None = None,
+) -> Comparison:  # fmt: skip
+    """Identify by several methods on the first part of a record (or of each of several), and rank them on the rest.
+
+    `methods`: identifiers with their settings; None: one of each kind, with orders chosen by BIC on the first part. `split`: the
+    fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its
+    operating point; "none": signals are deviations already, or methods fit an offset. `progress` is told each method's name.
+
+    The rank is by the fit of a simulation from the inputs alone, that runs on from the first part and looks at no output held
+    out. Differences of squared errors within two standard errors (autocorrelation counted, Newey & West 1987) are noise:
+    `ranked[i].alike`. Where the best is not better than the mean of the outputs, beyond noise, there is no `best`.
+
+    Raises `InputError` with every fault of the call; a method that fails is ranked last, with its sentence.
+
+    >>> u = np.random.default_rng(0).normal(size=400)
+    >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    >>> found = compare([LeastSquares(0, 0), OutputErrorML(1, 0)], record)
+    >>> found.best.name, found.ranked[1].alike
+    ('OutputErrorML', False)
+    """
+    records = _read(methods, record, split, level)
+    parts = [one.split(split)[0] for one in records]
+    levels = _levels(parts, level)
+    deviations = [_deviation(part, levels) for part in parts]
+    told = progress or (lambda _: None)
+    if methods is None:
+        told("choosing orders")
+    chosen = candidates(deviations) if methods is None else tuple(methods)
+    found = []
+    for method in chosen:
+        told(type(method).__name__)
+        found.append(_run(method, deviations, levels, records, [len(part) for part in parts]))
+    return _ranked(found)
+
+
+def _read(methods: Any, record: Any, split: Any, level: Any) -> list[Record]:
+    faults = checks.Faults()
+    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
+    if not records or not all(isinstance(one, Record) for one in records):
+        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+    if methods is not None and (not isinstance(methods, list | tuple) or not methods):
+        faults.add(f"`methods` must be a list of identifiers, or None. Got {checks.short(methods)}.")
+    fraction = faults.number("split", split, above=0.0, upper=1.0)
+    faults.choice("level", level, LEVELS)
+    faults.finish()
+    assert fraction is not None
+    for i, one in enumerate(records):
+        if not 0 < round(fraction * len(one)) < len(one):
+            faults.add(f"`split` must leave rows on both sides of record {i}, which has {len(one)}. Got {fraction:g}.")
+        elif not one.seen[round(fraction * len(one)) :].any(axis=0).all():
+            faults.add(f"record {i}: an output is not seen in the part held out: choose another `split`.")
+    faults.finish()
+    return records
+
+
+def _levels(parts: Sequence[Record], level: str) -> tuple[np.ndarray, np.ndarray]:
+    """Means of the inputs and outputs of the first parts, over what is known; zero where there is nothing."""
+    columns = [np.concatenate([getter(part) for part in parts]) for getter in (lambda r: r.applied(), lambda r: r.y)]
+    if level == "none":
+        u, y = (np.zeros(one.shape[1]) for one in columns)
+    else:
+        u, y = (np.nansum(one, axis=0) / np.maximum((~np.isnan(one)).sum(axis=0), 1) for one in columns)
+    return u, y
+
+
+def _deviation(part: Record, levels: tuple[np.ndarray, np.ndarray]) -> Record:
+    """The record about its levels: the inputs are those that were applied."""
+    return Record(part.y - levels[1], part.applied() - levels[0], dt=part.dt, inputs=part.inputs, outputs=part.outputs)
+
+
+def _run(method: Any, deviations: list[Record], levels: Any, records: list[Record], rows: list[int]) -> Any:
+    """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not."""
+    try:
+        fit = identify(method, deviations)
+        model = _absolute(state_space_of(fit.model), levels)
+        stands = [standing(model, one, first) for one, first in zip(records, rows, strict=True)]
+    except (EstimableError, np.linalg.LinAlgError) as error:
+        return method, str(error)
+    held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, records, rows, strict=True)]
+    return method, fit, model, _HeldOut(*(np.concatenate(columns) for columns in zip(*held, strict=True)))
+
+
+def _absolute(model: StateSpace, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
+    """A model of deviations as one of the signals themselves."""
+    own = 0.0 if model.operating_point is None else model.operating_point.outputs
+    return StateSpace(
+        model.A, model.B, model.C, model.D, Q=model.Q, R=model.R, G=model.G, S=model.S, dt=model.dt, inputs=model.inputs,
+        outputs=model.outputs, operating_point={"states": np.zeros(model.n), "inputs": levels[0], "outputs": levels[1] + own},
+    )  # fmt: skip
+
+
+def _ranked(found: list[Any]) -> Comparison:
+    none = np.array([-np.inf])
+    fitted = [one for one in found if len(one) > 2]
+    failed = [Ranked(method, None, None, none, none, failure=why) for method, why in (f for f in found if len(f) == 2)]
+    if not fitted:
+        return Comparison(tuple(failed), None, f"{REFUSED}: no method could be fitted to it.")
+    order = sorted(fitted, key=lambda one: -float(np.mean(_fit(one[3].simulated, one[3].y))))
+    first = order[0][3]
+    ranked = []
+    for method, fit, model, held in order:
+        fits, steps = _fit(held.simulated, held.y), _fit(held.one_step, held.y)
+        ranked.append(Ranked(method, fit, model, fits, steps, _behind(held.simulated, first.simulated, first.y)))
+    return _judged(ranked, failed, first)
+
+
+def _judged(ranked: list[Ranked], failed: list[Ranked], first: _HeldOut) -> Comparison:
+    """The best, unless the mean of the outputs does as well."""
+    best, everything = ranked[0], (*ranked, *failed)
+    mean = first.y - np.nanmean(first.y, axis=0)
+    gain = _behind(mean, first.simulated, first.y)
+    if best.fit_percent <= 0 or gain < NOISE:
+        why = f"the best simulation ({best.name}) fits {best.fit_percent:.1f} % of what was held out"
+        return Comparison(everything, None, f"{REFUSED}: {why}, {gain:.1f} standard errors better than their mean.")
+    others = [one.name for one in ranked[1:] if one.alike]
+    doubt = f" Within noise of it: {', '.join(others)}." if others else " No other is within noise of it."
+    said = f"{best.name} of order {best.order} fits best: {best.fit_percent:.1f} % of the rows held out."
+    return Comparison(everything, best, said + doubt)
+
+
+def _fit(e: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """100 (1 - |e| / |y - mean|) of each output, over what was seen."""
+    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
+    return 100 * (1 - np.sqrt(np.nansum(e**2, axis=0)) / np.where(spread > 0, spread, np.finfo(float).tiny))
+
+
+def _behind(e: np.ndarray, best: np.ndarray, y: np.ndarray) -> float:
+    """How many standard errors the squared errors e² lie above the best ones, in units of each output's variance."""
+    d = np.nansum((e**2 - best**2) / np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny), axis=1)
+    d = d[~np.isnan(y).all(axis=1)]
+    mean, N = float(d.mean()), len(d)
+    lags = min(max(round(2 * N ** (1 / 3)), 1), N - 1)
+    z = d - mean
+    variance = float(z @ z) / N
+    for lag in range(1, lags + 1):
+        variance += 2 * (1 - lag / (lags + 1)) * float(z[lag:] @ z[:-lag]) / N
+    error = np.sqrt(max(variance, 0.0) / N)
+    return mean / error if error > 0 else (0.0 if mean == 0 else float(np.copysign(1e6, mean)))
