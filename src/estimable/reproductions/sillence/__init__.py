@@ -1,7 +1,7 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import adapted, expanding, sampling, tables, window
+from . import adapted, expanding, fixed_law, sampling, tables, window
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
@@ -38,11 +38,14 @@ ENTRIES = (
     _done("fig-11", "Continuous and digital response to a step", sampling.step_response),
     _done("fig-12", "What sampling does to the command", sampling.command),
     _not_yet("fig-13", "Elevator damage", DRAWING),
-    *(_not_yet(f"fig-{i}", f"Pitch rate and alpha, PI law, K1 = {k}", LOOP) for i, k in enumerate(K1, start=14)),
+    *(
+        _done(f"fig-{i}", f"Pitch rate and alpha, PI law, K1 = {k}", fixed_law.flight(k, integral=True))
+        for i, k in enumerate(K1, start=14)
+    ),
     _done("fig-19", "Estimated pitch rate and alpha, K1 = 0.8", expanding.states_over_time(0.8)),
     _done("fig-20", "Estimated pitch rate and alpha, K1 = 0.2", expanding.states_over_time(0.2)),
-    _not_yet("fig-21", "Pitch rate and alpha, proportional law, K1 = 0.2", LOOP),
-    _not_yet("fig-22", "Pitch rate and alpha, proportional law, K1 = 0.1", LOOP),
+    _done("fig-21", "Pitch rate and alpha, proportional law, K1 = 0.2", fixed_law.flight(0.2, integral=False)),
+    _done("fig-22", "Pitch rate and alpha, proportional law, K1 = 0.1", fixed_law.flight(0.1, integral=False)),
     *(
         _done(f"fig-{i}", f"Estimated gain, expanding filter, K1 = {k}", expanding.gain_over_time(k))
         for i, k in enumerate(K1, start=23)
