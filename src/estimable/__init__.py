@@ -5,6 +5,7 @@ from . import catalogue, diagnostics, packaged, plants, report
 from .analysis.estimability import Estimability, estimability
 from .analysis.excitation import excitation
 from .analysis.gain_information import GainInformation, gain_information
+from .analysis.loss_tolerance import ArrivalCovariance, LossTolerance, loss_tolerance
 from .analysis.observability import Observability, Reachability, observability, reachability
 from .analysis.positive_real import positive_real_margin
 from .analysis.reduction import Reduction, reduce
@@ -80,6 +81,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ARX",
+    "ArrivalCovariance",
     "AssumptionError",
     "BernoulliLink",
     "Bounded",
@@ -114,6 +116,7 @@ __all__ = [
     "Kalman",
     "KalmanGain",
     "LeastSquares",
+    "LossTolerance",
     "MarkovParameters",
     "ModelFile",
     "MonteCarlo",
@@ -173,6 +176,7 @@ __all__ = [
     "kalman_gain",
     "load",
     "log_likelihood",
+    "loss_tolerance",
     "lqr_gain",
     "monte_carlo",
     "observability",

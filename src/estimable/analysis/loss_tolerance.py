@@ -1,0 +1,164 @@
+"""How many lost samples an estimator bears, before any data."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..errors import AssumptionError
+from ..frozen import frozen, static
+from ..kernels.losses import stabilising_gain, upper_covariance
+from ..kernels.riccati import dlyap
+from ..models.state_space import StateSpace
+from .observability import observability
+
+BISECTIONS = 20
+EDGE = 1e-9  # how far inside the unit circle an eigenvalue must lie to count as stable
+LARGEST = 30  # states: equations of n² unknowns are solved
+
+
+@frozen
+class ArrivalCovariance:
+    """Bounds of the expected covariance of the one-step prediction where samples arrive at `rate`.
+
+    lower <= E P[k] <= upper as k grows, both (n, n) and as matrices; an infinite diagonal: no bound exists. `bounded`: "yes"
+    where the upper bound exists, "no" where no lower one does, "unknown" between.
+    """
+
+    rate: float
+    lower: Any
+    upper: Any
+    bounded: str = static()
+
+
+@frozen
+class LossTolerance:
+    """What `loss_tolerance` returns: the critical arrival probability lies in [lower, upper].
+
+    Below it the expected covariance grows without bound from some start, above it it stays bounded from every start. Both are 0
+    where A is stable: then none is critical. `spectral_radius` of A; `exact`: the two agree.
+    """
+
+    lower: float
+    upper: float
+    spectral_radius: float
+    exact: bool = static()
+    sentence: str = static()
+    model: StateSpace
+
+    def at(self, rate: float) -> ArrivalCovariance:
+        """Bounds of the expected covariance where samples arrive at `rate`, from 0 to 1, independently.
+
+        Raises `InputError` for a rate outside.
+        """
+        faults = checks.Faults()
+        rate = faults.number("rate", rate, lower=0.0, upper=1.0)
+        faults.finish()
+        parts = _parts(self.model)
+        lower, upper = _lower_covariance(*parts, rate), upper_covariance(*parts, rate)
+        bounded = "yes" if upper is not None else "no" if lower is None else "unknown"
+        unbounded = np.diag(np.full(self.model.n, np.inf))
+        lower, upper = (unbounded if X is None else X for X in (lower, upper))
+        return ArrivalCovariance(rate, lower, upper, bounded)
+
+    def __repr__(self) -> str:
+        return f"LossTolerance({self.sentence})"
+
+
+def loss_tolerance(model: StateSpace) -> LossTolerance:
+    """How rarely samples may arrive before the expected covariance of the estimate grows without bound.
+
+    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k]; all outputs of a sample arrive together or not at all, independently
+    of other samples, at a rate λ. The critical λ is known as an interval only: at least 1 - 1/ρ(A)², at most the smallest λ for
+    which the modified Riccati equation X = A X A' + Q - λ (A X C' + N)(C X C' + R)^-1 (A X C' + N)' has a solution. They agree
+    where the unstable part of the state shows at once (C invertible on it). A stable A has none: it bears every loss.
+
+    The result's `at(rate)` bounds the expected covariance at a given rate. Losses in bursts (a Gilbert-Elliott link) are worse
+    than their rate says: simulate them.
+
+    Cost: solutions of n² linear equations; where no closed form applies, 20 bisections of the unstable part. The upper bound is
+    then rounded up, and always one that was proved by a gain.
+
+    Raises `InputError` for a continuous or time-varying model, more than 30 states, or an R that is not positive definite;
+    `AssumptionError` where an unstable direction never shows, so that no rate is enough.
+
+    Reference: B. Sinopoli and others, IEEE TAC 49 (2004) 1453-1464, Theorems 2-5; single output: N. Elia, Systems & Control
+    Letters 54 (2005) 237-249.
+
+    >>> found = loss_tolerance(StateSpace([[1.25]], Q=[[1.0]], R=[[1.0]], dt=1))
+    >>> round(found.lower, 12), round(found.upper, 12), round(float(found.at(0.8).upper[0, 0]), 9)
+    (0.36, 0.36, 2.793429649)
+    """
+    faults = checks.Faults()
+    if not faults.instance("model", model, StateSpace):
+        faults.finish()
+    _check(model, faults)
+    faults.finish()
+    A, C = np.asarray(model.A), np.asarray(model.C)
+    ρ = float(np.abs(np.linalg.eigvals(A)).max())
+    if ρ < 1 - EDGE:
+        return LossTolerance(0.0, 0.0, ρ, True, "A is stable: the estimate stays bounded however much is lost.", model)
+    seen = observability(model)
+    if not seen.detectable:
+        raise AssumptionError(f"no arrival rate is enough: {' '.join(seen.sentences)}")
+    lower = max(1 - 1 / ρ**2, 0.0)
+    upper = max(_upper(*_unstable(A, C), lower), lower)
+    exact = upper - lower <= 1e-12
+    sentence = f"The estimate stays bounded where more than {100 * upper:.4g} % of the samples arrive"
+    below = "" if exact else f", and none is known between {100 * lower:.4g} % and that"
+    low = f"; it grows without bound where fewer than {100 * lower:.4g} % do" if lower else ""
+    return LossTolerance(lower, upper, ρ, exact, f"{sentence}{low}{below}.", model)
+
+
+def _check(model: StateSpace, faults: checks.Faults) -> None:
+    if model.is_continuous:
+        faults.add("`model` is continuous (dt = 0): samples are lost, so discretise it, model.discretise(dt).")
+    if model.varying:
+        faults.add("`model` varies in time: a critical arrival rate is one of a constant model.")
+    if model.n > LARGEST:
+        faults.add(f"`model` must have at most {LARGEST} states. Got {model.n}.")
+    if model.R is None:
+        faults.add("`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).")
+    elif "R" not in model.varying:
+        faults.positive_definite("R", np.asarray(model.R))
+
+
+def _parts(model: StateSpace) -> Any:
+    """A, C, Q, R and the cross noise, in the state's own units."""
+    A, C, G, R = (np.asarray(M) for M in (model.A, model.C, model.G, model.R))
+    N = np.zeros((model.n, model.p)) if model.S is None else G @ np.asarray(model.S)
+    return A, C, G @ np.asarray(model.Q) @ G.T, R, N
+
+
+def _lower_covariance(A: Any, C: Any, Q: Any, R: Any, N: Any, rate: float) -> Any:
+    """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if a sample that arrives told the whole state. (None: no solution.)"""
+    try:
+        return dlyap(np.sqrt(1 - rate) * A, Q - rate * N @ np.linalg.solve(R, N.T))
+    except AssumptionError:
+        return None
+
+
+def _unstable(A: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A and C on the part of the state that does not die out."""
+    from scipy.linalg import schur
+
+    parts: Any = schur(A, output="real", sort=lambda re, im=0.0: np.hypot(re, im) >= 1 - EDGE)
+    T, Z, k = parts
+    return T[:k, :k], C @ Z[:, :k]
+
+
+def _upper(A: np.ndarray, C: np.ndarray, lower: float) -> float:
+    """The least rate for which a gain keeps the expected covariance of the unstable part bounded."""
+    rank = np.linalg.matrix_rank(C, tol=1e-10 * np.abs(C).max())
+    if rank == len(A):
+        return lower
+    most = 1 - 1 / np.abs(np.linalg.det(A)) ** 2
+    if rank == 1:
+        return float(most)
+    n, p = len(A), len(C)
+    enough, short = 1.0, lower
+    for _ in range(BISECTIONS):
+        middle = (enough + short) / 2
+        found = stabilising_gain(A, C, np.eye(n), np.eye(p), np.zeros((n, p)), middle)
+        enough, short = (middle, short) if found is not None else (enough, middle)
+    return enough
