@@ -55,7 +55,7 @@ class LossTolerance:
         rate = faults.number("rate", rate, lower=0.0, upper=1.0)
         faults.finish()
         parts = _parts(self.model)
-        lower, upper = _lower_covariance(*parts, rate), upper_covariance(*parts, rate)
+        lower, upper = _lower_covariance(*parts, λ=rate), upper_covariance(*parts, λ=rate)
         bounded = "yes" if upper is not None else "no" if lower is None else "unknown"
         unbounded = np.diag(np.full(self.model.n, np.inf))
         lower, upper = (unbounded if X is None else X for X in (lower, upper))
@@ -130,10 +130,10 @@ def _parts(model: StateSpace) -> Any:
     return A, C, G @ np.asarray(model.Q) @ G.T, R, N
 
 
-def _lower_covariance(A: Any, C: Any, Q: Any, R: Any, N: Any, rate: float) -> Any:
+def _lower_covariance(A: Any, C: Any, Q: Any, R: Any, N: Any, λ: float) -> Any:
     """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if a sample that arrives told the whole state. (None: no solution.)"""
     try:
-        return dlyap(np.sqrt(1 - rate) * A, Q - rate * N @ np.linalg.solve(R, N.T))
+        return dlyap(np.sqrt(1 - λ) * A, Q - λ * N @ np.linalg.solve(R, N.T))
     except AssumptionError:
         return None
 
