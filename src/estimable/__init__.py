@@ -34,6 +34,7 @@ from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
+from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
@@ -118,6 +119,7 @@ __all__ = [
     "LeastSquares",
     "LossTolerance",
     "MarkovParameters",
+    "MinimumVariance",
     "ModelFile",
     "MonteCarlo",
     "MovingWindow",

@@ -18,6 +18,7 @@ from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
+from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
@@ -103,6 +104,10 @@ IDENTIFIERS = (
     Entry(
         "markov-parameters", MarkovParameters, "identifier", "Bass (2005); Aitken (1935)",
         "the impulse response has died out after `length` steps",
+    ),
+    Entry(
+        "minimum-variance", MinimumVariance, "identifier", "Sillence (1999) ch. 2; Steiglitz & McBride (1965)",
+        "the orders are right; white noise on the outputs only",
     ),
     Entry(
         "output-error-ml", OutputErrorML, "identifier", "Ljung (1999) §7.4, §10.2; Fang (2009) (3.1)-(3.4)",

@@ -1,0 +1,125 @@
+"""The parameters of an output-error model by weighted least squares, iterated."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..frozen import frozen, replace, static
+from ..kernels.banded import whitened
+from ..kernels.regression import regress
+from ..models.output_error import OutputError
+from ..results import Fit
+from .least_squares import LeastSquares, Rows
+from .realised import check_records
+from .standing import validation_of
+
+ROUNDS = 200  # of weights and parameters in turn, at most
+CONVERGED = 1e-10  # relative change of the parameters that ends them
+
+
+class Weighted(NamedTuple):
+    """θ (d,) of one output, the variance of v, and the last change of θ relative to it."""
+
+    θ: np.ndarray
+    variance: float
+    change: float
+
+
+@frozen
+class MinimumVariance:
+    """The parameters of an output-error model by least squares, weighted with the covariance of its coloured noise, iterated.
+
+    Model: `OutputError`: A(z) y = B(z) u + A(z) v, so that the equation's noise has the banded covariance σ² T(a) T(a)'.
+
+    Assumes orders that are right, a plant that is stable, and v white. The weights need the unknown a: iterating them is the
+    method of Steiglitz and McBride, consistent for white v only, and one round is biased because the regressors are noisy. With
+    another noise, or many gaps, `OutputErrorML` is better: it is consistent, and efficient where v is white.
+
+    Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps.
+
+    An equation in which an output is not known is left out, and the covariance of the others is exact. The covariance of θ is
+    σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, Φ the weighted regressors and Ψ the same without noise: (Φ'Φ)^-1, that of weighted least
+    squares with regressors that are known, is too small. Exact as the record grows.
+
+    Cost: O(T d²) a round, some 10 rounds; banded, never T x T.
+
+    Reference: J. Sillence (1999) ch. 2; K. Steiglitz, L. McBride (1965); P. Stoica, T. Söderström (1981).
+
+    >>> u = np.random.default_rng(1).normal(size=500)
+    >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
+    >>> fit = identify(MinimumVariance(1, 0), simulate(plant, u, seed=1).record)
+    >>> bool(abs(fit.parameters[0] + 0.5) < 4 * fit.sigma[0])
+    True
+    """
+
+    na: int = static()
+    nb: int = static()
+    _: KW_ONLY
+    delay: int = static(default=0)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        for name in ("na", "nb", "delay"):
+            faults.whole(name, getattr(self, name), 0)
+        faults.finish()
+
+    def fit(self, records: Sequence[Record]) -> Fit:
+        """The fit to records of equal channels and step. Raises `InputError` where the weights do not settle."""
+        from scipy.linalg import block_diag
+
+        first, faults = records[0], checks.Faults()
+        check_records(records, faults)
+        faults.finish()
+        ordinary = LeastSquares(self.na, self.nb, delay=self.delay)
+        rows = ordinary.complete_rows(records)
+        found = [self._iterated(one) for one in rows]
+        for name, one in zip(first.outputs, found, strict=True):
+            if one.change > np.sqrt(CONVERGED):
+                faults.add(
+                    f"output {name}: the weights do not settle: after {ROUNDS} rounds the parameters still change by "
+                    f"{one.change:.1g} of their size. Lower the orders, or use OutputErrorML."
+                )
+        faults.finish()
+        model = OutputError.of_parameters(
+            np.concatenate([one.θ for one in found]), na=self.na, nb=self.nb, delay=self.delay,
+            noise_variance=[one.variance for one in found], dt=float(first.dt or 0.0), inputs=first.inputs, outputs=first.outputs,
+        )  # fmt: skip
+        still = ordinary.complete_rows(_without_noise(model, records))
+        spread = [self._covariance(*three) for three in zip(rows, still, found, strict=True)]
+        return Fit(
+            model, model.parameters, np.asarray(block_diag(*spread)), model.parameter_names, validation_of(model, records),
+            method=type(self).__name__,
+        )  # fmt: skip
+
+    def _iterated(self, rows: Rows) -> Weighted:
+        """Weights and parameters in turn."""
+        θ, change, variance = regress(rows.Φ, rows.y).θ, np.inf, 0.0
+        for _ in range(ROUNDS):
+            W = self._weigh(θ, rows.at, np.column_stack([rows.Φ, rows.y]))
+            found = regress(W[:, :-1], W[:, -1])
+            change = float(np.linalg.norm(found.θ - θ) / max(np.linalg.norm(found.θ), np.finfo(float).tiny))
+            θ, variance = found.θ, found.variance
+            if change < CONVERGED:
+                break
+        return Weighted(θ, variance, change)
+
+    def _weigh(self, θ: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Rows with the covariance T(a) T(a)' taken out: r_j = Σ a_i a_(i+j)."""
+        a = np.append(1.0, θ[: self.na])
+        return whitened(np.correlate(a, a, mode="full")[self.na :], at, X)
+
+    def _covariance(self, rows: Rows, still: Rows, found: Weighted) -> np.ndarray:
+        """Of one output; `still`: the same equations at more rows, of outputs without noise."""
+        Φ = self._weigh(found.θ, rows.at, rows.Φ)
+        Ψ = self._weigh(found.θ, rows.at, still.Φ[np.isin(still.at, rows.at)])
+        inverse = regress(Ψ, Ψ[:, 0]).inverse
+        return found.variance * inverse @ (Φ.T @ Φ) @ inverse
+
+
+def _without_noise(model: OutputError, records: Sequence[Record]) -> list[Record]:
+    """The records with the outputs of the model, from rest."""
+    return [replace(record, y=model.response(record.applied())) for record in records]
