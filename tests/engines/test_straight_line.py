@@ -25,9 +25,10 @@ from estimable import (
     packaged,
     read_model,
 )
-from estimable.engines import native
+from estimable.engines import llvm, native
 from estimable.engines.llvm import Compiled, Loop
 from estimable.engines.straight_line import UnsupportedError, lower
+from estimable.engines.written import write_shapes
 from estimable.results import OUTCOMES
 from oracles.interpreter import interpret
 
@@ -228,44 +229,97 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
     assert estimate(Kalman(wide), record, prior=Prior([0.0], [[1.0]]), engine="native").outcome.code == 0
 
 
+def mixtures(algorithms, records, priors):
+    """Several of everything, or of one part only."""
+    return (
+        (algorithms, records, priors),
+        (algorithms, records[0], priors[0]),
+        (algorithms[0], records, priors[0]),
+        (algorithms[0], records[0], priors),
+    )
+
+
+def both_banks(engine, algorithms, records, prior, **options):
+    banks = [estimate_bank(algorithms, records, prior=prior, engine=name, **options) for name in (engine, "xla")]
+    assert [bank.engine for bank in banks] == [engine, "xla"]
+    return banks
+
+
+def assert_same_bank(ours, xla, rtol=1e-12):
+    assert (len(ours), ours.outcomes) == (len(xla), xla.outcomes)
+    leaves = zip(jax.tree_util.tree_leaves(ours.info), jax.tree_util.tree_leaves(xla.info), strict=True)
+    for a, b in leaves:
+        assert (a.shape, a.dtype) == (b.shape, b.dtype)
+        assert_allclose(a, b, rtol=rtol, atol=rtol * max(1.0, np.nanmax(np.abs(b), initial=0.0)))
+    assert_allclose(ours.log_likelihood, xla.log_likelihood, rtol=rtol)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in catalogue.ENTRIES])
+def test_every_entry_of_the_catalogue_gives_the_same_in_lanes(name):
+    rng = np.random.default_rng(0)
+    records = []
+    for _ in range(3):
+        y = rng.normal(size=(60, 2))
+        y[rng.random(y.shape) < 0.3] = np.nan
+        records.append(Record(y, rng.normal(size=(60, 1)), dt=0.01, hold="first_order",
+                              inputs=FILE.model.inputs, outputs=FILE.model.outputs))  # fmt: skip
+    algorithm = catalogue.build(name, FILE, **({"length": 2} if name in SHORT else {}))
+    assert_same_bank(*both_banks("lanes", algorithm, records, FILE.prior), rtol=AMPLIFIED.get(name, 1e-12))
+
+
 @pytest.mark.parametrize("size", [1, 3, 8, 19])
 @pytest.mark.parametrize("keep", ["all", "last"])
 def test_banks_give_the_same_whatever_is_stacked(size, keep):
     cases = [case(seed, (3, 2, 2)) for seed in range(size)]
     algorithms = [UnknownGain(c.model, Prior([0.5], [[1.0]])) for c in cases]
     records, priors = [c.record for c in cases], [c.prior for c in cases]
-    mixtures = (
-        (algorithms, records, priors),
-        (algorithms, records[0], priors[0]),
-        (algorithms[0], records, priors[0]),
-        (algorithms[0], records[0], priors),
-    )
-    for mixture in mixtures:
-        native, xla = (
-            estimate_bank(*mixture[:2], prior=mixture[2], engine=engine, keep=keep) for engine in ("native", "xla")
-        )
-        assert (native.engine, xla.engine, len(native)) == ("native", "xla", size)
-        leaves = zip(jax.tree_util.tree_leaves(native.info), jax.tree_util.tree_leaves(xla.info), strict=True)
-        for a, b in leaves:
-            assert_allclose(a, b, rtol=1e-10, atol=1e-12 * max(1.0, np.nanmax(np.abs(b), initial=0.0)))
-        assert_allclose(native.log_likelihood, xla.log_likelihood, rtol=1e-12)
+    for mixture in mixtures(algorithms, records, priors):
+        assert_same_bank(*both_banks("native", *mixture, keep=keep), rtol=1e-10)
+
+
+@pytest.mark.parametrize(("stacked", "keep"), [(0, "all"), (1, "last"), (2, "means"), (3, "likelihood")])
+def test_lanes_give_the_same_whatever_is_stacked(stacked, keep):
+    cases = [case(seed, (2, 1, 1)) for seed in range(3)]
+    parts = [UnknownGain(c.model, Prior([0.5], [[1.0]])) for c in cases], [c.record for c in cases]
+    mixture = mixtures(*parts, [c.prior for c in cases])[stacked]
+    assert_same_bank(*both_banks("lanes", *mixture, keep=keep))
 
 
 def test_a_bank_says_which_runs_failed():
     model = StateSpace([[0.5]], R=[[0.0]], dt=1)
     records = [Record([4.0, 2.0, y], dt=1) for y in (1.0, 9.0, 1.0)]
-    native, xla = (
-        estimate_bank(Kalman(model), records, prior=Prior([4.0], [[0.0]]), on_failure="keep", engine=engine)
-        for engine in ("native", "xla")
-    )
-    assert native.outcomes == xla.outcomes
-    assert [outcome.code for outcome in native.outcomes] == [0, 2, 0]
+    for engine in ("native", "lanes", "xla"):
+        bank = estimate_bank(Kalman(model), records, prior=Prior([4.0], [[0.0]]), on_failure="keep", engine=engine)
+        assert [outcome.code for outcome in bank.outcomes] == [0, 2, 0]
+        assert bank.outcomes[1].sample == 2
+
+
+def test_a_bank_without_llvm_runs_in_lanes(monkeypatch):
+    cases = [case(seed, (2, 1, 1)) for seed in range(3)]
+    bank = [Kalman(c.model) for c in cases], [c.record for c in cases]
+    assert estimate_bank(*bank, prior=cases[0].prior).engine == "native"
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    llvm._processor.cache_clear()
+    native._step.cache_clear()
+    assert estimate_bank(*bank, prior=cases[0].prior).engine == "lanes"
+    assert estimate(bank[0][0], bank[1][0], prior=cases[0].prior).engine == "xla"
+    with pytest.raises(InputError, match='"native" cannot run Kalman here: llvmlite cannot be imported'):
+        estimate(bank[0][0], bank[1][0], prior=cases[0].prior, engine="native")
+    monkeypatch.undo()
+    llvm._processor.cache_clear()
+    assert estimate_bank(*bank, prior=cases[0].prior).engine == "native"
+
+
+def test_lanes_are_refused_where_nothing_is_side_by_side():
+    c = case(0, (2, 1, 1))
+    with pytest.raises(InputError, match='`engine` = "lanes" runs the records of a bank side by side'):
+        estimate(Kalman(c.model), c.record, prior=c.prior, engine="lanes")
 
 
 def test_why_a_step_cannot_be_written_out_is_worked_out_once():
     large = StateSpace(0.9 * np.eye(9), R=np.eye(9), dt=1)
     record, prior = Record(np.zeros((3, 9)), dt=1), Prior(np.zeros(9), np.eye(9))
     assert estimate(Kalman(large), record, prior=prior).engine == "xla"
-    misses = native._step.cache_info().misses
+    misses = write_shapes.cache_info().misses
     assert estimate(Kalman(large), record, prior=prior).engine == "xla"
-    assert native._step.cache_info().misses == misses
+    assert write_shapes.cache_info().misses == misses

@@ -1,6 +1,7 @@
 """Which engine runs a record."""
 
 import logging
+from importlib import import_module
 from typing import Any
 
 import jax
@@ -9,41 +10,53 @@ from .. import checks
 from . import xla
 from .straight_line import UnsupportedError
 
-ENGINES = ("auto", "native", "xla")
+ENGINES = ("auto", "lanes", "native", "xla")
 log = logging.getLogger("estimable.engines")
-_told: set[str] = set()
+_told: set[tuple[str, str]] = set()
+
+
+def check(engine: str, faults: checks.Faults, *, bank: bool = False) -> None:
+    """`engine` is one, and one that a driver of single records or of banks can take."""
+    faults.choice("engine", engine, ENGINES)
+    if engine == "lanes" and not bank:
+        faults.add('`engine` = "lanes" runs the records of a bank side by side: here use "auto", "native" or "xla".')
 
 
 def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any) -> tuple[str, xla.Run]:
     """Run `algorithm` over one record; the name of the engine that ran, and what it left.
 
     "auto" takes machine code where the step can be written out and the processor is the default device, else XLA, and says
-    why once, at debug level. Raises `InputError` where "native" was asked for and cannot run the step.
+    why once, at debug level. Raises `InputError` where the engine that was asked for cannot run the step.
     """
-    return _choose(engine, "scan", xla.scan, algorithm, prior, samples, intervals, **options)
+    automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
+    engines = automatic if engine == "auto" else (engine,)
+    return _first_able(engines, "scan", algorithm, prior, samples, intervals, **options)
 
 
 def scan_bank(
     engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any
 ) -> tuple[str, xla.Run]:
-    """Many runs; `axes` says which of (algorithm, rows, prior) have a leading batch axis. See `scan`."""
-    return _choose(engine, "scan_bank", xla.scan_bank, algorithm, prior, samples, intervals, **options)
+    """Many runs; `axes` says which of (algorithm, rows, prior) have a leading batch axis. See `scan`.
+
+    "auto" takes lanes where there is no machine code: on another device, or without LLVM.
+    """
+    automatic = ("native", "lanes", "xla") if jax.default_backend() == "cpu" else ("lanes", "xla")
+    engines = automatic if engine == "auto" else (engine,)
+    return _first_able(engines, "scan_bank", algorithm, prior, samples, intervals, **options)
 
 
-def _choose(
-    engine: str, verb: str, by_xla: Any, algorithm: Any, *arguments: Any, **options: Any
+def _first_able(
+    engines: tuple[str, ...], verb: str, algorithm: Any, *arguments: Any, **options: Any
 ) -> tuple[str, xla.Run]:
-    if engine == "native" or (engine == "auto" and jax.default_backend() == "cpu"):
-        from . import native
-
+    """The first of the engines that can run the step, and what it left."""
+    name, reason = type(algorithm).__name__, ""
+    for engine in engines:
+        run = getattr(import_module(f"{__package__}.{engine}"), verb)
         try:
-            return "native", getattr(native, verb)(algorithm, *arguments, **options)
-        except UnsupportedError as reason:
-            if engine == "native":
-                checks.refuse(
-                    f'engine = "native" cannot run {type(algorithm).__name__} here: {reason}. Use "auto" or "xla".'
-                )
-            if str(reason) not in _told:
-                _told.add(str(reason))
-                log.debug("XLA runs %s: %s", type(algorithm).__name__, reason)
-    return "xla", by_xla(algorithm, *arguments, **options)
+            return engine, run(algorithm, *arguments, **options)
+        except UnsupportedError as why:
+            reason = str(why)
+        if (engine, reason) not in _told:
+            _told.add((engine, reason))
+            log.debug('engine = "%s" does not run %s: %s', engine, name, reason)
+    checks.refuse(f'engine = "{engines[-1]}" cannot run {name} here: {reason}. Use "auto" or "xla".')

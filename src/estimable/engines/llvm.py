@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .straight_line import TRANSCENDENTAL, TRUTHS, Program
+from .straight_line import TRANSCENDENTAL, TRUTHS, Program, UnsupportedError
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 LOGIC = {"and": "and", "or": "or", "xor": "xor"}
@@ -201,6 +201,7 @@ class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
     def __init__(self, loop: Loop, lanes: int = 1):
+        _processor()  # without LLVM there is nothing to write for
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(_Text(loop, lanes).write())
         kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
@@ -214,7 +215,10 @@ class Compiled:
 @cache
 def _processor() -> tuple[str, str]:
     """Name and features of this processor, with LLVM made ready for it."""
-    import llvmlite.binding as llvm
+    try:
+        import llvmlite.binding as llvm
+    except (ImportError, OSError) as reason:
+        raise UnsupportedError("llvmlite cannot be imported") from reason
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

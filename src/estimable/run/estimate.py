@@ -17,11 +17,11 @@ from .binding import bind, select
 ON_FAILURE = ("raise", "keep")
 
 
-def check_options(on_failure: str, engine: str, keep: str) -> None:
+def check_options(on_failure: str, engine: str, keep: str, *, bank: bool = False) -> None:
     """The options that the estimating drivers share."""
     faults = checks.Faults()
     faults.choice("on_failure", on_failure, ON_FAILURE)
-    faults.choice("engine", engine, choice.ENGINES)
+    choice.check(engine, faults, bank=bank)
     faults.choice("keep", keep, xla.KEEP)
     faults.finish()
 

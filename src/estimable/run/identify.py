@@ -51,7 +51,7 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
 def _read(method: Any, record: Records, engine: str) -> list[Record]:
     """The records, of one kind with each other; every fault of the call at once."""
     faults = checks.Faults()
-    faults.choice("engine", engine, choice.ENGINES)
+    choice.check(engine, faults)
     steps = all(hasattr(method, step) for step in ("init", "correct", "predict", "fitted"))
     if isinstance(method, type):
         faults.add(f"`method` must be made with its orders: write {method.__name__}(...), not {method.__name__}.")

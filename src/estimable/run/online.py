@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import LOST, UNIFORM
-from ..engines.choice import ENGINES
+from ..engines import choice
 from ..engines.straight_line import UnsupportedError
 from ..errors import RunError
 from ..frozen import frozen, replace, static
@@ -129,6 +129,8 @@ class Online:
         `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
         """
         quick = self._quick
+        if quick is not None and u is None and quick.input == (0,):
+            u = quick.rest
         plain = quick is not None and u_end is None and arrived is None and dt is None and quick.accepts_input(u)
         if quick is not None and plain and not quick.predict(u, u):
             self._progress = None
@@ -257,7 +259,7 @@ def online(
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
     faults = checks.Faults()
-    faults.choice("engine", engine, ENGINES)
+    choice.check(engine, faults)
     faults.choice("hold", hold, HOLDS)
     faults.choice("lost", lost, LOST)
     check_algorithm(algorithm, faults)

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engines.native import refuse_varying
 from ..engines.single import Step
 from ..engines.straight_line import UnsupportedError
+from ..engines.written import refuse_varying
 from ..models.sampled import Clock
 from ..results import Info, Interval, Sample
 from .binding import model_of

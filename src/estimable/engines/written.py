@@ -1,0 +1,146 @@
+"""A step of an algorithm written out as straight lines of scalars, once for each algorithm, shapes and what is kept."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from .straight_line import Program, UnsupportedError, lower
+
+
+class Carried(NamedTuple):
+    """An entry of the flat state: its place, its scalars `now` and `after` the row, and the scalar of the start."""
+
+    place: int
+    now: int
+    after: int
+    start: int
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """`start`: (algorithm, prior) to the first state. `row`: those, a state, a sample and an interval to the next state, what
+    is kept, the log-likelihood and the outcome.
+
+    The first `fixed` arrays that `row` takes are those of algorithm and prior, then come `states` arrays of the state.
+    `kept`: the shapes of what is kept.
+    """
+
+    start: Program
+    row: Program
+    fixed: int
+    states: int
+    kept: Any
+
+    @property
+    def carried(self) -> list[Carried]:
+        """The entries of the state that a row reads."""
+        now, after, start = (
+            [int(name) for array in arrays for name in array.ravel()]
+            for arrays in (
+                self.row.inputs[self.fixed :][: self.states],
+                self.row.outputs[: self.states],
+                self.start.outputs,
+            )
+        )
+        entries = [Carried(*entry) for entry in zip(range(len(now)), now, after, start, strict=True)]
+        return [entry for entry in entries if entry.now >= 0 and self.row.operations[entry.now].name != "constant"]
+
+
+def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Written:
+    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be written out."""
+    a, r, p = axes
+    example = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
+    leaves, structure = jax.tree_util.tree_flatten(tuple(example))
+    written = write_shapes(structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves), keep, select)
+    if isinstance(written, UnsupportedError):
+        raise written
+    return written
+
+
+def batch(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[int, list, list]:
+    """How many runs, and (leaf, axis of the batch or None) of what is fixed in a run and of its rows."""
+    a, r, p = axes
+    fixed = [
+        (np.asarray(x), axis) for part, axis in ((algorithm, a), (prior, p)) for x in jax.tree_util.tree_leaves(part)
+    ]
+    rows = [(np.asarray(x), r) for part in (samples, intervals) for x in jax.tree_util.tree_leaves(part)]
+    return next(len(leaf) for leaf, axis in fixed + rows if axis == 0), fixed, rows
+
+
+def entries_read(arrays: tuple[np.ndarray, ...]) -> tuple[list[tuple[int, int]], tuple[int, ...]]:
+    """(array, entry) and name of each input scalar that a program reads."""
+    found = [(i, j, int(n)) for i, array in enumerate(arrays) for j, n in enumerate(array.ravel()) if n >= 0]
+    return [(i, j) for i, j, _ in found], tuple(n for _, _, n in found)
+
+
+def refuse_varying(algorithm: Any) -> None:
+    """A model that varies in time is looked up by row, which a straight line cannot."""
+    now = jax.eval_shape(lambda a: a.at(0), algorithm)
+    if jax.tree_util.tree_structure(now) != jax.tree_util.tree_structure(algorithm):
+        raise UnsupportedError("a model that varies in time")
+
+
+def _first(part: Any, axis: int | None) -> Any:
+    return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[0], part)
+
+
+@lru_cache(256)
+def write_shapes(structure: Any, shapes: tuple, keep: str, select: Any) -> Written | UnsupportedError:
+    """The step, or why there is none: neither is worked out twice."""
+    try:
+        return _write(structure, shapes, keep, select)
+    except UnsupportedError as reason:
+        return reason
+
+
+def _write(structure: Any, shapes: tuple, keep: str, select: Any) -> Written:
+    examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
+    algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
+    refuse_varying(algorithm)
+    told = {}
+
+    def init(algorithm, prior):
+        return jax.tree_util.tree_leaves(algorithm.init(prior))
+
+    def step(algorithm, prior, state, sample, interval):
+        state, info = algorithm.correct(state, sample)
+        kept = select(info, keep)
+        told["kept"] = jax.eval_shape(lambda: kept)
+        log_likelihood = 0.0 if info.log_likelihood is None else info.log_likelihood
+        state = algorithm.predict(state, interval)
+        return jax.tree_util.tree_leaves(state), jax.tree_util.tree_leaves(kept), [log_likelihood, info.outcome]
+
+    state = jax.eval_shape(lambda algorithm, prior: algorithm.init(prior), algorithm, prior)
+    start = lower(init, algorithm, prior)
+    parts = (algorithm, prior, state, sample, interval)
+    counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
+    fixed, states = counts[0] + counts[1], counts[2]
+    known = _constants(start, fixed)
+    row = lower(step, *parts, known=known)
+    while len(kept := _still_known(known, row, fixed, states)) < len(known):
+        known = kept
+        row = lower(step, *parts, known=known)
+    return Written(start, row, fixed, states, told["kept"])
+
+
+def _constants(start: Program, fixed: int) -> dict[tuple[int, int], Any]:
+    """Entries of the state that begin as a constant, as the zeros of a triangular factor."""
+    return {
+        (fixed + array, entry): start.operations[name].value
+        for array, names in enumerate(start.outputs)
+        for entry, name in enumerate(names.ravel())
+        if start.operations[name].name == "constant"
+    }
+
+
+def _still_known(known: dict, row: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
+    """Those of the known entries that a step leaves as they were: by induction they always are."""
+    nexts = [[row.operations[name] for name in names.ravel()] for names in row.outputs[:states]]
+    return {
+        (array, entry): value
+        for (array, entry), value in known.items()
+        if (after := nexts[array - fixed][entry]).name == "constant" and repr(after.value) == repr(value)
+    }
