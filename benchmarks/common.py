@@ -1,0 +1,60 @@
+"""What the workloads share: timing, one row of the table, problems, and the exact loop that accuracy is measured against."""
+
+import time
+
+import numpy as np
+
+from estimable import Prior, Record, StateSpace, simulate
+
+REPEATS = 5
+
+
+def best(run, repeats=REPEATS):
+    """Shortest of a few runs after a warm-up, in seconds, with the first one and the result."""
+    start = time.perf_counter()
+    result = run()
+    first = time.perf_counter() - start
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        result = run()
+        times.append(time.perf_counter() - start)
+    return min(times), first, result
+
+
+def row(workload, contender, seconds=None, first_call=None, error=None, log_likelihood_error=None, absent=None):
+    """One contender; `error`: the largest of a mean against the exact loop, or the residual of an equation, relative."""
+    return {"workload": workload, "contender": contender, "seconds": seconds, "first_call": first_call, "error": error,
+            "log_likelihood_error": log_likelihood_error, "absent": absent}  # fmt: skip
+
+
+def problem(n, p, seed=0):
+    """A stable model drawn at random, and its prior."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    model = StateSpace(A, C=rng.normal(size=(p, n)), Q=0.1 * np.eye(n), R=0.3 * np.eye(p), dt=1)
+    return model, Prior(np.zeros(n), np.eye(n))
+
+
+def recorded(model, prior, T, missing=0.0):
+    """A record of the model with channels missing at random."""
+    y = simulate(model, seed=1, steps=T, prior=prior).record.y.copy()
+    y[np.random.default_rng(1).random(y.shape) < missing] = np.nan
+    return Record(y, dt=1)
+
+
+def textbook(model, prior, y):
+    """The conventional filter in a NumPy loop that deletes rows: what a person writes first, and the accuracy's yardstick."""
+    A, C, Q, R = model.A, model.C, model.Q, model.R
+    x, P, total, means = prior.mean, prior.covariance, 0.0, np.empty((len(y), model.n))
+    for k, sample in enumerate(y):
+        seen = ~np.isnan(sample)
+        Ck, e = C[seen], sample[seen] - C[seen] @ x
+        S = Ck @ P @ Ck.T + R[np.ix_(seen, seen)]
+        K = np.linalg.solve(S, Ck @ P).T
+        total -= 0.5 * (len(e) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e))
+        x, P = x + K @ e, P - K @ Ck @ P
+        means[k] = x
+        x, P = A @ x, A @ P @ A.T + Q
+    return means, total
