@@ -32,8 +32,8 @@ def workloads(quick):
 
 
 def planned(name):
-    """A workload whose algorithm is not there yet."""
-    yield row(name, "estimable", absent="not there yet")
+    """A workload that is not written yet."""
+    yield row(name, "estimable", absent="not written yet")
 
 
 def table(rows):

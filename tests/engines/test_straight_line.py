@@ -316,6 +316,13 @@ def test_lanes_are_refused_where_nothing_is_side_by_side():
         estimate(Kalman(c.model), c.record, prior=c.prior, engine="lanes")
 
 
+def test_lanes_leave_long_lines_to_the_others():
+    model = StateSpace(0.9 * np.eye(6), C=np.ones((2, 6)), R=np.eye(2), dt=1)
+    records, prior = [Record(np.zeros((3, 2)), dt=1)] * 2, Prior(np.zeros(6), np.eye(6))
+    with pytest.raises(InputError, match='"lanes" cannot run Kalman here: more than 2,000 operations'):
+        estimate_bank(Kalman(model), records, prior=prior, engine="lanes")
+
+
 def test_why_a_step_cannot_be_written_out_is_worked_out_once():
     large = StateSpace(0.9 * np.eye(9), R=np.eye(9), dt=1)
     record, prior = Record(np.zeros((3, 9)), dt=1), Prior(np.zeros(9), np.eye(9))

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from .straight_line import TRANSCENDENTAL, Program
+from .straight_line import TRANSCENDENTAL, Program, UnsupportedError
 from .written import Written, batch, write
 from .xla import Run
 
@@ -23,12 +23,15 @@ JAX: dict[str, Callable] = {
     "select": lax.select, "is_finite": lax.is_finite, "number": lambda a: a.astype(float), "truth": lambda a: a != 0,
     **{name: getattr(lax, name) for name in TRANSCENDENTAL},
 }  # fmt: skip
+MOST = 2_000  # operations: XLA compiles 1,000 in 4 s and 4,400 in 32 s
 QUICK = {"xla_cpu_use_fusion_emitters": False}  # long lines of scalars then compile on a CPU in half the time
 
 
 def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
     """What `xla.scan_bank` does, to rounding. Raises `UnsupportedError` where the step cannot be written out."""
     written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
+    if len(written.row.operations) > MOST:
+        raise UnsupportedError(f"more than {MOST:,} operations, which XLA compiles too slowly")
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
     rows = [(leaf if axis is None else leaf.swapaxes(0, 1), axis) for leaf, axis in rows]
     return _scan(

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..engines.choice import ENGINES
+from ..engines import choice
 from ..engines.choice import scan_bank as run_bank
 from ..errors import RunError
 from ..frozen import frozen, replace, static
@@ -215,7 +215,7 @@ def _check_run(seed: Any, runs: Any, on_failure: str, engine: str) -> None:
     faults.whole("seed", seed, 0)
     faults.whole("runs", runs, 1)
     faults.choice("on_failure", on_failure, ("raise", "keep"))
-    faults.choice("engine", engine, ENGINES)
+    choice.check(engine, faults)
     faults.finish()
 
 
