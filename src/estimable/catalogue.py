@@ -173,7 +173,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
 
 def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults) -> None:
     """Settings must be known, and what the file lacks must be in them."""
-    allowed = _settings(built) + (_every_setting(entry(wraps), file) if wraps else [])
+    allowed = list(dict.fromkeys(_settings(built) + (_every_setting(entry(wraps), file) if wraps else [])))
     for key in settings:
         if key not in allowed:
             faults.add(

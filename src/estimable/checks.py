@@ -235,7 +235,8 @@ class Faults:
             self.add(f"`{argument}` names a channel twice: {listed(twice)}.")
         if size is not None and len(found) != size:
             got = f"Got {len(found)}: {listed(found)}."
-            self.add(f"`{argument}` must hold {axis} = {size} names: {self.sources[axis]}. {got}")
+            names = "1 name" if size == 1 else f"{size} names"
+            self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
 
 

@@ -53,7 +53,8 @@ class Info:
 OUTCOMES = {
     0: "",
     1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
-    2: "an output without noise contradicts a value that is known exactly: give the output or the state some noise",
+    2: "an output contradicts a value that is known exactly, or too large to leave the output a digit: give the output or the "
+    "state some noise; if the model is unstable, its numbers have run away",
     3: "the outputs that were seen do not tell the unknown input, which Fang's Algorithm 1 needs at every sample: use "
     'method="auto", which waits for the outputs that tell it',
     4: "the estimate is not finite any more: f or h is not defined where it went, the integrator of a continuous model did not "

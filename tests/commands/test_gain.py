@@ -229,3 +229,31 @@ def test_a_discrete_model_gives_a_record_without_time_its_step(run, tmp_path):
     )
     (tmp_path / "flight.csv").write_text("y,u\n0,1\n1,1\n1.9,1\n")
     assert run(*CALL, "--json").json["seconds"] == 1.0
+
+
+def test_a_change_that_was_found_does_not_count_against_the_model(run, tmp_path):
+    """A gain that drops once, under a gain that is constant: the innovations are judged from one change to the next."""
+    import numpy as np
+
+    import estimable as es
+
+    plant = es.StateSpace([[0.9]], [[1.0]], Q=[[0.01]], R=[[0.04]], dt=0.1, states=["x"], inputs=["u"], outputs=["y"])
+    gain = es.GainSection(es.Prior([1.0], [[0.25]]))
+    es.write_model(tmp_path / "m.toml", plant, es.Prior([0.0], [[1.0]]), gain=gain, record={"time": "t"})
+    rng, x, rows = np.random.default_rng(0), 0.0, []
+    u = np.sign(np.sin(0.2 * np.arange(600)))
+    for k in range(600):
+        y = x + 0.2 * rng.normal() if k % 7 else np.nan
+        rows.append((0.1 * k, u[k], y, np.nan))
+        x = 0.9 * x + (1.0 if k < 300 else 0.5) * u[k] + 0.1 * rng.normal()
+    table = "t,u,y,z\n" + "\n".join(",".join("" if np.isnan(v) else f"{v:.6g}" for v in row) for row in rows)
+    (tmp_path / "r.csv").write_text(table)
+    said = json.loads(run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--json").stdout)
+    assert abs(said["failure_time_s"] - 30) < 1
+    assert said["nis"]["consistent"]
+    assert said["innovation_faults"] == []
+    text = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml")).stdout
+    assert "14 % of y was not seen." in text
+    plain = json.loads(run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--filter",
+                           "unknown-gain", "--json").stdout)  # fmt: skip
+    assert not plain["nis"]["consistent"]  # without the change the same record speaks against the model

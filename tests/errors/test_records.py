@@ -76,7 +76,7 @@ RECORDS = {
         dict(u=Y, arrived=[1, 0, 1], hold="first_order"),
         ('`arrived` needs hold = "zero_order": an input that comes in packets does not move between them.'),
     ),
-    "outputs": (dict(outputs=["a", "b"]), "`outputs` must hold p = 1 names: `y` is 3 × 1. Got 2: 'a', 'b'."),
+    "outputs": (dict(outputs=["a", "b"]), "`outputs` must hold p = 1 name: `y` is 3 × 1. Got 2: 'a', 'b'."),
     "inputs": (dict(u=Y, inputs="u"), "`inputs` must be a list of names. Got the text 'u': did you mean ['u']?"),
     "units no mapping": (
         dict(units=["deg"]),

@@ -179,7 +179,8 @@ UNSTABLE = StateSpace([[1e200]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"], outputs
 EXACT = StateSpace([[1.0]], R=[[0.0]], dt=1, outputs=["y"])
 NOT_FINITE = "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed."
 CONTRADICTED = (
-    "an output without noise contradicts a value that is known exactly: give the output or the state some noise."
+    "an output contradicts a value that is known exactly, or too large to leave the output a digit: give the output or the "
+    "state some noise; if the model is unstable, its numbers have run away."
 )
 
 

@@ -43,6 +43,7 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
         "note": result.names.note or None,
         "log_likelihood": result.log_likelihood,
         "nis": innovations.described(innovations.innovation_check(run.judged)),
+        "innovation_faults": innovations.faults(run.judged, run.record),
         "out": None if out is None else str(out),
     }
 
@@ -71,6 +72,7 @@ def as_text(run: Run) -> list[Any]:
         table,
         f"Log-likelihood: {run.result.log_likelihood:.6g}.",
         innovations.sentence(check),
+        *innovations.also(innovations.faults(run.judged, run.record)),
     ]
 
 

@@ -32,7 +32,7 @@ def gain(
     \b
     Example:
       estimable gain flight.csv --model aircraft.toml --report report.html
-      estimable gain flight.csv --model aircraft.toml --set walk=0.05 --json
+      estimable gain flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --json
     """
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
     check_destination("--report", report, ".html", kept=record)

@@ -38,6 +38,7 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
         "findings": findings(summary, check),
         "log_likelihood": result.log_likelihood,
         "nis": innovations.described(check),
+        "innovation_faults": innovations.faults(run.judged, run.record),
     }
 
 
@@ -48,7 +49,7 @@ def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
     return [
         *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *findings(summary, check), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",
-        innovations.sentence(check),
+        innovations.sentence(check), *innovations.also(innovations.faults(run.judged, run.record)),
     ]  # fmt: skip
 
 
@@ -66,7 +67,21 @@ def header(run: Run) -> list[str]:
     return [
         f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}; {outputs}{inputs}",
         f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
+        *_unseen(run),
     ]
+
+
+def _unseen(run: Run) -> Iterable[str]:
+    """What of the outputs was not measured, and what a gate left out."""
+    seen = np.mean([run.record.seen[:, run.record.outputs.index(name)] for name in run.result.names.outputs], axis=1)
+    for name, share in zip(run.result.names.outputs, seen, strict=True):
+        if share == 0:
+            yield f"No sample of {name} was seen: it tells nothing."
+        elif share < 1:
+            yield f"{100 * (1 - share):.2g} % of {name} was not seen."
+    if (rejected := run.result.extra.get("rejected")) is not None:
+        out, of = int(rejected.sum()), int(run.record.seen.sum())
+        yield f"The gate left out {out:,} of {of:,} outputs: if that is many, it may be closed on the truth."
 
 
 def next_steps(run: Run, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..diagnostics.consistency import Consistency, nis
+from ..diagnostics.diagnose import diagnose
 from ..errors import InputError
 
 NOTHING = "no innovation to judge by: no output was seen with noise"
@@ -37,3 +38,18 @@ def described(check: Consistency | None) -> dict[str, Any] | None:
 def sentence(check: Consistency | None) -> str:
     """A check in words."""
     return f"Innovation check (NIS): {NOTHING if check is None else check.sentence}."
+
+
+def faults(result: Any, record: Any) -> tuple[str, ...]:
+    """What else the innovations say against the model: that they are not white, or that an input is left in them."""
+    try:
+        found = diagnose(result, record)
+    except InputError:
+        return ()
+    checks = (*found.cross_correlation.values(), *found.whiteness.values())
+    return tuple(check.sentence for check in checks if not check.passed)
+
+
+def also(told: tuple[str, ...]) -> list[str]:
+    """The faults in words, one a line."""
+    return [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in told]

@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import catalogue, checks
+from .. import catalogue, checks, diagnostics
 from ..data.record import Record
 from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..results import Estimate
+from .judging import estimate_between_changes
 from .settings import read_settings
 
 
@@ -19,7 +20,7 @@ class Run(NamedTuple):
     the record and the model came from, how the record was read, and the settings that were given.
 
     `judged`: the estimate whose innovations tell whether the model explains the record: of the algorithm inside a change
-    detector, which counts process noise many times, else the estimate itself.
+    detector (which counts process noise many times), started anew at each change that was found; else the estimate itself.
     """
 
     filter: str
@@ -104,6 +105,8 @@ def run_filter(
         options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
     measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
     result = estimate(algorithm, measured, prior=file.prior)
-    detects = name == "change-detection"
-    judged = estimate(algorithm.algorithm, measured, prior=file.prior, on_failure="keep") if detects else result
+    judged = result
+    if name == "change-detection":
+        onsets = [change.onset for change in diagnostics.changes(result)]
+        judged = estimate_between_changes(algorithm.algorithm, measured, file.prior, onsets)
     return Run(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)

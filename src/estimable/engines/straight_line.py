@@ -163,7 +163,7 @@ class _Line:
             paired = self.each(name, rows[..., :even:2], rows[..., 1:even:2])
             rows = np.concatenate([paired, rows[..., even:]], axis=-1)
         if rows.shape[-1] == 0:
-            empty = {"add": 0.0, "mul": 1.0, "and": True, "or": False}
+            empty = {"add": 0.0, "mul": 1.0, "and": True, "or": False, "max": -math.inf, "min": math.inf}
             return np.full(rows.shape[:-1], self.constants(empty[name]).item())
         return rows[..., 0]
 

@@ -192,11 +192,10 @@ def _check_result(name: str, function: Callable, arguments: list, shape: tuple, 
     try:
         result = jax.eval_shape(function, *arguments)
     except Exception as error:  # whatever the user's function raises
-        first = str(error).strip().splitlines()[0] if str(error).strip() else ""
-        faults.add(
-            f"`{name}` cannot be traced at {sizes}: {type(error).__name__}: {first} Write it with jax.numpy, and with "
-            "jnp.where in the place of if."
-        )
+        first = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else "it gives no reason"
+        traced = isinstance(error, jax.errors.JAXTypeError)
+        cure = " Write it with jax.numpy, and with jnp.where in the place of if." if traced else ""
+        faults.add(f"`{name}` cannot be traced at {sizes}: {type(error).__name__}: {first}.{cure}")
         return
     if not hasattr(result, "shape") or result.shape != shape:
         got = result.shape if hasattr(result, "shape") else checks.short(result)

@@ -50,7 +50,11 @@ class NoiseFit:
 
     def __repr__(self) -> str:
         values = zip(self.names, self.parameters, self.sigma, strict=True)
-        return f"NoiseFit({', '.join(f'{name} = {x:.4g} ± {s:.3g}' for name, x, s in values)})"
+        told = (
+            f"{name} = 0, the likelihood's limit" if name in self.at_zero else f"{name} = {x:.4g} ± {s:.3g}"
+            for name, x, s in values
+        )  # fmt: skip
+        return f"NoiseFit({', '.join(told)})"
 
 
 def fit_noise(algorithm: Any, record: Any, *, prior: Prior, free: Any = ("Q", "R")) -> NoiseFit:
