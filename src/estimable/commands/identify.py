@@ -36,7 +36,7 @@ def identify(
     arrived: options.Arrived = None,
     machine: options.Machine = False,
 ) -> None:
-    """Identify a model from a record, in which packets may be missing.
+    """Identify a model from a record with gaps.
 
     Several methods are fitted to the first part of the record, and ranked by simulating the rest. With --method or --set one
     is fitted to all of it.

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from .entries import Row
 
@@ -37,8 +35,10 @@ class Panel(NamedTuple):
     within: tuple[float, float] | None = None
 
 
-def over_time(panels: Sequence[Panel], *, x: str = "time [s]") -> go.Figure:
+def over_time(panels: Sequence[Panel], *, x: str = "time [s]") -> Any:
     """Curves over a common axis, one panel under the other."""
+    from plotly.subplots import make_subplots
+
     figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.06)
     named = set()
     for row, panel in enumerate(panels, start=1):
@@ -61,8 +61,10 @@ def band(gain: float, share: float, t: Any) -> list[Line]:
     return [Line(name, ends, np.full(2, gain * factor), FAINT, "dash", 1.5) for name, factor in sides]
 
 
-def beside(rows: Sequence[Row], labels: Sequence[Any], *, x: str, y: str) -> go.Figure:
+def beside(rows: Sequence[Row], labels: Sequence[Any], *, x: str, y: str) -> Any:
     """Published values beside ours with their sigmas, one label a row."""
+    import plotly.graph_objects as go
+
     figure = go.Figure()
     published = {"color": COLOURS[1], "symbol": SYMBOLS[1], "size": 12, "line": {"width": 2}}
     ours = {"color": COLOURS[0], "symbol": SYMBOLS[0], "size": 12, "line": {"width": 2}}
@@ -74,8 +76,10 @@ def beside(rows: Sequence[Row], labels: Sequence[Any], *, x: str, y: str) -> go.
     return styled(figure, x=x, y=y).update_xaxes(type="category")
 
 
-def scatter(groups: dict[str, Any], *, x: str, y: str) -> go.Figure:
+def scatter(groups: dict[str, Any], *, x: str, y: str) -> Any:
     """Points in the complex plane, one symbol and colour a group."""
+    import plotly.graph_objects as go
+
     figure = go.Figure()
     for (name, values), colour, symbol in zip(groups.items(), COLOURS, SYMBOLS, strict=False):
         points = np.asarray(values, complex)
@@ -84,7 +88,7 @@ def scatter(groups: dict[str, Any], *, x: str, y: str) -> go.Figure:
     return styled(figure, x=x, y=y)
 
 
-def styled(figure: go.Figure, *, x: str, y: str, height: int = 440) -> go.Figure:
+def styled(figure: Any, *, x: str, y: str, height: int = 440) -> Any:
     """White ground, dark text, a legend below, where it may take as many lines as it needs."""
     figure.update_layout(
         template="plotly_white", height=height, font={"size": 15, "color": INK},
@@ -96,7 +100,7 @@ def styled(figure: go.Figure, *, x: str, y: str, height: int = 440) -> go.Figure
     return figure
 
 
-def _traces(line: Line, *, shown: bool) -> list[go.Scatter]:
+def _traces(line: Line, *, shown: bool) -> list[Any]:
     colour = line.colour if isinstance(line.colour, str) else COLOURS[line.colour]
     how = {"color": colour, "dash": line.dash, "width": line.width, "shape": line.shape}
     drawn = [
