@@ -45,7 +45,7 @@ def simulate(
     runs: Runs = None,
     machine: options.Machine = False,
 ) -> None:
-    """Draw a record of an output-error plant whose packets get lost, or fly an F-16 whose elevator fails.
+    """Draw a record over lossy links, or fly a failing F-16.
 
     The plant of output-error is that of Fang (2009), section 3.5, unless --set says otherwise (a, b, delay, noise_variance,
     dt); its input is uniform, of zero mean and unit variance. The record has the columns time, u (what was sent), arrived
