@@ -101,6 +101,8 @@ def styled(figure: Any, *, x: str, y: str, height: int = 440) -> Any:
 
 
 def _traces(line: Line, *, shown: bool) -> list[Any]:
+    import plotly.graph_objects as go
+
     colour = line.colour if isinstance(line.colour, str) else COLOURS[line.colour]
     how = {"color": colour, "dash": line.dash, "width": line.width, "shape": line.shape}
     drawn = [

@@ -1,0 +1,113 @@
+"""What simulations and identifiers return."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..frozen import frozen, static
+from .steps import Outcome
+
+
+@frozen
+class Simulation:
+    """What `simulate` returns: the `record` that arrives, and what is behind it.
+
+    The true `state` (T, n); `applied` (T, m), what the actuator did; `measured` (T, p), what the sensors gave before the
+    network; `input_delay` and `output_delay` (T, c): of each packet, in steps, infinite where it was lost (None: no link).
+    `Trace(delay)` is a link that does the same again.
+    """
+
+    record: Any
+    state: Any
+    applied: Any = None
+    measured: Any = None
+    input_delay: Any = None
+    output_delay: Any = None
+
+
+class Check(NamedTuple):
+    """One assumption looked at: whether it holds, the number that shows it, its limit, and what to do, in words."""
+
+    name: str
+    passed: bool
+    value: float
+    limit: float
+    sentence: str
+
+
+class Excitation(NamedTuple):
+    """How much a record tells of each direction of the parameters.
+
+    `information` (d, d) of θ, block by output; `eigenvalues` (K,): the smallest of the information gathered up to the rows
+    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of what is not
+    told of; `check`: the verdict.
+    """
+
+    information: Any
+    samples: Any
+    eigenvalues: Any
+    directions: Any
+    check: Check
+
+    def plot(self):
+        """A plotly figure: the smallest eigenvalue over time, which must stay away from zero."""
+        from ..figures.identification import plot_excitation
+
+        return plot_excitation(self)
+
+
+class Validation(NamedTuple):
+    """How a fitted model stands to the records it was fitted to.
+
+    `residuals`: one (T, p) a record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over what
+    was seen. `checks`: the assumptions looked at. `one_step_fit`, `one_step_residuals`: of predictions from the sample before.
+    """
+
+    residuals: tuple[Any, ...]
+    fit: Any
+    checks: tuple[Check, ...] = ()
+    one_step_fit: Any = None
+    one_step_residuals: Any = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every assumption that was looked at holds."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What was found, in words."""
+        return tuple(check.sentence for check in self.checks)
+
+
+@frozen
+class Fit:
+    """What `identify` returns: the `model`, its `parameters` (d,) called `names`, and their `covariance` (d, d).
+
+    `validation` is how the model stands to its records, None where that does not apply. `path` is the `Estimate` of a
+    recursive method (row k: the parameters after sample k), `log_likelihood` that of the records under the model,
+    `undetermined` (d, r) a basis of what the records tell nothing of (None: something of all), `extra` what this method says.
+    """
+
+    model: Any
+    parameters: Any
+    covariance: Any
+    names: tuple[str, ...] = static()
+    validation: Any = None
+    path: Any = None
+    log_likelihood: Any = None
+    undetermined: Any = None
+    outcome: Outcome = static(default=Outcome(0, None, None, ""))
+    method: str = static(default="")
+    engine: str = static(default="")
+    extra: Any = None
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations of the parameters, (d,); NaN where the method tells none."""
+        variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
+        return np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
+
+    def __repr__(self) -> str:
+        values = zip(self.names, np.asarray(self.parameters), self.sigma, strict=True)
+        return f"Fit({', '.join(f'{name} = {x:.4g}' + (f' ± {s:.3g}' if s == s else '') for name, x, s in values)})"

@@ -1,0 +1,108 @@
+"""What a step takes and says, and how a run ended."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..frozen import frozen
+
+
+@frozen
+class Sample:
+    """One instant of a record: outputs y (p,), the mask of what was seen, the input u (m,) and what of it arrived."""
+
+    y: Any
+    seen: Any
+    u: Any
+    arrived: Any = None
+
+
+@frozen
+class Interval:
+    """From one sample to the next: the input at both ends, what of it arrived, and the length in seconds."""
+
+    u: Any
+    u_end: Any
+    arrived: Any = None
+    dt: Any = None
+
+
+@frozen
+class Info:
+    """What an algorithm says after one sample, in the user's units; None where it does not apply.
+
+    `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans what nothing is known of yet.
+    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`.
+    """
+
+    mean: Any = None
+    covariance: Any = None
+    innovation: Any = None
+    innovation_covariance: Any = None
+    log_likelihood: Any = None
+    gain: Any = None
+    gain_covariance: Any = None
+    unknown_input: Any = None
+    unknown_input_covariance: Any = None
+    diffuse_covariance: Any = None
+    outcome: Any = None
+    extra: Any = None
+
+
+OUTCOMES = {
+    0: "",
+    1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
+    2: "an output contradicts a value that is known exactly, or too large to leave the output a digit: give the output or the "
+    "state some noise; if the model is unstable, its numbers have run away",
+    3: "the outputs that were seen do not tell the unknown input, which Fang's Algorithm 1 needs at every sample: use "
+    'method="auto", which waits for the outputs that tell it',
+    4: "the estimate is not finite any more: f or h is not defined where it went, the integrator of a continuous model did not "
+    "reach the next sample, or truncated moments stopped being a covariance",
+}
+
+
+def outcome_code(contradicted, mean, *factors):
+    """The code of a step: 1 where the mean (n,) or the square of a factor (n, k) is not finite, else 2 where a datum was
+    contradicted."""
+    finite = jnp.isfinite(jnp.sum(mean) + sum(jnp.sum(factor * factor) for factor in factors))
+    return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
+
+
+class Outcome(NamedTuple):
+    """How a run ended: the first code that is not 0, its sample and time, and the sentence that says what happened."""
+
+    code: int
+    sample: int | None
+    time: float | None
+    sentence: str
+
+    @staticmethod
+    def of(code: int, sample: int, t: np.ndarray | None) -> "Outcome":
+        """The outcome of a run whose first failing sample is given."""
+        if code == 0:
+            return Outcome(0, None, None, "")
+        time = None if t is None else float(t[sample])
+        when = f"sample {sample}" + ("" if time is None else f" (t = {time:g} s)")
+        return Outcome(code, sample, time, f"At {when}: {OUTCOMES[code]}.")
+
+
+class Names(NamedTuple):
+    """What the columns of a result are called, and the units of the channels that have one.
+
+    Row k of an unknown input is that of row k - `input_delay`; `note` says which samples a row uses, where it must be said.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    gains: tuple[str, ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    unknown_inputs: tuple[str, ...] = ()
+    input_delay: int = 0
+    note: str = ""
+
+    def labelled(self, channel: str) -> str:
+        """The channel with its unit, as on an axis."""
+        unit = dict(self.units).get(channel)
+        return channel if unit is None else f"{channel} [{unit}]"
