@@ -110,7 +110,7 @@ class _Rates:
         from scipy.optimize import minimize_scalar
 
         span = 1 - self.lowest
-        found = minimize_scalar(
+        found: Any = minimize_scalar(
             lambda s: -value(self.lowest + s * span), bounds=(0, 1 - 1e-12), method="bounded", options={"xatol": SEARCH}
         )
         ends = [self.lowest + float(found.x) * span, self.lowest]
