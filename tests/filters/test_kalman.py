@@ -119,7 +119,7 @@ def test_what_is_known_exactly_and_measured_without_noise_adds_nothing():
 def test_a_contradiction_of_what_is_known_exactly_is_refused_with_its_sample():
     model = StateSpace([[0.5]], C=[[1.0]], R=[[0.0]], dt=2.0)
     record = Record([[4.0], [2.5]], dt=2.0)
-    with pytest.raises(RunError, match=r"At sample 1 \(t = 2 s\).*without noise contradicts") as caught:
+    with pytest.raises(RunError, match=r"At sample 1 \(t = 2 s\).*contradicts a value that is known exactly") as caught:
         estimate(Kalman(model), record, prior=Prior([4.0], [[0.0]]))
     assert caught.value.outcome.code == 2
     kept = estimate(Kalman(model), record, prior=Prior([4.0], [[0.0]]), on_failure="keep")

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+import estimable as es
 from estimable import (
     BernoulliLink,
     Bounded,
@@ -86,6 +87,9 @@ def fang_state():
     return running.progress.state
 
 
+LAW = es.StateFeedback([[0.5]], reference_gain=[[0.5]])
+DRIVEN = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
+LOOP = {"reference": np.ones(5), "seed": 0, "prior": Prior([0.0], [[1.0]])}
 PLANT = OutputError([0.5], [1.0], noise_variance=0.1, dt=1)
 RECURSION = RecursiveOutputError(1, 0, noise_variance=0.1)
 THINGS = {
@@ -142,6 +146,22 @@ THINGS = {
     "GilbertElliottLink": lambda: GilbertElliottLink.of_rate(0.7, burst=3),
     "DelayLink": lambda: DelayLink([0.5, 0.2], late="use"),
     "Trace": lambda: Trace([0.0, np.inf, 2.0], late="use"),
+    "LeastSquares": lambda: es.LeastSquares(1, 1, delay=1),
+    "MinimumVariance": lambda: es.MinimumVariance(1, 1),
+    "MarkovParameters": lambda: es.MarkovParameters(4),
+    "HoKalman": lambda: es.HoKalman(2),
+    "Subspace": lambda: es.Subspace(2, weighting="cva"),
+    "ARX": lambda: es.ARX([0.5], [1.0], noise_variance=0.1, dt=1),
+    "StateFeedback": lambda: LAW,
+    "ProportionalIntegral": lambda: es.ProportionalIntegral(
+        [[0.5]], reference_gain=[[0.5]], integral=[[0.1]], tracked=[[1.0]], dt=1.0
+    ),
+    "GainReconfiguration": lambda: es.GainReconfiguration(LAW, lower=0.1),
+    "ControlledPlant": lambda: es.ControlledPlant(DRIVEN, events=[es.Failure(2.0, 0.5)]),
+    "Failure": lambda: es.Failure(2.0, 0.5),
+    "Change": lambda: es.Change(2.0, DRIVEN),
+    "ClosedLoop": lambda: es.close_loop(DRIVEN, LAW, Kalman(DRIVEN), **LOOP),
+    "ClosedLoopBank": lambda: es.close_loop_bank(DRIVEN, LAW, Kalman(DRIVEN), runs=2, **LOOP),
 }
 
 
