@@ -23,6 +23,7 @@ from estimable import (
     online,
     stack,
 )
+from estimable.run import window_scan, windows
 from oracles import textbook
 
 LENGTH = 4
@@ -133,6 +134,77 @@ def test_a_window_of_one_sample_has_forgotten_all_others():
     for k in (0, 5):
         alone = estimate(Kalman(c.model), c.record[k : k + 1], prior=own)
         assert_allclose(ones.mean[k], alone.mean[0], rtol=1e-12)
+
+
+def independent(outputs, missing, walk=0.1):
+    """A record of some blocks, with an output noise that the scan of windows can take, and a filter of three unknowns."""
+    c = case(7, (2, 1, outputs), T=41, missing=missing)
+    model = replace(c.model, R=np.diag([0.2, 0.5][:outputs]))
+    return c, UnknownGain(model, Prior([0.7], [[0.4]]), walk=walk)
+
+
+def counted(monkeypatch):
+    """How many windows are run one by one from here on."""
+    again, rerun = [], windows._rerun
+
+    def count(*arguments):
+        again.append(arguments[-1].shape[1])
+        return rerun(*arguments)
+
+    monkeypatch.setattr(windows, "_rerun", count)
+    return again
+
+
+@pytest.mark.parametrize("own", [None, Prior([1.0, -1.0], 2 * np.eye(2))], ids=["diffuse", "proper"])
+@pytest.mark.parametrize(("outputs", "missing"), [(2, 0.0), (1, 0.5)])
+def test_the_scan_of_windows_says_what_each_window_says(monkeypatch, outputs, missing, own):
+    c, gain = independent(outputs, missing)
+    window, again = MovingWindow(gain, 7, state_prior=own), counted(monkeypatch)
+    scanned = estimate(window, c.record, prior=c.prior)
+    assert scanned.engine == "native"
+    left = sum(again)  # windows that stay undetermined: some where half is missing and nothing is known before
+    assert left == 0 if own is not None or not missing else 0 < left < 20
+    monkeypatch.setattr(window_scan, "fits", lambda algorithm: False)
+    alone = estimate(window, c.record, prior=c.prior, engine="native")
+    assert sum(again) == left + 41 - 6
+    for name in (*FIELDS, "diffuse_covariance"):
+        said, expected = getattr(scanned, name), getattr(alone, name)
+        if expected is not None:
+            assert_allclose(said, expected, rtol=1e-11, atol=1e-12)
+    assert_allclose(scanned.log_likelihood, alone.log_likelihood, rtol=1e-11)
+
+
+def test_the_scan_of_windows_says_what_online_copies_say(monkeypatch):
+    c, gain = independent(2, 0.3)
+    window, again = MovingWindow(gain, 7), counted(monkeypatch)
+    begin = Prior(np.zeros(2), np.zeros((2, 2)), diffuse=np.eye(2)[:, :1])
+    whole = estimate(window, c.record, prior=begin)
+    assert sum(again) < 5
+    running = online(window, prior=begin)
+    for k in range(len(c.record)):
+        info = running.correct(c.record.y[k], c.record.u[k])
+        for name in ("mean", "covariance", "gain", "gain_covariance"):
+            assert_allclose(getattr(info, name), getattr(whole, name)[k], rtol=1e-11, atol=1e-12)
+        running.predict(c.record.u[k])
+    for keep, rows in (("means", slice(None)), ("last", slice(-1, None))):
+        some = estimate(window, c.record, prior=begin, keep=keep)
+        assert_allclose(some.gain, whole.gain[rows], rtol=1e-12)
+        assert_allclose(some.log_likelihood, whole.log_likelihood, rtol=1e-12)
+    assert some.covariance is not None
+
+
+def test_a_scan_of_many_windows_equals_a_loop_over_the_runs(monkeypatch):
+    monkeypatch.setattr(window_scan, "AT_ONCE", 2)
+    c, gain = independent(2, 0.3)
+    _, other = independent(2, 0.3, walk=0.3)
+    records = [replace(c.record, y=np.roll(c.record.y, i, axis=0)) for i in range(3)]
+    filters, priors = (gain, other, gain), [c.prior, Prior(np.ones(2), np.eye(2)), c.prior]
+    algorithms = [MovingWindow(one, 7) for one in filters]
+    bank = estimate_bank(stack(algorithms), stack(records), prior=stack(priors))
+    for i, (algorithm, record, prior) in enumerate(zip(algorithms, records, priors, strict=True)):
+        alone = estimate(algorithm, record, prior=prior)
+        for name in FIELDS:
+            assert_allclose(getattr(bank[i], name), getattr(alone, name), rtol=1e-11, atol=1e-12)
 
 
 def test_bounds_clip_the_reported_gain_and_nothing_else():

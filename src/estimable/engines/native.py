@@ -1,5 +1,6 @@
 """Steps as machine code: for models that do not vary in time and are small enough to be written out, on a CPU."""
 
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -54,22 +55,26 @@ class _Step:
         T = rows[0][0].shape[0 if shared else 1]
         starts = self.start.run(size, fixed)[:, self.alive]
         constants = _columns(fixed, self.fixed, size)
-        data = _row_columns(rows, self.rows, T)
+        leaves = [
+            leaf.reshape(1 if shared else size, T, math.prod(leaf.shape[1 if shared else 2 :])) for leaf, _ in rows
+        ]
         each, last = np.empty((size, T, self.each)), np.empty((size, self.last))
 
         def alone(run: int) -> None:
-            self.compiled(T, constants[run], starts[run].copy(), data[0 if shared else run], each[run], last[run])
+            row = np.empty((T, len(self.rows)))
+            for column, (i, j) in enumerate(self.rows):
+                row[:, column] = leaves[i][0 if shared else run, :, j]
+            self.compiled(T, constants[run], starts[run].copy(), row, each[run], last[run])
 
         def side_by_side(first: int) -> None:
             runs = np.minimum(np.arange(first, first + self.lanes), size - 1)  # the last group repeats the last run
-            row = (
-                np.broadcast_to(data[0][..., None], (*data[0].shape, self.lanes))
-                if shared
-                else data[runs].transpose(1, 2, 0)
-            )
-            wrote, end = np.empty((T, self.each, self.lanes)), np.empty((self.last, self.lanes))
-            self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), np.ascontiguousarray(row), wrote, end)
             real = min(self.lanes, size - first)
+            some = slice(first, first + real) if real == self.lanes else runs
+            row = np.empty((T, len(self.rows), self.lanes))
+            for column, (i, j) in enumerate(self.rows):
+                row[:, column] = leaves[i][0, :, j, None] if shared else leaves[i][some, :, j].T
+            wrote, end = np.empty((T, self.each, self.lanes)), np.empty((self.last, self.lanes))
+            self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), row, wrote, end)
             each[first : first + real], last[first : first + real] = wrote.transpose(2, 0, 1)[:real], end.T[:real]
 
         _on_all_processors(alone if self.lanes == 1 else side_by_side, range(0, size, self.lanes))
@@ -118,15 +123,6 @@ def _columns(leaves: list, places: list, size: int) -> np.ndarray:
     for column, (i, j) in enumerate(places):
         leaf, axis = leaves[i]
         out[:, column] = leaf.ravel()[j] if axis is None else leaf.reshape(size, -1)[:, j]
-    return out
-
-
-def _row_columns(leaves: list, places: list, T: int) -> np.ndarray:
-    """The entries of the rows that are read: (runs, T, entries), with one run where all share the record."""
-    runs = 1 if all(axis is None for _, axis in leaves) else len(leaves[0][0])
-    out = np.empty((runs, T, len(places)))
-    for column, (i, j) in enumerate(places):
-        out[..., column] = leaves[i][0].reshape(runs, T, -1)[..., j]
     return out
 
 

@@ -37,7 +37,8 @@ class MovingWindow:
     Settings: `algorithm`, any; `length`, in samples; `state_prior`, a `Prior` of the state at the first sample of a full
     window (default None: diffuse, exactly).
 
-    Cost: that of the algorithm `length` times; over a record every window is a run of its own, and all are one bank.
+    Cost: that of the algorithm `length` times; over a record that of about five filters, whatever the length, for `Kalman`
+    and `UnknownGain` of a constant model with up to three states and gains, and outputs, uncorrelated noises and no forgetting.
 
     Reference: A. G. Sillence (1999) §5.4.
 

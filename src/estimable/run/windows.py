@@ -1,4 +1,4 @@
-"""Moving windows over a whole record: every window is a run of its own, and all of them are one bank."""
+"""Moving windows over a whole record: by a scan where there is one; else every window is a run of its own, in one bank."""
 
 from typing import Any
 
@@ -11,6 +11,7 @@ from ..filters.moving_window import MovingWindow
 from ..filters.smoothed import Smoothed
 from ..frozen import frozen, replace
 from ..results import Info, Interval, Sample
+from . import window_scan
 from .binding import select as keep_of
 
 NUMBERS = 2_000_000  # of rows that are laid out at a time: windows overlap, so a record is copied `length` times
@@ -57,11 +58,24 @@ def scan_bank(
         return choice.scan_bank(engine, algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     kept = _all if keep in ("all", "last") else _means
     engine, infos = _run_windows(engine, window, a, (prior, p), (samples, intervals), kept)
+    if algorithm is window:
+        return engine, _as_run(infos, keep, select)
     rows = replace(samples, arrived=infos)
     _, run = choice.scan_bank(
         engine, _replaying(algorithm), prior, rows, intervals, axes=axes, keep=keep, select=select
     )
     return engine, run
+
+
+def _as_run(infos: Info, keep: str, select: Any) -> xla.Run:
+    """What an engine would leave that said this row by row."""
+    infos = jax.tree_util.tree_map(np.asarray, infos)
+    failed_at = np.argmax(infos.outcome != 0, axis=1)
+    code = infos.outcome[np.arange(len(failed_at)), failed_at]
+    kept = select(infos, keep)
+    if keep == "last":
+        kept = jax.tree_util.tree_map(lambda leaf: leaf[:, -1], kept)
+    return xla.Run(kept, infos.log_likelihood.sum(axis=1), code, failed_at, None)
 
 
 def window_of(algorithm: Any) -> MovingWindow | None:
@@ -92,44 +106,64 @@ def _means(info: Info, keep: str) -> Info:
 
 def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple, rows: tuple, kept: Any):
     """The engine that ran, and what the windows say at every row of every run."""
-    length = window.length
-    runs, T = rows[0].seen.shape[:2]
+    length, runs = window.length, len(rows[0].seen)
     own, first = window.priors(prior[0])
     own_axis = prior[1] if window.state_prior is None else a
-    columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
-    at_once = max(1, NUMBERS // (T * length * columns))
-    parts = []
+    scanned = window_scan.fits(window.algorithm) and length > 2
+    at_once = window_scan.AT_ONCE if scanned else runs
+    early = [jax.tree_util.tree_map(lambda leaf: leaf[:, : max(length - 1, 1)], part) for part in rows]
+    ran, run = choice.scan_bank(engine, window.algorithm, first, *early, axes=(a, 0, prior[1]), keep="all", select=kept)
+    T = rows[0].seen.shape[1]
+    infos = jax.tree_util.tree_map(lambda leaf: np.empty((runs, T, *leaf.shape[2:]), leaf.dtype), run.info)
+    _write(infos, np.s_[:, : max(length - 1, 1)], run.info)
     for start in range(0, runs, at_once):
         some = slice(start, min(start + at_once, runs))
         cut = [jax.tree_util.tree_map(lambda leaf, some=some: leaf[some], part) for part in rows]
-        algorithm = _cut(window.algorithm, a, some)
-        early = [jax.tree_util.tree_map(lambda leaf: leaf[:, : length - 1], part) for part in cut]
-        said = []
-        if length > 1:
-            engine, run = choice.scan_bank(
-                engine, algorithm, _cut(first, prior[1], some), *early, axes=(a, 0, prior[1]), keep="all", select=kept
-            )
-            said.append(run.info)
-        full = [jax.tree_util.tree_map(lambda leaf: _windows(np.asarray(leaf), length), part) for part in cut]
-        W = T - length + 1
-        engine, run = choice.scan_bank(
-            engine, _repeated(algorithm, a, W), _repeated(_cut(own, own_axis, some), own_axis, W), *full,
-            axes=(a, 0, own_axis), keep="last", select=kept,
-        )  # fmt: skip
-        said.append(jax.tree_util.tree_map(lambda leaf, W=W: leaf.reshape(-1, W, *leaf.shape[1:]), run.info))
-        parts.append(jax.tree_util.tree_map(lambda *leaves: np.concatenate(leaves, axis=1), *said))
-    return engine, jax.tree_util.tree_map(lambda *leaves: np.concatenate(leaves), *parts)
+        algorithm, begin = _cut(window.algorithm, a, some), _cut(own, own_axis, some)
+        ran, full = _full(engine, length, algorithm, begin, cut, (a, 0, own_axis), kept, scanned)
+        _write(infos, np.s_[some, length - 1 :], full)
+    return ran, infos
 
 
-def _cut(part: Any, axis: int | None, some: slice) -> Any:
+def _write(whole: Any, place: Any, part: Any) -> None:
+    """Write a part into the arrays of the whole."""
+    for leaf, values in zip(*map(jax.tree_util.tree_leaves, (whole, part)), strict=True):
+        leaf[place] = values
+
+
+def _full(engine: str, length: int, algorithm: Any, own: Any, rows: list, axes: tuple, kept: Any, scanned: bool):
+    """The engine that ran, and what every full window of some runs says: (runs, windows, ..)."""
+    runs, T = rows[0].seen.shape[:2]
+    if not scanned:
+        where = np.indices((runs, T - length + 1)).reshape(2, -1)
+        engine, info = _rerun(engine, length, algorithm, own, rows, axes, kept, where)
+        return engine, jax.tree_util.tree_map(lambda leaf: leaf.reshape(runs, -1, *leaf.shape[1:]), info)
+    keep = "all" if kept is _all else "means"
+    ran, info, again = window_scan.scan_bank(engine, algorithm, length, own, *rows, axes=axes, keep=keep)
+    where = np.nonzero(again)
+    if not len(where[0]):
+        return ran, info
+    _, instead = _rerun(engine, length, algorithm, own, rows, axes, kept, np.array(where))
+    info = jax.tree_util.tree_map(np.array, info)
+    _write(info, where, instead)
+    return ran, info
+
+
+def _rerun(engine: str, length: int, algorithm: Any, own: Any, rows: list, axes: tuple, kept: Any, where: np.ndarray):
+    """The engine that ran, and what the windows say that begin at (run, row) `where`, each a run of its own."""
+    columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
+    at_once = max(1, NUMBERS // (length * columns))
+    ran, parts = engine, []
+    for start in range(0, where.shape[1], at_once):
+        run, row = where[:, start : start + at_once]
+        at = run[:, None], row[:, None] + np.arange(length)
+        full = [jax.tree_util.tree_map(lambda leaf, at=at: np.asarray(leaf)[at], part) for part in rows]
+        ran, told = choice.scan_bank(
+            engine, _cut(algorithm, axes[0], run), _cut(own, axes[2], run), *full, axes=axes, keep="last", select=kept
+        )
+        parts.append(told.info)
+    return ran, jax.tree_util.tree_map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+def _cut(part: Any, axis: int | None, some: Any) -> Any:
     return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[some], part)
-
-
-def _repeated(part: Any, axis: int | None, count: int) -> Any:
-    return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), part)
-
-
-def _windows(leaf: np.ndarray, length: int) -> np.ndarray:
-    """(runs, T, ..) as (runs × windows, length, ..)."""
-    views = np.moveaxis(np.lib.stride_tricks.sliding_window_view(leaf, length, axis=1), -1, 2)
-    return views.reshape(views.shape[0] * views.shape[1], *views.shape[2:])

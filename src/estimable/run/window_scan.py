@@ -1,0 +1,171 @@
+"""Full windows of a linear Gaussian filter over whole records, at a cost that does not grow with their length.
+
+A record is cut into blocks of the length of a window, and a window into the end of a block and the beginning of the next:
+one pass backwards gathers the ends, one forwards the beginnings, and both together are one window (`kernels.stretch`).
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engines import choice
+from ..filters.belief import Belief
+from ..filters.kalman import Kalman
+from ..filters.unknown_gain import UnknownGain
+from ..frozen import frozen, replace
+from ..kernels import stretch
+from ..results import Info, Interval, Sample
+from .binding import select as keep_of
+
+MOST = 3  # states and gains, or outputs: above, compiling takes longer than it saves on a record or two
+AT_ONCE = 32  # runs whose beliefs between the passes stay in the processor's cache
+
+
+def fits(algorithm: Any) -> bool:
+    """Whether stretches describe the filter: linear, every output with a noise of its own that is not zero, no forgetting."""
+    if not isinstance(algorithm, Kalman | UnknownGain) or np.any(getattr(algorithm, "forgetting", 1.0) != 1.0):
+        return False
+    ready: Any = algorithm.ready
+    gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
+    noises = np.diagonal(np.asarray(ready.V), axis1=-2, axis2=-1)
+    unknown, outputs = np.shape(ready.A)[-1] + gains, noises.shape[-1]
+    return ready.independent and bool((noises > 0).all()) and max(unknown, outputs) <= MOST
+
+
+def scan_bank(
+    engine: str, algorithm: Any, length: int, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str
+) -> tuple[str, Info, np.ndarray]:
+    """The engine that ran; the info of every full window, by its last row; and which windows must be run instead.
+
+    `keep` is "all" or "means". A window must be run where something of it stays undetermined, or where it fails.
+    """
+    T = samples.seen.shape[1]
+    place = np.broadcast_to(
+        (np.arange(T) + 2) % length - 1, samples.seen.shape[:2]
+    )  # a block begins at the first full row
+    rows = _Row(samples, intervals, place)
+    turned = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], rows)
+    _, run = choice.scan_bank(
+        engine, _Ends(algorithm), prior, turned, turned.interval, axes=axes, keep="all", select=_belief
+    )
+    begin = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1][:, : T - length + 1], run.info)
+    rows = replace(jax.tree_util.tree_map(lambda leaf: leaf[:, length - 1 :], rows), begin=begin)
+    engine, run = choice.scan_bank(
+        engine, _Beginnings(algorithm), prior, rows, rows.interval, axes=axes, keep=keep, select=_said
+    )
+    info, again = run.info
+    return engine, info, np.asarray(again)
+
+
+@frozen
+class _Row:
+    """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
+
+    sample: Sample
+    interval: Interval
+    place: Any
+    begin: Any = None
+
+    @property
+    def seen(self):
+        """Which outputs were seen; says how many rows there are."""
+        return self.sample.seen
+
+
+@frozen
+class _Told:
+    """What a pass tells of a row, for an engine."""
+
+    kept: Any
+    again: Any
+    outcome: Any
+    log_likelihood: Any = None
+
+
+def _belief(told: _Told, keep: str) -> Belief:
+    """What the second pass needs of a belief: no output is without noise, and the scale of what it opens is not asked for."""
+    return replace(told.kept, size=None, log_scale=None)
+
+
+def _said(told: _Told, keep: str) -> tuple[Info, Any]:
+    return keep_of(told.kept, keep), told.again
+
+
+def _step(algorithm: Any, row: _Row) -> stretch.Stretch:
+    """This sample, and the way to the next."""
+    instant, sample = algorithm.instant(row.sample, row.interval), row.sample
+    (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
+    i = np.arange(C.shape[0])
+    return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
+
+
+def _or_empty(blank: Any, gathered: stretch.Stretch) -> stretch.Stretch:
+    return _either(blank, stretch.empty(gathered.b.shape[0]), gathered)
+
+
+def _through(belief: Belief, gathered: stretch.Stretch) -> Belief:
+    b = belief
+    return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
+
+
+def _either(first: Any, a: Any, b: Any) -> Any:
+    return jax.tree_util.tree_map(lambda x, y: jnp.where(first, x, y), a, b)
+
+
+@frozen
+class _Ends:
+    """Backwards: the belief at the start of the next block, of the window that begins at each row."""
+
+    algorithm: Any
+
+    def at(self, k) -> "_Ends":
+        """The same: the model does not vary."""
+        return self
+
+    def init(self, prior) -> tuple[Belief, stretch.Stretch]:
+        """The belief that a window begins with, and the stretch from the last row on."""
+        fresh = self.algorithm.init(prior)
+        return fresh, stretch.empty(fresh.mean.shape[0])
+
+    def correct(self, state: tuple, sample: _Row) -> tuple[tuple, _Told]:
+        """Put a row before those gathered; a window that is a block has nothing before it."""
+        fresh, gathered = state
+        gathered = stretch.joined(_step(self.algorithm, sample), _or_empty(sample.place == -1, gathered))
+        begin = _either(sample.place == 0, fresh, _through(fresh, gathered))
+        return (fresh, gathered), _Told(begin, False, 0)
+
+    def predict(self, state: tuple, interval: Interval) -> tuple:
+        """Nothing moves."""
+        return state
+
+
+@frozen
+class _Beginnings:
+    """Forwards: what the filter says at the end of each window."""
+
+    algorithm: Any
+
+    def at(self, k) -> "_Beginnings":
+        """The same: the model does not vary."""
+        return self
+
+    def init(self, prior) -> stretch.Stretch:
+        """Nothing is gathered."""
+        return stretch.empty(self.algorithm.init(prior).mean.shape[0])
+
+    def correct(self, state: stretch.Stretch, sample: _Row) -> tuple[stretch.Stretch, _Told]:
+        """Go through what the block has told so far, and learn from the last sample as the filter does."""
+        gathered = _or_empty(sample.place == 0, state)
+        b = sample.begin
+        begin = replace(b, factor=jnp.tril(b.factor), size=jnp.abs(b.mean), log_scale=jnp.zeros(()))
+        before = _through(begin, gathered)
+        known = replace(before, diffuse=jnp.zeros(before.diffuse.shape))
+        _, info = self.algorithm.correct(known, sample.sample)
+        again = jnp.any(before.diffuse != 0) | (info.outcome != 0)
+        return stretch.joined(gathered, _step(self.algorithm, sample)), _Told(info, again, 0)
+
+    def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
+        """The stretch has moved already."""
+        return state
