@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
@@ -74,7 +75,7 @@ class Matrices:
 
     noise_input = None
     continuous = False
-    θ = jnp.zeros(0)
+    θ = np.zeros(0)
 
     def at(self, k) -> "Matrices":
         """The plant at row k of a time-varying model."""
