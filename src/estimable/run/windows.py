@@ -109,7 +109,7 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
     length, runs = window.length, len(rows[0].seen)
     own, first = window.priors(prior[0])
     own_axis = prior[1] if window.state_prior is None else a
-    scanned = window_scan.fits(window.algorithm) and length > 2
+    scanned = engine != "lanes" and window_scan.fits(window.algorithm) and length > 2  # lines too long for lanes
     at_once = window_scan.AT_ONCE if scanned else runs
     early = [jax.tree_util.tree_map(lambda leaf: leaf[:, : max(length - 1, 1)], part) for part in rows]
     ran, run = choice.scan_bank(engine, window.algorithm, first, *early, axes=(a, 0, prior[1]), keep="all", select=kept)
