@@ -59,10 +59,7 @@ TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_fin
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
 HOISTED = {"div", "sqrt", "log"}  # slow, and without effect on what is not chosen
 NAMED = {"add_any": "add"}
-MOVES = {
-    "reshape", "broadcast_in_dim", "squeeze", "expand_dims", "transpose", "slice", "concatenate", "rev", "copy", "pad", "split",
-    "copy_p", "stack",
-}  # fmt: skip
+MOVES = {"expand_dims", "rev", "copy", "pad", "split", "copy_p", "stack"}  # besides those in BY_NUMPY
 CALLS = {
     "jit",
     "pjit",
@@ -230,7 +227,7 @@ def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.n
         inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
         jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
         return line.run(jaxpr, consts, arrays)
-    if name in MOVES:
+    if name in MOVES or name in BY_NUMPY:
         return _moved(equation.primitive, arrays, parameters)
     if name in FOLDS:
         return [line.fold(FOLDS[name], arrays[0], tuple(parameters["axes"]))]

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record, match, scatter
+from ..filters.wrapped import innermost
 from ..models.nonlinear import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
@@ -34,9 +35,7 @@ def select(info: Info, keep: str) -> Info:
 
 def model_of(algorithm: Any) -> StateSpace:
     """The model inside an algorithm and its wrappers."""
-    while not hasattr(algorithm, "model"):
-        algorithm = algorithm.algorithm
-    return algorithm.model
+    return innermost(algorithm).model
 
 
 def has_state_prior(algorithm: Any) -> bool:

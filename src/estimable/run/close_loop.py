@@ -17,7 +17,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..results import Info, Interval, Names, Outcome
+from ..results import Info, Interval, Kept, Names, Outcome
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
 from .loop import Loop, Row
 from .transmit import Links, check_links
@@ -26,7 +26,7 @@ NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
 
 
 @frozen
-class ClosedLoop:
+class ClosedLoop(Kept):
     """What `close_loop` returns; row k of every array is of time t[k].
 
     `reference` (T, r); `output` (T, p) as it came to the estimator, NaN where it was lost; `state` (T, n) of the plant, true;
@@ -56,26 +56,6 @@ class ClosedLoop:
 
     def __len__(self) -> int:
         return len(self.t)
-
-    @property
-    def mean(self):
-        """Estimated states, (T, n)."""
-        return self.info.mean
-
-    @property
-    def gain(self):
-        """Estimated gains, (T, p)."""
-        return self.info.gain
-
-    @property
-    def gain_covariance(self):
-        """Their covariances, (T, p, p)."""
-        return self.info.gain_covariance
-
-    @property
-    def extra(self):
-        """What this estimator alone says, by name."""
-        return self.info.extra or {}
 
 
 @frozen
