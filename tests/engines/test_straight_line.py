@@ -25,11 +25,13 @@ from estimable import (
     packaged,
     read_model,
 )
-from estimable.engines import llvm, native
+from estimable.engines import choice, llvm, native
 from estimable.engines.llvm import Compiled, Loop
 from estimable.engines.straight_line import UnsupportedError, lower
 from estimable.engines.written import write_shapes
-from estimable.results import OUTCOMES
+from estimable.frozen import frozen
+from estimable.results import OUTCOMES, Info, Interval, Sample
+from estimable.run.binding import select
 from oracles.interpreter import interpret
 
 UNARY = {
@@ -173,6 +175,34 @@ def test_every_feature_of_a_static_model_gives_the_same(features):
     for prior in (c.prior, diffuse):
         assert_same(*both(Kalman(c.model), c.record, prior))
     assert_same(*both(UnknownGain(c.model, Prior([1.0], [[1.0]]), forgetting=0.9), c.record, c.prior))
+
+
+@frozen
+class Latch:
+    """The sum of the samples after the first, which it knows by a truth that starts as a constant and becomes another."""
+
+    def at(self, k):
+        return self
+
+    def init(self, prior):
+        return jnp.zeros(()), jnp.array(False)
+
+    def correct(self, state, sample):
+        total, begun = state
+        total = jnp.where(begun, total + sample.y[0], total)
+        return (total, jnp.array(True)), Info(mean=total[None], log_likelihood=total, outcome=jnp.array(0))
+
+    def predict(self, state, interval):
+        return state
+
+
+@pytest.mark.parametrize("engine", ["native", "xla"])
+def test_a_truth_of_the_state_may_become_another_constant(engine):
+    nothing = np.zeros((3, 0))
+    sample = Sample(np.array([[4.0], [1.0], [2.0]]), np.ones((3, 1), bool), nothing)
+    interval = Interval(nothing, nothing, None, np.ones(3))
+    _, run = choice.scan(engine, Latch(), None, sample, interval, keep="all", select=select)
+    assert run.info.mean.ravel().tolist() == [0.0, 1.0, 3.0]
 
 
 @pytest.mark.parametrize(

@@ -123,13 +123,16 @@ class _Text:
         phis = {name: f"%carry{i}" for i, name in enumerate(loop.carry)}
         starts = {name: self.load("%carry", i, before) for i, name in enumerate(loop.carry)}
         names = self._scalars(phis, before, inside)
+
+        def number(name: int) -> str:
+            """A scalar as memory holds it."""
+            truth = _is_truth(loop.program, name)
+            return self.operation("number", [names[name]], ["truth"], inside) if truth else names[name]
+
         for place, base in ((loop.each, "%out"), (loop.last, "%end")):
             for i, name in enumerate(place):
-                value = names[name]
-                if _is_truth(loop.program, name):
-                    value = self.operation("number", [value], ["truth"], inside)
-                self.store(value, base, i, inside)
-        nexts = [names[name] for name in loop.next_carry]
+                self.store(number(name), base, i, inside)
+        nexts = [number(name) for name in loop.next_carry]
         return self._function(before, inside, phis, starts, nexts)
 
     def _scalars(self, phis: dict[int, str], before: list[str], inside: list[str]) -> list[str]:
