@@ -1,0 +1,124 @@
+"""Weights that depend on one number η: the designs that rho synthesis goes through."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, set_field
+from ..models.state_space import StateSpace
+
+
+@frozen
+class DesignFamily:
+    """Weights Q(η) = Q0 + p Q01 + p² Q1, S(η) = S0 + p S1 and R of a quadratic cost x'Q x + 2 x'S u + u'R u.
+
+    Of a filter they are the covariances of process noise, cross noise and measurement noise. p = η; where `dt` is given,
+    p = -exp(-η dt), so that η is a rate per second in discrete time too.
+
+    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m); those not given are zero, but one of Q0 and Q1 is needed. [[Q, S], [S', R]] must be
+    positive semidefinite: with Q01 = S0 = 0 it is for every η where Q0 and Q1 - S1 R^-1 S1' are. `factored` makes families for
+    which it always is. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
+
+    Reference: R. W. Bass (2005): R fixed, S linear and Q quadratic in η.
+
+    >>> family = DesignFamily([[1.0]], Q0=[[0.0]], Q1=[[1.0]])
+    >>> family.at(2.0)[0].tolist()
+    [[4.0]]
+    """
+
+    R: Any
+    _: KW_ONLY
+    Q0: Any = None
+    Q01: Any = None
+    Q1: Any = None
+    S0: Any = None
+    S1: Any = None
+    dt: Any = None
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        read: dict[str, Any] = {"R": faults.covariance("R", self.R, "m m")}
+        for name in ("Q0", "Q1", "Q01"):
+            given = getattr(self, name)
+            check = faults.array if name == "Q01" else faults.covariance
+            read[name] = None if given is None else check(name, given, "n n")
+        for name in ("S0", "S1"):
+            given = getattr(self, name)
+            read[name] = None if given is None else faults.array(name, given, "n m")
+        if self.Q0 is None and self.Q1 is None:
+            faults.add("`Q0` or `Q1` must be given: without them nothing weighs the state.")
+        read["dt"] = None if self.dt is None else faults.number("dt", self.dt, above=0.0, unit="seconds")
+        faults.finish()
+        n, m = faults.sizes["n"], faults.sizes["m"]
+        blank = {"Q0": (n, n), "Q01": (n, n), "Q1": (n, n), "S0": (n, m), "S1": (n, m)}
+        set_field(self, **{name: np.zeros(blank[name]) if v is None and name in blank else v for name, v in read.items()})
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.Q0.shape[0]
+
+    @property
+    def m(self) -> int:
+        """Number of inputs (of a filter: outputs)."""
+        return self.R.shape[0]
+
+    def at(self, eta: float) -> tuple[Any, Any, Any]:
+        """Q (n, n), S (n, m) and R (m, m) at one η."""
+        p = eta if self.dt is None else -np.exp(-eta * self.dt)
+        return self.Q0 + p * self.Q01 + p**2 * self.Q1, self.S0 + p * self.S1, self.R
+
+    @staticmethod
+    def factored(M0: Any, M1: Any, D: Any, *, weight: Any = None, dt: float | None = None) -> "DesignFamily":
+        """The family of the cost ||(M0 + p M1) x + D u||²_W, positive semidefinite at every η. `weight` W (default I).
+
+        M0, M1 (k, n), D (k, m), W (k, k).
+
+        >>> DesignFamily.factored([[0.0]], [[1.0]], [[1.0]]).at(3.0)[1].tolist()
+        [[3.0]]
+        """
+        faults = checks.Faults()
+        M0, M1, D = faults.array("M0", M0, "k n"), faults.array("M1", M1, "k n"), faults.array("D", D, "k m")
+        W = None if weight is None else faults.covariance("weight", weight, "k k")
+        faults.finish()
+        assert M0 is not None
+        W = np.eye(len(M0)) if W is None else W
+        cross = M0.T @ W @ M1
+        return DesignFamily(
+            _even(D.T @ W @ D), Q0=_even(M0.T @ W @ M0), Q01=cross + cross.T, Q1=_even(M1.T @ W @ M1), S0=M0.T @ W @ D,
+            S1=M1.T @ W @ D, dt=dt,
+        )  # fmt: skip
+
+    @staticmethod
+    def approach(model: StateSpace, *, weight: Any = None) -> "DesignFamily":
+        """The feedback that makes x move as nearly as it can like dx/dt = -η x: cost ||dx/dt + η x||²_W.
+
+        Discrete: ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n), symmetric positive semidefinite (default I: it depends
+        on the units of the states). B'W B must not be singular.
+        """
+        return _approaching(model, model.A, model.B, weight)
+
+    @staticmethod
+    def approach_of_error(model: StateSpace, *, weight: Any = None) -> "DesignFamily":
+        """The same for a filter, by duality: the error of the estimate decays as nearly as it can like exp(-η t).
+
+        `weight` (n, n); C weight C' must not be singular: no two outputs may say the same thing.
+        """
+        return _approaching(model, model.A.T, model.C.T, weight)
+
+
+def _approaching(model: StateSpace, A: Any, B: Any, weight: Any) -> DesignFamily:
+    dt = None if model.is_continuous else model.dt
+    return DesignFamily.factored(A, np.eye(len(A)), B, weight=weight, dt=dt)
+
+
+def _even(M: Any) -> Any:
+    return (M + M.T) / 2
+
+
+def joint(Q: Any, S: Any, R: Any) -> float:
+    """The smallest eigenvalue of [[Q, S], [S', R]], of its largest entry; -0 is 0."""
+    M = np.block([[Q, S], [S.T, R]])
+    return float(np.linalg.eigvalsh(M)[0] / (np.abs(M).max() or 1.0))

@@ -1,0 +1,78 @@
+"""What a closed loop does with each kind of disturbance, for many designs at once.
+
+Letters: A (b, 2n, 2n) the loops in (x, x - x^), in the units of the scaling; W, V the noises of process and measurement.
+Reference: R. W. Bass (2005), criteria [1]-[6]; discrete time in its own formulas.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ..kernels import courses as kernel
+from ..kernels.decay import nearest_instability
+from ..kernels.riccati import clyap, dlyap
+from ..models.state_space import StateSpace
+
+BEST = {
+    "response_time": "smallest", "rho": "largest", "sigma": "largest", "external": "smallest", "peak_gain": "smallest",
+    "dispersion": "smallest", "control": "smallest", "static_error": "smallest", "resonance": "smallest",
+    "magnification": "smallest",
+}  # fmt: skip
+CRITERIA = tuple(BEST)
+RESONANCE = 1e-6  # relative, to which a peak is searched
+
+
+def bandwidths(A: Any, dt: float) -> Any:
+    """sqrt(σ_min σ_max) of each loop, of log(A) / dt in discrete time: infinite where a pole has no logarithm."""
+    if dt == 0:
+        return kernel.bandwidth(A)
+    log = kernel.logarithm(A)
+    known = np.isfinite(log).all(axis=(1, 2))
+    found = np.full(len(A), np.inf)
+    found[known] = kernel.bandwidth(log[known] / dt)
+    return found
+
+
+def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[dict[str, Any], str]:
+    """Every criterion of every loop, and of which noise `dispersion` and `control` are."""
+    continuous, both = model.is_continuous, np.tile(scaling, 2)
+    A = loops * (both / both[:, None])
+    course = kernel.courses(A, continuous)
+    ρ = kernel.margins(A, course, continuous)
+    away = A if continuous else np.eye(A.shape[1]) - A
+    static = 1 / np.linalg.svd(away, compute_uv=False)[:, -1]
+    peak = 1 / np.array([nearest_instability(loop, continuous, RESONANCE)[0] for loop in A])
+    peak = np.maximum(peak, static)
+    dispersion, control, noise = _stochastic(model, gains, loops, both)
+    step = 1.0 if continuous else model.dt
+    found = (
+        kernel.settling(course) * step, ρ, 1 / course.total, 1 / ρ, course.rows.max(axis=1), dispersion, control, static, peak,
+        peak / static,
+    )  # fmt: skip
+    return dict(zip(CRITERIA, found, strict=True)), noise
+
+
+def _stochastic(model: StateSpace, gains: Any, loops: Any, both: Any) -> tuple[Any, Any, str]:
+    """rms of the state in units of the scaling, and of the input."""
+    own = model.R is not None and np.any(model.Q)
+    n, values = model.n, []
+    for (K, predictor, gain), A in zip(gains, loops, strict=True):
+        Q = _noise(model, K, predictor, gain) if own else np.diag(both**2)
+        P = (clyap if model.is_continuous else dlyap)(A, Q)
+        left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ model.C
+        of_u = np.hstack([-K, K @ left])
+        heard = 0.0 if model.is_continuous or not own else np.trace(K @ gain @ model.R @ gain.T @ K.T)
+        values.append((np.trace(P / (both[:, None] * both)), np.trace(of_u @ P @ of_u.T) + heard))
+    dispersion, control = np.sqrt(np.maximum(np.transpose(values), 0.0))
+    return dispersion, control, "the model's" if own else "unit white"
+
+
+def _noise(model: StateSpace, K: Any, predictor: Any, gain: Any) -> Any:
+    """The covariance (per step or second) that process and measurement noise give (x, x - x^)."""
+    W = np.vstack([model.G, model.G])
+    into_x = np.zeros_like(predictor) if model.is_continuous else -model.B @ K @ gain
+    V = np.vstack([into_x, -predictor])
+    S = np.zeros((model.Q.shape[0], model.p)) if model.S is None else model.S
+    Q = np.block([[model.Q, S], [S.T, model.R]])
+    both = np.hstack([W, V])
+    return both @ Q @ both.T
