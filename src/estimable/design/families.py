@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, set_field
+from ..frozen import frozen, replace, set_field, static
 from ..models.state_space import StateSpace
 
 
@@ -14,8 +14,9 @@ from ..models.state_space import StateSpace
 class DesignFamily:
     """Weights Q(η) = Q0 + p Q01 + p² Q1, S(η) = S0 + p S1 and R of a quadratic cost x'Q x + 2 x'S u + u'R u.
 
-    Of a filter they are the covariances of process noise, cross noise and measurement noise. p = η; where `dt` is given,
-    p = -exp(-η dt), so that η is a rate per second in discrete time too.
+    Of a filter they are the covariances of process noise, cross noise and measurement noise; of a discrete one S must be zero, or
+    S and R those of the next output, C A x + noise (`next_output`), to which the gain of a sample belongs. p = η; where
+    `dt` is given, p = -exp(-η dt), so that η is a rate per second in discrete time too.
 
     `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m); those not given are zero, but one of Q0 and Q1 is needed. [[Q, S], [S', R]] must be
     positive semidefinite: with Q01 = S0 = 0 it is for every η where Q0 and Q1 - S1 R^-1 S1' are. `factored` makes families for
@@ -36,6 +37,7 @@ class DesignFamily:
     S0: Any = None
     S1: Any = None
     dt: Any = None
+    next_output: bool = static(default=False)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -104,9 +106,12 @@ class DesignFamily:
     def approach_of_error(model: StateSpace, *, weight: Any = None) -> "DesignFamily":
         """The same for a filter, by duality: the error of the estimate decays as nearly as it can like exp(-η t).
 
-        `weight` (n, n); C weight C' must not be singular: no two outputs may say the same thing.
+        `weight` (n, n); C weight C' (discrete: C A weight A' C') must not be singular: no two
+        outputs may say the same thing.
         """
-        return _approaching(model, model.A.T, model.C.T, weight)
+        if model.is_continuous:
+            return _approaching(model, model.A.T, model.C.T, weight)
+        return replace(_approaching(model, model.A.T, (model.C @ model.A).T, weight), next_output=True)
 
 
 def _approaching(model: StateSpace, A: Any, B: Any, weight: Any) -> DesignFamily:

@@ -55,24 +55,20 @@ def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[d
 def _stochastic(model: StateSpace, gains: Any, loops: Any, both: Any) -> tuple[Any, Any, str]:
     """rms of the state in units of the scaling, and of the input."""
     own = model.R is not None and np.any(model.Q)
-    n, values = model.n, []
-    for (K, predictor, gain), A in zip(gains, loops, strict=True):
-        Q = _noise(model, K, predictor, gain) if own else np.diag(both**2)
+    values = []
+    for (K, gain), A in zip(gains, loops, strict=True):
+        Q = _noise(model, gain) if own else np.diag(both**2)
         P = (clyap if model.is_continuous else dlyap)(A, Q)
-        left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ model.C
-        of_u = np.hstack([-K, K @ left])
-        heard = 0.0 if model.is_continuous or not own else np.trace(K @ gain @ model.R @ gain.T @ K.T)
-        values.append((np.trace(P / (both[:, None] * both)), np.trace(of_u @ P @ of_u.T) + heard))
+        of_u = np.hstack([-K, K])
+        values.append((np.trace(P / (both[:, None] * both)), np.trace(of_u @ P @ of_u.T)))
     dispersion, control = np.sqrt(np.maximum(np.transpose(values), 0.0))
     return dispersion, control, "the model's" if own else "unit white"
 
 
-def _noise(model: StateSpace, K: Any, predictor: Any, gain: Any) -> Any:
+def _noise(model: StateSpace, gain: Any) -> Any:
     """The covariance (per step or second) that process and measurement noise give (x, x - x^)."""
-    W = np.vstack([model.G, model.G])
-    into_x = np.zeros_like(predictor) if model.is_continuous else -model.B @ K @ gain
-    V = np.vstack([into_x, -predictor])
-    S = np.zeros((model.Q.shape[0], model.p)) if model.S is None else model.S
-    Q = np.block([[model.Q, S], [S.T, model.R]])
-    both = np.hstack([W, V])
-    return both @ Q @ both.T
+    n, G = model.n, model.G
+    left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ model.C
+    W = np.vstack([G, left @ G])
+    V = np.vstack([np.zeros_like(gain), gain])
+    return W @ model.Q @ W.T + V @ model.R @ V.T

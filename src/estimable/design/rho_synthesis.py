@@ -12,6 +12,7 @@ from ..errors import AssumptionError
 from ..frozen import frozen, static
 from ..kernels.riccati import care, dare
 from ..models.constant import check_constant
+from ..models.discretisation import over
 from ..models.state_space import StateSpace
 from . import loop_criteria
 from .families import DesignFamily, joint
@@ -37,9 +38,9 @@ class RhoSynthesis:
 
     `eta` (N,); `bandwidth` (N,) rad/s, infinite where a sampled loop has none; `criteria`: each criterion's name and its values
     (N,); `composite` (N,): the weighted geometric mean of how many times worse than its own best each criterion is, 1 at least;
-    `weights` of the criteria; `chosen`: the index. Of the chosen design: `feedback` (m, n), `predictor` (n, p) and `filter` (n, p) (as in
-    `KalmanGain`; continuous: the same), `closed_loop` (2n, 2n) of (x, x - x^), and its `margin`. `scaling` (n,): the units of the
-    states in the norms.
+    `weights` of the criteria; `chosen`: the index. Of the chosen design: `feedback` (m, n), `filter` (n, p), `closed_loop` (2n, 2n) of
+    (x, x - x^), and its `margin`. `scaling` (n,): the units of the states in the norms; `noise`: which noise `dispersion` and
+    `control` are of.
     """
 
     eta: Any
@@ -48,7 +49,6 @@ class RhoSynthesis:
     composite: Any
     chosen: int = static()
     feedback: Any
-    predictor: Any
     filter: Any
     closed_loop: Any
     margin: RhoMargin
@@ -64,6 +64,19 @@ class RhoSynthesis:
         found["composite"] = int(np.argmin(self.composite))
         series = {**self.criteria, "composite": self.composite}
         return {name: Optimum(i, float(self.bandwidth[i]), float(series[name][i])) for name, i in found.items()}
+
+    def filter_of_sample(self, dt: float) -> Any:
+        """Of a continuous design, the gain (n, p) of a sample that lasts `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
+
+        The innovation then acts through `filter` until the next sample: it is the integral of e^(-As) filter over a step.
+        """
+        if not self.model.is_continuous:
+            checks.refuse("`filter` is of a sample already: this design is discrete.")
+        faults = checks.Faults()
+        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+        faults.finish()
+        eye = np.eye(self.model.n)
+        return over(-self.model.A, eye, 0 * eye, dt, hold="zero_order")[1] @ self.filter
 
     def plot(self) -> Any:
         """All criteria over the bandwidth, each relative to its best, with the optima marked: a plotly figure."""
@@ -98,7 +111,7 @@ def rho_synthesis(
     and the bandwidth sqrt(σ_min(A) σ_max(A)) (discrete: of log(A) / dt).
 
     `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`, or fixed
-    gains, (m, n) and (n, p) (a predictor's); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that
+    gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that
     of the model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default {"rho": 1}. `scaling` (n,): the
     size of one unit of each state; None: the states as they are. All of it depends on them.
 
@@ -121,11 +134,11 @@ def rho_synthesis(
     bandwidth = loop_criteria.bandwidths(loops * _relative(plan.scaling), model.dt)
     composite = _composite(criteria, plan.weights)
     chosen = int(np.argmin(composite))
-    K, predictor, gain = gains[chosen]
+    K, gain = gains[chosen]
     both = np.tile(plan.scaling, 2)
     margin = rho_margin(loops[chosen], dt=model.dt, scaling=both)
     return RhoSynthesis(
-        plan.eta, bandwidth, criteria, composite, chosen, K, predictor, gain, loops[chosen], margin, plan.weights, plan.scaling,
+        plan.eta, bandwidth, criteria, composite, chosen, K, gain, loops[chosen], margin, plan.weights, plan.scaling,
         noise, model,
     )  # fmt: skip
 
@@ -182,7 +195,7 @@ def _read_part(name: str, given: Any, default: Any, sizes: tuple[int, int], axes
 def _read_filter(given: Any, model: StateSpace, faults: checks.Faults) -> Any:
     if isinstance(given, str):
         faults.choice("filter", given, ("kalman",))
-        return kalman_gain(model) if given == "kalman" and model.R is not None else _without_noise(given, faults)
+        return kalman_gain(model).filter if given == "kalman" and model.R is not None else _without_noise(given, faults)
     return _read_part(
         "filter", given, DesignFamily.approach_of_error, (model.n, model.p), "n p", model, faults
     )
@@ -222,7 +235,10 @@ def _check_families(eta, control, filter, model: StateSpace, faults: checks.Faul
                 f"`{name}`: [[Q, S], [S.T, R]] must be positive semidefinite: at eta = {eta[at]:g} its smallest eigenvalue is "
                 f"{smallest[at]:.3g} of its largest entry. Families by `DesignFamily.factored` always are."
             )
-        elif np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
+            continue
+        if name == "filter" and not model.is_continuous and not family.next_output and (np.any(family.S0) or np.any(family.S1)):
+            faults.add("`filter`: of a discrete filter S must be zero, or of the next output (`next_output`).")
+        if np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
             what = "two inputs do the same" if name == "control" else "two outputs say the same"
             faults.add(f"`{name}`: R must be positive definite. It is not where {what}: give a DesignFamily with another R.")
 
@@ -251,36 +267,35 @@ def _default_eta(model: StateSpace) -> Any:
     return np.geomspace(top / RANGE**2, top, NUMBER)
 
 
-def _gains(model: StateSpace, plan: _Plan, η: float) -> tuple[Any, Any, Any]:
-    """K (m, n), the predictor's gain and the filter's (n, p) at one η."""
+def _gains(model: StateSpace, plan: _Plan, η: float) -> tuple[Any, Any]:
+    """K (m, n) and the filter's gain (n, p) at one η."""
     K, gain = plan.control, plan.filter
     try:
         if isinstance(K, DesignFamily):
             Q, S, R = K.at(η)
             K = (care if model.is_continuous else dare)(model.A, model.B, Q, R, S).K
         if isinstance(gain, DesignFamily):
-            return K, *_filter(model, *gain.at(η))
+            gain = _filter(model, gain, η)
     except AssumptionError as error:
         raise AssumptionError(f"there is no design at eta = {η:.6g}: {error}") from None
-    if hasattr(gain, "predictor"):
-        return K, gain.predictor, gain.filter
-    return K, gain, gain if model.is_continuous else np.linalg.lstsq(model.A, gain, rcond=None)[0]
+    return K, gain
 
 
-def _filter(model: StateSpace, Q: Any, S: Any, R: Any) -> tuple[Any, Any]:
-    """The predictor's gain, and the filter's, by duality."""
+def _filter(model: StateSpace, family: DesignFamily, η: float) -> Any:
+    """The filter's gain, by duality; discrete, with Q' = Q, S' = Q C', R' = C Q C' + R of the next output C A x."""
+    Q, S, R = family.at(η)
     if model.is_continuous:
-        L = care(model.A.T, model.C.T, Q, R, S).K.T
-        return L, L
-    P, L, _ = dare(model.A.T, model.C.T, Q, R, S)
-    return L.T, np.linalg.lstsq((model.C @ P @ model.C.T + R).T, (P @ model.C.T).T, rcond=None)[0].T
+        return care(model.A.T, model.C.T, Q, R, S).K.T
+    if not family.next_output:
+        S, R = Q @ model.C.T, model.C @ Q @ model.C.T + R
+    return dare(model.A.T, (model.C @ model.A).T, Q, R, S).K.T
 
 
-def _loop(model: StateSpace, K: Any, predictor: Any, gain: Any) -> Any:
-    """The motion of (x, x - x^), x^ predicted; u is made of the filtered estimate where there is one."""
+def _loop(model: StateSpace, K: Any, gain: Any) -> Any:
+    """The motion of (x, x - x^)."""
     A, B, C, n = model.A, model.B, model.C, model.n
-    left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ C
-    return np.block([[A - B @ K, B @ K @ left], [np.zeros((n, n)), A - predictor @ C]])
+    error = A - gain @ C if model.is_continuous else A - gain @ C @ A
+    return np.block([[A - B @ K, B @ K], [np.zeros((n, n)), error]])
 
 
 def _check_stable(model: StateSpace, eta: Any, loops: Any) -> None:
