@@ -18,7 +18,9 @@ from .controllers.state_feedback import StateFeedback
 from .data.reading import read_record
 from .data.record import Record
 from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
+from .design.families import DesignFamily
 from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
+from .design.rho_synthesis import RhoSynthesis, rho_synthesis
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
@@ -95,6 +97,7 @@ __all__ = [
     "ControlledPlant",
     "DelayLink",
     "Delivery",
+    "DesignFamily",
     "Estimability",
     "EstimableError",
     "EstimableWarning",
@@ -141,6 +144,7 @@ __all__ = [
     "Reduction",
     "Regulability",
     "RhoMargin",
+    "RhoSynthesis",
     "RunError",
     "Sample",
     "SecondOrderKalman",
@@ -193,6 +197,7 @@ __all__ = [
     "regulability",
     "report",
     "rho_margin",
+    "rho_synthesis",
     "save",
     "simulate",
     "simulate_bank",

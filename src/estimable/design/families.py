@@ -18,9 +18,9 @@ class DesignFamily:
     S and R those of the next output, C A x + noise (`next_output`), to which the gain of a sample belongs. p = η; where
     `dt` is given, p = -exp(-η dt), so that η is a rate per second in discrete time too.
 
-    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m); those not given are zero, but one of Q0 and Q1 is needed. [[Q, S], [S', R]] must be
-    positive semidefinite: with Q01 = S0 = 0 it is for every η where Q0 and Q1 - S1 R^-1 S1' are. `factored` makes families for
-    which it always is. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
+    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m); those not given are zero, but one of Q0 and Q1 is needed.
+    [[Q, S], [S', R]] must be positive semidefinite: with Q01 = S0 = 0 it is for every η where Q0 and Q1 - S1 R^-1 S1' are.
+    `factored` makes families for which it always is. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
 
     Reference: R. W. Bass (2005): R fixed, S linear and Q quadratic in η.
 
@@ -55,7 +55,9 @@ class DesignFamily:
         faults.finish()
         n, m = faults.sizes["n"], faults.sizes["m"]
         blank = {"Q0": (n, n), "Q01": (n, n), "Q1": (n, n), "S0": (n, m), "S1": (n, m)}
-        set_field(self, **{name: np.zeros(blank[name]) if v is None and name in blank else v for name, v in read.items()})
+        set_field(
+            self, **{name: np.zeros(blank[name]) if v is None and name in blank else v for name, v in read.items()}
+        )
 
     @property
     def n(self) -> int:

@@ -6,28 +6,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..analysis.observability import observability, reachability
 from ..analysis.rho import RhoMargin, rho_margin
 from ..errors import AssumptionError
 from ..frozen import frozen, static
 from ..kernels.riccati import care, dare
-from ..models.constant import check_constant
 from ..models.discretisation import over
 from ..models.state_space import StateSpace
 from . import loop_criteria
-from .families import DesignFamily, joint
-from .gains import kalman_gain
-from .loop_criteria import BEST, CRITERIA
-
-NUMBER = 200   # of designs
-RANGE = 30.0   # times and parts of the plant's own speed, between which η goes
-FASTEST = 4.0  # η dt, of discrete designs: e^-4 is left of a motion after a sample
+from .families import DesignFamily
+from .loop_criteria import BEST
+from .rho_plan import Plan, read_plan
 
 
 class Optimum(NamedTuple):
-    """Where a criterion is best: the index of the design, its bandwidth, and the criterion's value there."""
+    """Where a criterion is best: the number of the design, its bandwidth, and the criterion's value there."""
 
-    index: int
+    design: int
     bandwidth: float
     value: float
 
@@ -38,9 +32,9 @@ class RhoSynthesis:
 
     `eta` (N,); `bandwidth` (N,) rad/s, infinite where a sampled loop has none; `criteria`: each criterion's name and its values
     (N,); `composite` (N,): the weighted geometric mean of how many times worse than its own best each criterion is, 1 at least;
-    `weights` of the criteria; `chosen`: the index. Of the chosen design: `feedback` (m, n), `filter` (n, p), `closed_loop` (2n, 2n) of
-    (x, x - x^), and its `margin`. `scaling` (n,): the units of the states in the norms; `noise`: which noise `dispersion` and
-    `control` are of.
+    `weights` of the criteria; `chosen`: the number of the design. Of it: `feedback` (m, n), `filter` (n, p), `closed_loop`
+    (2n, 2n) of (x, x - x^), and its `margin`. `scaling` (n,): the units of the states in the norms; `noise`: which noise
+    `dispersion` and `control` are of.
     """
 
     eta: Any
@@ -110,10 +104,10 @@ def rho_synthesis(
 
     and the bandwidth sqrt(σ_min(A) σ_max(A)) (discrete: of log(A) / dt).
 
-    `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`, or fixed
-    gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that
-    of the model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default {"rho": 1}. `scaling` (n,): the
-    size of one unit of each state; None: the states as they are. All of it depends on them.
+    `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`,
+    or fixed gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that of the
+    model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default {"rho": 1}. `scaling` (n,):
+    the size of one unit of each state; None: the states as they are. All of it depends on them.
 
     Raises `InputError`, also for weights that are not positive semidefinite at some η; `AssumptionError` where the model is not
     stabilisable and detectable, or a loop not stable. Norms over time are followed to about 3 %; `margin`, of the chosen loop, is
@@ -124,9 +118,9 @@ def rho_synthesis(
     >>> mass = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], dt=0)
     >>> found = rho_synthesis(mass, eta=[0.5, 1.0, 2.0])
     >>> found.chosen, found.feedback.round(6).tolist()
-    (1, [[1.0, 2.0]])
+    (2, [[2.0, 3.0]])
     """
-    plan = _read(model, eta, control, filter, weights, scaling)
+    plan = read_plan(model, eta, control, filter, weights, scaling)
     gains = [_gains(model, plan, float(η)) for η in plan.eta]
     loops = np.array([_loop(model, *gain) for gain in gains])
     _check_stable(model, plan.eta, loops)
@@ -143,131 +137,7 @@ def rho_synthesis(
     )  # fmt: skip
 
 
-class _Plan(NamedTuple):
-    """A call, read: `control` and `filter` are families or fixed gains."""
-
-    eta: Any
-    control: Any
-    filter: Any
-    weights: dict[str, float]
-    scaling: Any
-
-
-def _read(model: Any, eta: Any, control: Any, filter: Any, weights: Any, scaling: Any) -> _Plan:
-    faults = checks.Faults()
-    if faults.instance("model", model, StateSpace):
-        check_constant(model, faults)
-        if model.m == 0:
-            faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
-    faults.finish()
-    n, m, p = model.n, model.m, model.p
-    for axis, size, noun in (("n", n, "state"), ("m", m, "input"), ("p", p, "output")):
-        faults.learn(axis, size, f"the model has {checks.counted(size, noun)}")
-    eta = faults.array("eta", _default_eta(model) if eta is None else eta, "N")
-    if eta is not None and (len(eta) == 0 or np.any(eta <= 0) or np.any(np.diff(eta) <= 0)):
-        faults.add("`eta` must be rates per second, greater than 0 and increasing.")
-    control = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
-    filter = _read_filter(filter, model, faults)
-    weights = _read_weights(weights, faults)
-    scaling = faults.array("scaling", np.ones(n) if scaling is None else scaling, "n")
-    if scaling is not None and np.any(scaling <= 0):
-        faults.add(f"`scaling` must be sizes, greater than 0. Got {scaling.min():g}.")
-    if not faults.sentences and not isinstance(control, DesignFamily) and not isinstance(filter, DesignFamily):
-        faults.add("`control` and `filter` are both fixed gains, so that nothing depends on `eta`: leave one out.")
-    if not faults.sentences:
-        _check_families(eta, control, filter, model, faults)
-    faults.finish()
-    _check_reach(model)
-    return _Plan(eta, control, filter, weights, scaling)
-
-
-def _read_part(name: str, given: Any, default: Any, sizes: tuple[int, int], axes: str, model, faults) -> Any:
-    """A family of the right sizes, or a fixed gain."""
-    if given is None:
-        return default(model)
-    if not isinstance(given, DesignFamily):
-        return faults.array(name, given, axes)
-    if (given.n, given.m) != sizes:
-        faults.add(f"`{name}` must be a family of (n, {axes.split()[0]}) = {sizes}. Got {(given.n, given.m)}.")
-    return given
-
-
-def _read_filter(given: Any, model: StateSpace, faults: checks.Faults) -> Any:
-    if isinstance(given, str):
-        faults.choice("filter", given, ("kalman",))
-        return kalman_gain(model).filter if given == "kalman" and model.R is not None else _without_noise(given, faults)
-    return _read_part(
-        "filter", given, DesignFamily.approach_of_error, (model.n, model.p), "n p", model, faults
-    )
-
-
-def _without_noise(given: str, faults: checks.Faults) -> None:
-    if given == "kalman":
-        faults.add('`filter` = "kalman" needs `R` and Q in the model: StateSpace(..., Q=..., R=...).')
-
-
-def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
-    """Weights of known criteria, not all zero."""
-    if given is None:
-        return {"rho": 1.0}
-    if not isinstance(given, Mapping):
-        faults.add(f"`weights` must be a mapping {{criterion: weight}}. Got {checks.short(given)}.")
-        return {}
-    for name in given:
-        if name not in CRITERIA:
-            near = checks.suggestion(name, CRITERIA)
-            faults.add(f"`weights`: there is no criterion {name!r}. There are {checks.listed(CRITERIA)}.{near}")
-    read = {name: faults.number(f"weights[{name!r}]", value, lower=0.0) for name, value in given.items()}
-    if all(value == 0 for value in read.values()):
-        faults.add("`weights` must hold a weight that is not zero.")
-    return read
-
-
-def _check_families(eta, control, filter, model: StateSpace, faults: checks.Faults) -> None:
-    """Weights must be positive semidefinite together, and what costs nothing must not be free for ever."""
-    for name, family in (("control", control), ("filter", filter)):
-        if not isinstance(family, DesignFamily):
-            continue
-        smallest = [joint(*family.at(η)) for η in eta]
-        if min(smallest) < -1e-11:
-            at = int(np.argmin(smallest))
-            faults.add(
-                f"`{name}`: [[Q, S], [S.T, R]] must be positive semidefinite: at eta = {eta[at]:g} its smallest eigenvalue is "
-                f"{smallest[at]:.3g} of its largest entry. Families by `DesignFamily.factored` always are."
-            )
-            continue
-        if name == "filter" and not model.is_continuous and not family.next_output and (np.any(family.S0) or np.any(family.S1)):
-            faults.add("`filter`: of a discrete filter S must be zero, or of the next output (`next_output`).")
-        if np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
-            what = "two inputs do the same" if name == "control" else "two outputs say the same"
-            faults.add(f"`{name}`: R must be positive definite. It is not where {what}: give a DesignFamily with another R.")
-
-
-def _check_reach(model: StateSpace) -> None:
-    reached, seen = reachability(model), observability(model)
-    if not reached.stabilisable:
-        raise AssumptionError(f"`model` cannot be stabilised: a mode that does not die out is not moved. {_said(reached)}")
-    if not seen.detectable:
-        raise AssumptionError(f"`model` is not detectable: a mode that does not die out is not seen. {_said(seen)}")
-
-
-def _said(found: Any) -> str:
-    return " ".join(found.sentences)
-
-
-def _default_eta(model: StateSpace) -> Any:
-    """Around the geometric mean of the plant's own speeds."""
-    z = np.linalg.eigvals(model.A)
-    if not model.is_continuous:
-        z = np.log(z[np.abs(z) > 1e-12].astype(complex)) / model.dt
-    speeds = np.abs(z)
-    speeds = speeds[speeds > 1e-6 * (speeds.max(initial=0.0) or 1.0)]
-    middle = float(np.exp(np.log(speeds).mean())) if len(speeds) else (1.0 if model.is_continuous else 0.1 / model.dt)
-    top = RANGE * middle if model.is_continuous else min(RANGE * middle, FASTEST / model.dt)
-    return np.geomspace(top / RANGE**2, top, NUMBER)
-
-
-def _gains(model: StateSpace, plan: _Plan, η: float) -> tuple[Any, Any]:
+def _gains(model: StateSpace, plan: Plan, η: float) -> tuple[Any, Any]:
     """K (m, n) and the filter's gain (n, p) at one η."""
     K, gain = plan.control, plan.filter
     try:

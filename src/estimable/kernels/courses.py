@@ -97,7 +97,7 @@ def margins(A: Float[Real, "b n n"], found: Courses, continuous: bool) -> Float[
     for _ in range(50):
         α = (low + high) / 2
         worst = np.take_along_axis(t, np.argmax(log_a + α[:, None] * t, axis=1)[:, None], 1)[:, 0]
-        rises = 1 > worst * (α if continuous else np.expm1(α))
+        rises = worst * (α if continuous else np.expm1(α)) < 1
         low, high = np.where(rises, α, low), np.where(rises, high, α)
     γ = np.exp(np.max(log_a + low[:, None] * t, axis=1))
     return (low if continuous else -np.expm1(-low)) / γ

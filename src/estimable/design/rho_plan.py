@@ -1,0 +1,159 @@
+"""A call of `rho_synthesis`, read and checked."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..analysis.observability import observability, reachability
+from ..errors import AssumptionError
+from ..models.constant import check_constant
+from ..models.state_space import StateSpace
+from .families import DesignFamily, joint
+from .gains import kalman_gain
+from .loop_criteria import CRITERIA
+
+NUMBER = 200  # of designs
+RANGE = 30.0  # times and parts of the plant's own speed, between which η goes
+FASTEST = 4.0  # η dt, of discrete designs: e^-4 is left of a motion after a sample
+INDEFINITE = 1e-11  # of the largest entry: how far below zero rounding may leave an eigenvalue
+
+
+class Plan(NamedTuple):
+    """A call, read: `control` and `filter` are families or fixed gains."""
+
+    eta: Any
+    control: Any
+    filter: Any
+    weights: dict[str, float]
+    scaling: Any
+
+
+def read_plan(model: Any, eta: Any, control: Any, filter: Any, weights: Any, scaling: Any) -> Plan:
+    """Check everything together."""
+    faults = checks.Faults()
+    _read_model(model, faults)
+    n, m = model.n, model.m
+    eta = faults.array("eta", _default_eta(model) if eta is None else eta, "N")
+    if eta is not None and (len(eta) == 0 or np.any(eta <= 0) or np.any(np.diff(eta) <= 0)):
+        faults.add("`eta` must be rates per second, greater than 0 and increasing.")
+    control = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
+    filter = _read_filter(filter, model, faults)
+    weights = _read_weights(weights, faults)
+    scaling = faults.array("scaling", np.ones(n) if scaling is None else scaling, "n")
+    if scaling is not None and np.any(scaling <= 0):
+        faults.add(f"`scaling` must be sizes, greater than 0. Got {scaling.min():g}.")
+    if not faults.sentences and not isinstance(control, DesignFamily) and not isinstance(filter, DesignFamily):
+        faults.add("`control` and `filter` are both fixed gains, so that nothing depends on `eta`: leave one out.")
+    if not faults.sentences:
+        _check_families(eta, control, filter, model, faults)
+    faults.finish()
+    _check_reach(model)
+    return Plan(eta, control, filter, weights, scaling)
+
+
+def _read_model(model: Any, faults: checks.Faults) -> None:
+    """A constant model with inputs; without one nothing else can be judged."""
+    if faults.instance("model", model, StateSpace):
+        check_constant(model, faults)
+        if model.S is not None:
+            faults.add("`model` must have no cross noise S.")
+        if model.m == 0:
+            faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
+    faults.finish()
+    for axis, size, noun in (("n", model.n, "state"), ("m", model.m, "input"), ("p", model.p, "output")):
+        faults.learn(axis, size, f"the model has {checks.counted(size, noun)}")
+
+
+def _read_part(name: str, given: Any, default: Any, sizes: tuple[int, int], axes: str, model, faults) -> Any:
+    """A family of the right sizes, or a fixed gain."""
+    if given is None:
+        return default(model)
+    if not isinstance(given, DesignFamily):
+        return faults.array(name, given, axes)
+    if (given.n, given.m) != sizes:
+        faults.add(f"`{name}` must be a family of (n, {axes.split()[0]}) = {sizes}. Got {(given.n, given.m)}.")
+    return given
+
+
+def _read_filter(given: Any, model: StateSpace, faults: checks.Faults) -> Any:
+    if isinstance(given, str):
+        faults.choice("filter", given, ("kalman",))
+        return kalman_gain(model).filter if given == "kalman" and model.R is not None else _without_noise(given, faults)
+    return _read_part("filter", given, DesignFamily.approach_of_error, (model.n, model.p), "n p", model, faults)
+
+
+def _without_noise(given: str, faults: checks.Faults) -> None:
+    if given == "kalman":
+        faults.add('`filter` = "kalman" needs `R` and Q in the model: StateSpace(..., Q=..., R=...).')
+
+
+def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
+    """Weights of known criteria, not all zero."""
+    if given is None:
+        return {"rho": 1.0}
+    if not isinstance(given, Mapping):
+        faults.add(f"`weights` must be a mapping {{criterion: weight}}. Got {checks.short(given)}.")
+        return {}
+    for name in given:
+        if name not in CRITERIA:
+            near = checks.suggestion(name, CRITERIA)
+            faults.add(f"`weights`: there is no criterion {name!r}. There are {checks.listed(CRITERIA)}.{near}")
+    read = {name: faults.number(f"weights[{name!r}]", value, lower=0.0) for name, value in given.items()}
+    if all(value == 0 for value in read.values()):
+        faults.add("`weights` must hold a weight that is not zero.")
+    return read
+
+
+def _check_families(eta, control, filter, model: StateSpace, faults: checks.Faults) -> None:
+    """Weights must be positive semidefinite together, and what costs nothing must not be free for ever."""
+    for name, family in (("control", control), ("filter", filter)):
+        if not isinstance(family, DesignFamily):
+            continue
+        smallest = [joint(*family.at(η)) for η in eta]
+        if min(smallest) < -INDEFINITE:
+            at = int(np.argmin(smallest))
+            faults.add(
+                f"`{name}`: [[Q, S], [S.T, R]] must be positive semidefinite: at eta = {eta[at]:g} its smallest eigenvalue is "
+                f"{smallest[at]:.3g} of its largest entry. Families by `DesignFamily.factored` always are."
+            )
+            continue
+        if (
+            name == "filter"
+            and not model.is_continuous
+            and not family.next_output
+            and (np.any(family.S0) or np.any(family.S1))
+        ):
+            faults.add("`filter`: of a discrete filter S must be zero, or of the next output (`next_output`).")
+        if np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
+            what = "two inputs do the same" if name == "control" else "two outputs say the same"
+            faults.add(
+                f"`{name}`: R must be positive definite. It is not where {what}: give a DesignFamily with another R."
+            )
+
+
+def _check_reach(model: StateSpace) -> None:
+    reached, seen = reachability(model), observability(model)
+    if not reached.stabilisable:
+        raise AssumptionError(
+            f"`model` cannot be stabilised: a mode that does not die out is not moved. {_said(reached)}"
+        )
+    if not seen.detectable:
+        raise AssumptionError(f"`model` is not detectable: a mode that does not die out is not seen. {_said(seen)}")
+
+
+def _said(found: Any) -> str:
+    return " ".join(found.sentences)
+
+
+def _default_eta(model: StateSpace) -> Any:
+    """Around the geometric mean of the plant's own speeds."""
+    z = np.linalg.eigvals(model.A)
+    if not model.is_continuous:
+        z = np.log(z[np.abs(z) > 1e-12].astype(complex)) / model.dt
+    speeds = np.abs(z)
+    speeds = speeds[speeds > 1e-6 * (speeds.max(initial=0.0) or 1.0)]
+    middle = float(np.exp(np.log(speeds).mean())) if len(speeds) else (1.0 if model.is_continuous else 0.1 / model.dt)
+    top = RANGE * middle if model.is_continuous else min(RANGE * middle, FASTEST / model.dt)
+    return np.geomspace(top / RANGE**2, top, NUMBER)
