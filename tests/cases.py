@@ -9,7 +9,11 @@ from estimable import Prior, Record, StateSpace
 SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))  # n, m, p: few, so that little is compiled
 
 
-SHORT = {"moving-window": {"length": 3}, "change-detection": {"length": 10}}  # settings of the catalogue's for few rows
+SHORT = {  # settings of the catalogue's for few rows, and those that have no default
+    "moving-window": {"length": 3},
+    "change-detection": {"length": 10},
+    "fixed-gain": {"filter": [[0.3, 0.1], [-0.1, 0.2]]},
+}
 
 
 class Case(NamedTuple):

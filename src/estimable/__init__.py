@@ -19,12 +19,13 @@ from .data.reading import read_record
 from .data.record import Record
 from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
 from .design.families import DesignFamily
-from .design.gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
+from .design.gains import FeedbackGain, KalmanGain, filter_covariance, kalman_gain, lqr_gain
 from .design.rho_synthesis import RhoSynthesis, rho_synthesis
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
 from .filters.extended_kalman import ExtendedKalman
+from .filters.fixed_gain import FixedGain
 from .filters.gated import Gated
 from .filters.kalman import Kalman
 from .filters.moving_window import MovingWindow
@@ -107,6 +108,7 @@ __all__ = [
     "Failure",
     "FeedbackGain",
     "Fit",
+    "FixedGain",
     "Forecast",
     "GainInformation",
     "GainReconfiguration",
@@ -175,6 +177,7 @@ __all__ = [
     "estimate",
     "estimate_bank",
     "excitation",
+    "filter_covariance",
     "fit_noise",
     "forecast",
     "gain_information",

@@ -1,12 +1,14 @@
 """One table of the algorithms: what tests, the command line and files go through."""
 
 from collections.abc import Mapping
+from dataclasses import MISSING
 from typing import Any, NamedTuple
 
 from . import checks
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
 from .filters.extended_kalman import ExtendedKalman
+from .filters.fixed_gain import FixedGain
 from .filters.gated import Gated
 from .filters.kalman import Kalman
 from .filters.moving_window import MovingWindow
@@ -76,6 +78,10 @@ ENTRIES = (
     Entry(
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
         "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window"), {"probability": 0.999},
+    ),
+    Entry(
+        "fixed-gain", FixedGain, "filter", "Bass (2005); Bucy & Joseph (1968) ch. XVI",
+        "the model, Q and R are right, for the covariance; every input is known; nothing of the gain",
     ),
     Entry(
         "extended-kalman", ExtendedKalman, "filter", "Jazwinski (1970) §8.3",
@@ -183,6 +189,11 @@ def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: 
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
     if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
         faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
+    for key in _required(built):
+        if key not in settings:
+            faults.add(
+                f"{built.name} needs a value of {key!r}, which has no default: on the command line, --set {key}=.."
+            )
 
 
 def _default(wrapper: Entry, file: ModelFile) -> str:
@@ -194,6 +205,12 @@ def _settings(built: Entry) -> list[str]:
     """The settings of an entry's own."""
     fields = built.cls.__dataclass_fields__
     return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
+
+
+def _required(built: Entry) -> list[str]:
+    """Its settings that neither the class nor the catalogue nor a model file has a value for."""
+    fields = built.cls.__dataclass_fields__
+    return [name for name in _settings(built) if fields[name].default is MISSING and name not in built.settings]
 
 
 def _every_setting(built: Entry, file: ModelFile) -> list[str]:

@@ -296,7 +296,7 @@ def test_every_entry_of_the_catalogue_gives_the_same_in_lanes(name):
         y[rng.random(y.shape) < 0.3] = np.nan
         records.append(Record(y, rng.normal(size=(60, 1)), dt=0.01, hold="first_order",
                               inputs=FILE.model.inputs, outputs=FILE.model.outputs))  # fmt: skip
-    algorithm = catalogue.build(name, FILE, **({"length": 2} if name in SHORT else {}))
+    algorithm = catalogue.build(name, FILE, **({"length": 2} if "length" in SHORT.get(name, {}) else SHORT.get(name, {})))
     assert_same_bank(*both_banks("lanes", algorithm, records, FILE.prior), rtol=AMPLIFIED.get(name, 1e-12))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen
+from ..kernels.fixed_gain import stationary
 from ..kernels.riccati import care, dare
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
@@ -69,6 +70,34 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
     J = np.eye(model.n) - filter_gain @ C
     P_filtered = J @ P @ J.T + filter_gain @ R @ filter_gain.T
     return KalmanGain(filter_gain, K.T, (P_filtered + P_filtered.T) / 2, P, S, np.linalg.eigvals(F))
+
+
+def filter_covariance(model: StateSpace, filter: Any) -> Any:
+    """The covariance (n, n) to which the error of a filter with a given gain settles, after each sample.
+
+    `model`: discrete and constant, with Q and R; `filter` (n, p): x[k|k] = x[k|k-1] + filter e. P = Ψ P Ψ' + (I - K C) G Q G'
+    (I - K C)' + K R K', Ψ = (I - K C) A, whatever the gain; it is least, in each component at once, for that of `kalman_gain`.
+
+    Raises `InputError` for shapes and models that vary, are continuous or have no R; `AssumptionError` where the error grows.
+
+    Reference: R. W. Bass (2005).
+
+    >>> model = StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], dt=1)
+    >>> filter_covariance(model, [[1.0]]), filter_covariance(model, kalman_gain(model).filter).round(3)
+    (array([[1.]]), array([[0.618]]))
+    """
+    faults = checks.Faults()
+    if faults.instance("model", model, StateSpace):
+        check_constant(model, faults)
+        check_noise(model, faults)
+        if model.is_continuous:
+            faults.add("`model` must be discrete, as the gain of a sample is: give model.discretise(dt).")
+        faults.learn("n", model.n, model.size_source)
+        faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
+    K = faults.array("filter", filter, "n p")
+    faults.finish()
+    GS = None if model.S is None else model.G @ model.S
+    return stationary(model.A, model.C, K, model.G @ model.Q @ model.G.T, model.R, GS)
 
 
 def lqr_gain(model: StateSpace, L: Any, M: Any, N: Any = None) -> FeedbackGain:

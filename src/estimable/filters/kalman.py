@@ -71,7 +71,7 @@ class Kalman:
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
         model = self._ready
-        state, post = belief.correct(state, model, model.C, self._known_output(sample), model.Ω, sample)
+        state, post = belief.correct(state, model, model.C, self.known_output(sample), model.Ω, sample)
         info = replace(
             self.tell(state),
             innovation=post.innovation,
@@ -95,9 +95,9 @@ class Kalman:
         """This row of the model, for the smoother."""
         model = self._ready
         moved = (model.A, self._known_change(interval), model.W, model.Ω)
-        return Instant.of(*moved, model.C, self._known_output(sample), model.V)
+        return Instant.of(*moved, model.C, self.known_output(sample), model.V)
 
-    def _known_output(self, sample: Sample):
+    def known_output(self, sample: Sample):
         """What the known input adds to the outputs."""
         point = self._ready.point
         return point.outputs + apply(self._ready.D, sample.u - point.inputs)

@@ -1,0 +1,105 @@
+"""A filter whose gain is given and stays."""
+
+from dataclasses import field
+from typing import Any
+
+import jax.numpy as jnp
+
+from .. import checks
+from ..frozen import frozen, replace, set_field
+from ..kernels import fixed_gain as kernel
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Names, Sample, outcome_code
+from .belief import Belief
+from .kalman import Kalman
+
+
+@frozen
+class FixedGain:
+    """A filter whose gain is given, with the true covariance of its error: not that of the filter it ought to be.
+
+    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. The mean moves by
+    K (y - C x - D u) at each sample, over the outputs that were seen; P = (I - K C) P (I - K C)' + K R K' at a sample.
+
+    Assumes for the mean A, B, C and D only. For the covariance Q and R must be right too; the gain need not be: a gain that was
+    tuned for other noises, or made robust, says how well it does here. Where the error grows, so does the covariance.
+    `log_likelihood` scores each sample by what was predicted for it; it is that of the record for the Kalman gain only,
+    since the innovations of another gain are correlated in time. A diffuse prior is learnt as `Kalman` learns it, until
+    nothing is diffuse any more: two samples start a tracker of position and velocity.
+
+    Settings: `model`, a `StateSpace` with R; `filter` (n, p), the gain K: `kalman_gain(model).filter`, that of `trans_kalman`, or
+    any other. It is of a sample, so that a continuous model is discretised before its gain is worked out.
+
+    Cost: that of `Kalman`, which gives the innovations, and n p (2 n + p) multiplications.
+
+    Reference: R. W. Bass (2005); R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes (1968), ch. XVI.
+
+    >>> model = StateSpace([[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> result = estimate(FixedGain(model, [[0.5]]), Record([4.0, 4.0], dt=1), prior=Prior([0.0], [[1.0]]))
+    >>> result.mean.ravel().tolist(), result.covariance.ravel().tolist()  # Kalman: [2.0, 2.667], [0.5, 0.333]
+    ([2.0, 3.0], [0.5, 0.375])
+    """
+
+    model: StateSpace
+    filter: Any
+    ready: Kalman | None = field(default=None, init=False)
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        if faults.instance("model", self.model, StateSpace):
+            faults.learn("n", self.model.n, self.model.size_source)
+            faults.learn("p", self.model.p, f"the model has {checks.counted(self.model.p, 'output')}")
+        set_field(self, filter=faults.array("filter", self.filter, "n p"))
+        faults.finish()
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs and outputs."""
+        return Names(self.model.states, self.model.inputs, self.model.outputs)
+
+    def sampled(self, clock: Clock) -> "FixedGain":
+        """The same filter with its model discretised for the steps of `clock` and its noises factored."""
+        return replace(self, ready=Kalman(self.model).sampled(clock), model=None)
+
+    def at(self, k) -> "FixedGain":
+        """The filter at row k of a time-varying model."""
+        return replace(self, ready=self._kalman.at(k))
+
+    @property
+    def _kalman(self) -> Kalman:
+        return self.sampled(Clock.every(self.model.dt))._kalman if self.ready is None else self.ready
+
+    def init(self, prior: Prior) -> Belief:
+        """What is believed about x[0], before y[0]."""
+        return self._kalman.init(prior)
+
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+        """Learn from one sample."""
+        optimal, info = self._kalman.correct(state, sample)
+        after = self._moved(state, sample, optimal)
+        told = self._kalman.tell(after)
+        code = outcome_code(info.outcome == 2, after.mean, after.factor, after.diffuse)
+        return after, replace(
+            info, mean=told.mean, covariance=told.covariance, diffuse_covariance=told.diffuse_covariance, outcome=code
+        )
+
+    def _moved(self, state: Belief, sample: Sample, optimal: Belief) -> Belief:
+        """The belief after a sample; while something is diffuse, that of the Kalman filter."""
+        model, b = self._kalman.ready, state
+        assert model is not None
+        d = self._kalman.known_output(sample)
+        moved = kernel.correct(
+            b.mean, b.factor, b.diffuse, jnp.asarray(self.filter), model.C, d, model.V, model.Ω, sample.y, sample.seen
+        )
+        after = Belief(moved.m, moved.Z, moved.X, b.size, b.log_scale, moved.drift, moved.Z_drift)
+        if b.diffuse.shape[1] == 0:
+            return after
+        learning = jnp.any(b.diffuse != 0)
+        pairs = ((getattr(optimal, name), getattr(after, name)) for name in Belief.__dataclass_fields__)
+        return Belief(*(None if new is None else jnp.where(learning, old, new) for old, new in pairs))
+
+    def predict(self, state: Belief, interval: Interval) -> Belief:
+        """Move to the next sample."""
+        return self._kalman.predict(state, interval)
