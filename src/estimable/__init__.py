@@ -18,9 +18,11 @@ from .controllers.state_feedback import StateFeedback
 from .data.reading import read_record
 from .data.record import Record
 from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
+from .design.disturbance_accommodation import DisturbanceAccommodation, disturbance_accommodation
 from .design.families import DesignFamily
 from .design.gains import FeedbackGain, KalmanGain, filter_covariance, kalman_gain, lqr_gain
 from .design.rho_synthesis import RhoSynthesis, rho_synthesis
+from .design.waveforms import Waveform
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
@@ -99,6 +101,7 @@ __all__ = [
     "DelayLink",
     "Delivery",
     "DesignFamily",
+    "DisturbanceAccommodation",
     "Estimability",
     "EstimableError",
     "EstimableWarning",
@@ -164,6 +167,7 @@ __all__ = [
     "UnknownInputExistence",
     "UnscentedKalman",
     "Validation",
+    "Waveform",
     "alpha_beta_covariance",
     "alpha_beta_gains",
     "catalogue",
@@ -172,6 +176,7 @@ __all__ = [
     "close_loop_bank",
     "compare",
     "diagnostics",
+    "disturbance_accommodation",
     "drawn_from",
     "estimability",
     "estimate",

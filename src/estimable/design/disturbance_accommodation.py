@@ -1,0 +1,281 @@
+"""Feedback and estimator that reckon with a disturbance of known form. C. D. Johnson.
+
+Letters of the source: d = H z enters by F, Γ cancels it; Π is the state that goes with z in the end.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..analysis.observability import observability, reachability
+from ..errors import AssumptionError
+from ..frozen import frozen, static
+from ..models.constant import check_constant, check_noise
+from ..models.discretisation import over
+from ..models.prior import Prior
+from ..models.state_space import StateSpace
+from .gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
+from .waveforms import Waveform
+
+MODES = ("absorption", "minimisation", "utilisation")
+OUTSIDE = 1e-9  # of F H: what may be left outside the range of B and still be rounding
+
+
+@frozen
+class DisturbanceAccommodation:
+    """What `disturbance_accommodation` returns.
+
+    `model`: the composite of plant and waveform, states (x, z): what `Kalman` takes. `feedback` (m, n + q): what `StateFeedback`
+    takes, u = -feedback (x^, z^); the part of x alone is that of `lqr_gain`. `filter`: the stationary gains of the composite,
+    as of `kalman_gain`. `steady` (n, q): in the end x = steady z. `left` (r, q): what of z then stays in the freed outputs.
+    `poles` (n,) of A - B K.
+    """
+
+    model: StateSpace
+    feedback: Any
+    filter: KalmanGain
+    steady: Any
+    left: Any
+    poles: Any
+    mode: str = static()
+
+    @property
+    def order(self) -> int:
+        """The number of states of the waveform."""
+        return self.steady.shape[1]
+
+    def prior(self, of_state: Prior, covariance: Any = None) -> Prior:
+        """The prior of the composite: that of the state, and z zero on average with this `covariance` (q, q), or one variance.
+
+        None: nothing is known of z (diffuse).
+        """
+        faults, q = checks.Faults(), self.order
+        n = self.model.n - q
+        if faults.instance("of_state", of_state, Prior) and of_state.size != n:
+            faults.add(f"`of_state` must be a prior of n = {n} states: the plant has so many. Got {of_state.size}.")
+        faults.learn("q", q, f"the waveform has {checks.counted(q, 'state')}")
+        given = covariance * np.eye(q) if np.ndim(covariance) == 0 and covariance is not None else covariance
+        V = np.zeros((q, q)) if given is None else faults.covariance("covariance", given, "q q")
+        faults.finish()
+        known = (
+            []
+            if of_state.diffuse is None
+            else [np.vstack([of_state.diffuse, np.zeros((q, of_state.diffuse.shape[1]))])]
+        )
+        unknown = [np.vstack([np.zeros((n, q)), np.eye(q)])] if covariance is None else []
+        P = np.block([[of_state.covariance, np.zeros((n, q))], [np.zeros((q, n)), V]])
+        diffuse = np.hstack(known + unknown) if known + unknown else None
+        return Prior(np.append(of_state.mean, np.zeros(q)), P, diffuse=diffuse)
+
+    def __repr__(self) -> str:
+        size = np.linalg.norm(self.left, 2)
+        left = "nothing is left of it in the outputs" if size == 0 else f"of it {size:.3g} is left in the outputs"
+        return f"DisturbanceAccommodation({self.mode} of {checks.counted(self.order, 'waveform state')}: {left})"
+
+
+class _Plan(NamedTuple):
+    """A call, read. `C`: what is to be freed."""
+
+    FH: Any
+    D: Any
+    C: Any
+    composite: StateSpace
+
+
+def disturbance_accommodation(
+    model: StateSpace, disturbance: Waveform, *, through: Any, L: Any, M: Any, mode: str = "absorption", walk: Any = 1.0,
+    freed: Any = None,
+) -> DisturbanceAccommodation:  # fmt: skip
+    """Estimate a disturbance of known form beside the state, and cancel it, free the outputs of it, or use it.
+
+    Model: dx/dt = A x + B u + F d + G w, d = H z, dz/dt = D z + noise (discrete: d is held over a sample); u = -K x^ - K_z z^.
+
+    - "absorption": B K_z = F H, the disturbance never reaches the state; it must enter where inputs do
+    - "minimisation": of all K_z the one with which least of z stays in the freed outputs; nothing, where the regulator
+      equations Π D = A Π + B Γ + F H, C Π = 0 can be solved
+    - "utilisation": the K_z that is optimal for the same cost as K, which lets the disturbance do work
+
+    `disturbance`: a `Waveform`; `through` F (n, d): where it enters. L (n, n), M (m, m): weights of state and input, as in
+    `lqr_gain`. `walk`: variance per second by which z is let change, one number, (q,) or (q, q): larger follows jumps sooner.
+    `freed`: (r, n), or names of outputs; default all outputs.
+
+    Raises `InputError`; `AssumptionError` where absorption meets a disturbance outside the range of B (with the part that is),
+    where the outputs do not tell the disturbance from the state, or it grows faster than the loop forgets.
+
+    Cost: that of two Riccati equations and an (n q)² linear system. Reference: C. D. Johnson, IEEE TAC 16 (1971) 635;
+    B. A. Francis, SIAM J. Control Optim. 15 (1977) 486 (regulator equations).
+
+    >>> cart = StateSpace([[1.0]], [[1.0]], [[1.0]], Q=[[0.01]], R=[[0.1]], dt=1)
+    >>> found = disturbance_accommodation(cart, Waveform.constant(), through=[[2.0]], L=[[1.0]], M=[[1.0]])
+    >>> found.feedback.round(6).tolist()
+    [[0.618034, 2.0]]
+    """
+    plan = _read(model, disturbance, through, mode, walk, freed)
+    law = lqr_gain(model, L, M)
+    _check_told(model, plan)
+    K, A = law.feedback, model.A - model.B @ law.feedback
+    if mode == "absorption":
+        K_z = _absorbing(model, plan)
+    elif mode == "minimisation":
+        K_z = _freeing(model, plan, A)
+    else:
+        K_z = _using(model, plan, law, A, M)
+    Π = _steady(A, plan, plan.FH - model.B @ K_z)
+    size = max(float(np.abs(plan.C).max() * np.abs(_steady(A, plan, plan.FH)).max()), 1e-300)
+    left = plan.C @ Π
+    left = np.where(np.abs(left) < OUTSIDE * size, 0.0, left)
+    return DisturbanceAccommodation(
+        plan.composite, np.hstack([K, K_z]), kalman_gain(plan.composite), Π, left, law.poles, mode
+    )
+
+
+def _read(model: Any, disturbance: Any, through: Any, mode: Any, walk: Any, freed: Any) -> _Plan:
+    faults = checks.Faults()
+    if faults.instance("model", model, StateSpace):
+        check_constant(model, faults)
+        check_noise(model, faults)
+        if model.m == 0:
+            faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
+        if model.operating_point is not None:
+            faults.add("`model` must be about zero: leave out `operating_point`, and give deviations from it.")
+    faults.instance("disturbance", disturbance, Waveform, " As Waveform.constant().")
+    faults.choice("mode", mode, MODES)
+    faults.finish()
+    faults.learn("n", model.n, f"the model has {checks.counted(model.n, 'state')}")
+    faults.learn("d", disturbance.channels, f"the waveform has {checks.counted(disturbance.channels, 'channel')}")
+    faults.learn("q", disturbance.order, f"the waveform has {checks.counted(disturbance.order, 'state')}")
+    F, W, C = (
+        faults.array("through", through, "n d"),
+        _read_walk(walk, disturbance, faults),
+        _read_freed(freed, model, faults),
+    )
+    faults.finish()
+    return _Plan(F @ disturbance.H, *_sampled(disturbance.D, model.dt), C, _composite(model, disturbance, F, W))
+
+
+def _read_walk(walk: Any, disturbance: Waveform, faults: checks.Faults) -> Any:
+    """The covariance per second of z, (q, q)."""
+    given = np.asarray(walk) if np.ndim(walk) < 2 else walk
+    if np.ndim(walk) < 2 and given.dtype.kind in "fiu" and np.shape(walk) in ((), (disturbance.order,)):
+        given = given * np.eye(disturbance.order)
+    return faults.covariance("walk", given, "q q")
+
+
+def _read_freed(freed: Any, model: StateSpace, faults: checks.Faults) -> Any:
+    """The combinations of states that are to be freed, (r, n)."""
+    if freed is None:
+        return model.C
+    if np.ndim(freed) == 1 and all(isinstance(name, str) for name in freed):
+        for name in freed:
+            if name not in model.outputs:
+                near = checks.suggestion(name, model.outputs)
+                faults.add(f"`freed`: there is no output {name!r}. There are {checks.listed(model.outputs)}.{near}")
+        return model.C[[model.outputs.index(name) for name in freed if name in model.outputs]]
+    return faults.array("freed", freed, "r n")
+
+
+def _sampled(D: Any, dt: float) -> tuple[Any]:
+    """How z moves: its rate, or its step."""
+    return (D,) if dt == 0 else (over(D, np.zeros((len(D), 0)), np.zeros_like(D), dt, hold="zero_order")[0],)
+
+
+def _composite(model: StateSpace, disturbance: Waveform, F: Any, W: Any) -> StateSpace:
+    """Plant and waveform as one model."""
+    n, q, (D,) = model.n, disturbance.order, _sampled(disturbance.D, model.dt)
+    if not model.is_continuous:
+        W = over(disturbance.D, np.zeros((q, 0)), W, model.dt, hold="zero_order")[3]
+    noises = model.Q.shape[0]
+    S = None if model.S is None else np.vstack([model.S, np.zeros((q, model.p))])
+    return StateSpace(
+        np.block([[model.A, F @ disturbance.H], [np.zeros((q, n)), D]]), np.vstack([model.B, np.zeros((q, model.m))]),
+        np.hstack([model.C, np.zeros((model.p, q))]), model.D,
+        Q=np.block([[model.Q, np.zeros((noises, q))], [np.zeros((q, noises)), W]]), R=model.R, S=S,
+        G=np.block([[model.G, np.zeros((n, q))], [np.zeros((q, noises)), np.eye(q)]]), dt=model.dt,
+        states=(*model.states, *_names(q, model.states)), inputs=model.inputs, outputs=model.outputs,
+    )  # fmt: skip
+
+
+def _names(q: int, taken: tuple[str, ...]) -> list[str]:
+    """z1, z2, .., or where the plant has such states disturbance1, .."""
+    stem = "disturbance" if any(f"z{i + 1}" in taken for i in range(q)) else "z"
+    return [f"{stem}{i + 1}" for i in range(q)]
+
+
+def _check_told(model: StateSpace, plan: _Plan) -> None:
+    """The outputs must tell z from x: no eigenvalue of D at an invariant zero of (A, F H, C)."""
+    plant = observability(model)
+    if not plant.detectable:
+        raise AssumptionError(
+            f"`model` is not detectable: a mode that does not die out is not seen. {' '.join(plant.sentences)}"
+        )
+    both = observability(plan.composite)
+    if not both.detectable:
+        raise AssumptionError(
+            f"the outputs do not tell the disturbance from the state: measure more, or assume less. {' '.join(both.sentences)}"
+        )
+    moved = reachability(plan.composite, by="noise")
+    if not moved.stabilisable:
+        raise AssumptionError(
+            f"the estimator would stop learning: let all that lasts of the disturbance change, by `walk` > 0. "
+            f"{' '.join(moved.sentences)}"
+        )
+
+
+def _absorbing(model: StateSpace, plan: _Plan) -> Any:
+    """K_z with B K_z = F H."""
+    K_z = np.linalg.lstsq(model.B, plan.FH, rcond=None)[0]
+    outside = np.linalg.norm(plan.FH - model.B @ K_z) / np.linalg.norm(plan.FH) if plan.FH.any() else 0.0
+    if outside > OUTSIDE:
+        raise AssumptionError(
+            f"the disturbance cannot be absorbed: {100 * outside:.3g} % of its effect is outside the range of `B`, where no "
+            'input acts. Take mode="minimisation", which frees the outputs of it where that can be done.'
+        )
+    return K_z
+
+
+def _steady(A: Any, plan: _Plan, E: Any) -> Any:
+    """Π of Π D = A Π + E: the state x = Π z that goes with a z that enters by E."""
+    n, q = E.shape
+    T = np.kron(plan.D.T, np.eye(n)) - np.kron(np.eye(q), A)
+    if np.linalg.cond(T) > 1e13:
+        raise AssumptionError("the disturbance has the form of the loop's own motion: choose other weights `L`, `M`.")
+    return np.linalg.solve(T, E.T.ravel()).reshape(q, n).T
+
+
+def _freeing(model: StateSpace, plan: _Plan, A: Any) -> Any:
+    """K_z with the least ||C Π||, which is linear in it, and of several the smallest."""
+    q, m = plan.FH.shape[1], model.m
+    alone = (plan.C @ _steady(A, plan, plan.FH)).T.ravel()
+    effects = []
+    for i in range(m * q):
+        unit = np.zeros((q, m))
+        unit.flat[i] = 1.0
+        effects.append((plan.C @ _steady(A, plan, model.B @ unit.T)).T.ravel())
+    return np.linalg.lstsq(np.array(effects).T, alone, rcond=1e-12)[0].reshape(q, m).T
+
+
+def _using(model: StateSpace, plan: _Plan, law: FeedbackGain, A: Any, M: Any) -> Any:
+    """K_z of the cost's cross term x' P_xz z: A'P_xz + P_xz D + P_xx F H = 0, discrete P_xz = A'(P_xx F H + P_xz D)."""
+    continuous, P = model.is_continuous, law.cost
+    _check_forgotten(A, plan.D, continuous)
+    n, q = plan.FH.shape
+    both = np.kron(plan.D.T, np.eye(n)), np.kron(np.eye(q), A.T)
+    T, E = (both[0] + both[1], -P @ plan.FH) if continuous else (np.eye(n * q) - both[1] @ both[0], A.T @ P @ plan.FH)
+    P_xz = np.linalg.solve(T, E.T.ravel()).reshape(q, n).T
+    if continuous:
+        return np.linalg.solve(np.asarray(M, float), model.B.T @ P_xz)
+    return np.linalg.solve(M + model.B.T @ P @ model.B, model.B.T @ (P @ plan.FH + P_xz @ plan.D))
+
+
+def _check_forgotten(A: Any, D: Any, continuous: bool) -> None:
+    slowest, fastest = np.linalg.eigvals(A), np.linalg.eigvals(D)
+    if continuous:
+        grows = float(slowest.real.max() + fastest.real.max())
+    else:
+        grows = float(np.log(np.abs(slowest).max() * np.abs(fastest).max() + 1e-300))
+    if grows >= 0:
+        raise AssumptionError(
+            f"the disturbance grows faster than the loop forgets (by {grows:.3g} per {'second' if continuous else 'sample'}), "
+            "so that there is no best use of it."
+        )
