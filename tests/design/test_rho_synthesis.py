@@ -8,8 +8,8 @@ from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_lyapun
 from estimable import (
     AssumptionError,
     DesignFamily,
+    FixedGain,
     InputError,
-    Kalman,
     Prior,
     StateFeedback,
     StateSpace,
@@ -153,17 +153,19 @@ def test_loop_transfer_recovery_is_a_family():
     assert_allclose(told.filter, P @ MASS.C.T / 0.1, rtol=1e-8)
 
 
-def test_the_chosen_gains_fly(found):
-    """Of a discrete model as they are; the loop's own motion is the matrix that was judged."""
-    told = found[SAMPLED.dt]
-    quiet = StateSpace(SAMPLED.A, SAMPLED.B, SAMPLED.C, Q=np.zeros((2, 2)), R=[[0.0]], dt=0.1)
-    steady = Kalman(StateSpace(SAMPLED.A, SAMPLED.B, SAMPLED.C, Q=np.zeros((2, 2)), R=[[0.0]], dt=0.1))
-    flown = close_loop(quiet, StateFeedback(told.feedback), steady, reference=np.zeros((30, 0)), seed=0, start=[1.0, 0.5],
-                       prior=Prior([1.0, 0.5], np.zeros((2, 2))))  # fmt: skip
-    x = np.array([1.0, 0.5])
-    for k in range(30):
-        assert_allclose(flown.state[k], x, atol=1e-12)
-        x = (SAMPLED.A - SAMPLED.B @ told.feedback) @ x
+@MODELS
+def test_the_chosen_gains_fly_as_the_loop_that_was_judged(found, model):
+    """Without noise (x, x - x^) moves by `closed_loop`; of a continuous design to the step's accuracy."""
+    told, dt = found[model.dt], 0.1 if model.dt else 0.002
+    gain = told.filter if model.dt else told.filter_of_sample(dt)
+    quiet = StateSpace(model.A, model.B, model.C, Q=np.zeros((2, 2)), R=[[0.0]], dt=model.dt)
+    sampled = quiet if model.dt else quiet.discretise(dt)
+    flown = close_loop(quiet, StateFeedback(told.feedback), FixedGain(sampled, filter=gain), reference=np.zeros((50, 0)), seed=0,
+                       dt=dt, start=[1.0, 0.5], prior=Prior([0.0, 0.0], np.eye(2)), engine="xla")  # fmt: skip
+    step = told.closed_loop if model.dt else expm(told.closed_loop * dt)
+    both = np.concatenate([flown.state, flown.state - flown.mean], axis=1)
+    for k in range(49):
+        assert_allclose(step @ both[k], both[k + 1], atol=1e-12 if model.dt else 5e-3 * np.abs(both[k]).max())
 
 
 def test_a_continuous_filter_has_a_gain_of_a_sample(found):
