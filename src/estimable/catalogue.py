@@ -44,7 +44,8 @@ class Entry(NamedTuple):
     settings: Mapping[str, Any] = {}
 
 
-GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed")
+NONLINEAR = ("extended-kalman", "second-order-kalman", "unscented-kalman")
+GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed", *NONLINEAR)
 
 ENTRIES = (
     Entry(
@@ -61,11 +62,11 @@ ENTRIES = (
     ),
     Entry(
         "change-detection", ChangeDetection, "filter", "Willsky & Jones (1976); Pollak (1985)",
-        "the model but its gains is right; between jumps the gains are constant", ("unknown-gain",),
+        "the model but its gains is right; between jumps the gains are constant", ("unknown-gain", *NONLINEAR[:2]),
     ),
     Entry(
         "moving-window", MovingWindow, "filter", "Sillence (1999) §5.4",
-        "the gain is constant over a window", ("unknown-gain", "kalman", "gated"), {"length": 30},
+        "the gain is constant over a window", ("unknown-gain", "kalman", "gated", *NONLINEAR), {"length": 30},
     ),
     Entry(
         "bounded", Bounded, "filter", "Sillence (1999) §5.5",
@@ -77,7 +78,7 @@ ENTRIES = (
     ),
     Entry(
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
-        "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window"), {"probability": 0.999},
+        "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window", *NONLINEAR), {"probability": 0.999},
     ),
     Entry(
         "fixed-gain", FixedGain, "filter", "Bass (2005); Bucy & Joseph (1968) ch. XVI",
@@ -169,11 +170,16 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     if wraps:
         own = {key: settings.pop(key) for key in _settings(built) if key in settings}
         return built.cls(build(wraps, file, **settings), **{**built.settings, **own})
+    if isinstance(file.model, NonlinearModel):
+        return _nonlinear(built, file, settings)
     if built.cls is UnknownGain:
         assert file.gain is not None
         return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **settings})
-    if isinstance(file.model, NonlinearModel):
-        return _nonlinear(built, file, settings)
+    if built.name in NONLINEAR and file.gain is not None:
+        checks.refuse(
+            f"{built.name} estimates no gain of a linear model, and the model file has a section [gain]: take unknown-gain, "
+            "which is exact, or leave the section out."
+        )
     return built.cls(file.model, **settings)
 
 
@@ -197,7 +203,9 @@ def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: 
 
 
 def _default(wrapper: Entry, file: ModelFile) -> str:
-    """What a wrapper wraps where nothing is said: a filter of the gain where the file has one."""
+    """What a wrapper wraps where nothing is said: a filter that the model bears, of the gain where the file has one."""
+    if isinstance(file.model, NonlinearModel):
+        return next((name for name in wrapper.wraps if name in NONLINEAR), wrapper.wraps[0])
     return "kalman" if file.gain is None and "kalman" in wrapper.wraps else wrapper.wraps[0]
 
 
@@ -221,8 +229,7 @@ def _every_setting(built: Entry, file: ModelFile) -> list[str]:
 
 def _nonlinear(built: Entry, file: ModelFile, settings: dict[str, Any]) -> Any:
     """A filter of a nonlinear model; the prior in its `gain` is that of the model's parameters."""
-    takers = [known.name for known in ENTRIES if "parameters" in known.cls.__dataclass_fields__]
-    if built.name not in takers:
-        checks.refuse(f"{built.name} needs a linear model, and this one is nonlinear: take {checks.listed(takers)}.")
+    if built.name not in NONLINEAR:
+        checks.refuse(f"{built.name} needs a linear model, and this one is nonlinear: take {checks.listed(NONLINEAR)}.")
     given = {} if file.gain is None else {"parameters": file.gain.prior, **file.gain.settings}
     return built.cls(file.model, **{**given, **settings})

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import estimable
-from cases import SHORT
+from cases import SHORT, file_for
 from estimable import (
     Record,
     catalogue,
@@ -37,7 +37,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "methods"
 
 def build(name, file=FILE):
     """The algorithm on the packaged model, whatever it wraps."""
-    return catalogue.build(name, file, **SHORT.get(name, {}))
+    return catalogue.build(name, file_for(name, file), **SHORT.get(name, {}))
 
 
 def record(seed=0, rows=15, missing=0.3):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from cases import SHORT, case
+from cases import SHORT, case, file_for
 from estimable import (
     InputError,
     Kalman,
@@ -164,7 +164,7 @@ def test_every_entry_of_the_catalogue_gives_the_same(name, keep):
     y[rng.random(y.shape) < 0.3] = np.nan
     record = Record(y, rng.normal(size=(200, 1)), dt=0.01, hold="first_order",
                     inputs=FILE.model.inputs, outputs=FILE.model.outputs)  # fmt: skip
-    algorithm = catalogue.build(name, FILE, **SHORT.get(name, {}))
+    algorithm = catalogue.build(name, file_for(name, FILE), **SHORT.get(name, {}))
     assert_same(*both(algorithm, record, FILE.prior, keep=keep), rtol=AMPLIFIED.get(name, 1e-12))
 
 
@@ -296,7 +296,8 @@ def test_every_entry_of_the_catalogue_gives_the_same_in_lanes(name):
         y[rng.random(y.shape) < 0.3] = np.nan
         records.append(Record(y, rng.normal(size=(60, 1)), dt=0.01, hold="first_order",
                               inputs=FILE.model.inputs, outputs=FILE.model.outputs))  # fmt: skip
-    algorithm = catalogue.build(name, FILE, **({"length": 2} if "length" in SHORT.get(name, {}) else SHORT.get(name, {})))
+    short = {"length": 2} if "length" in SHORT.get(name, {}) else SHORT.get(name, {})
+    algorithm = catalogue.build(name, file_for(name, FILE), **short)
     assert_same_bank(*both_banks("lanes", algorithm, records, FILE.prior), rtol=AMPLIFIED.get(name, 1e-12))
 
 

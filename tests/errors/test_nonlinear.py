@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import estimable as es
+from estimable import catalogue
 
 
 def f(x, u, θ):
@@ -60,12 +61,35 @@ def test_all_faults_of_a_model_come_together():
          "`parameters` must be a prior of the model's 1 parameter ('a'). Got 2."),
         (lambda: es.ExtendedKalman(model(parameters={"a": 1.0}), parameters=es.Prior([0.0], [[1.0]]), walk=-1.0),
          "`walk` must be variances per second, at least 0. Got -1.0."),
+        (lambda: es.ChangeDetection(es.ExtendedKalman(model())),
+         "`algorithm` estimates no parameter: give it `parameters`, whose jumps are looked for."),
         (lambda: es.ExtendedKalman(es.StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], S=[[0.5]], dt=1)),
          "the model has cross noise S, which the nonlinear filters do not use: take Kalman(model)."),
     ],
 )  # fmt: skip
 def test_filters_are_refused_in_words(make, sentence):
     refused(sentence, make)
+
+
+@pytest.mark.parametrize("name", catalogue.NONLINEAR)
+def test_the_gain_of_a_linear_model_file_is_not_passed_over(name):
+    file = es.read_model(es.packaged.path("f16-model.toml"))
+    sentence = (
+        f"{name} estimates no gain of a linear model, and the model file has a section [gain]: take unknown-gain, which"
+    )
+    refused(sentence, lambda: catalogue.build(name, file))
+    assert catalogue.build(name, file._replace(gain=None)).model is file.model
+
+
+def test_a_wrapper_wraps_what_a_nonlinear_model_bears():
+    file = es.ModelFile(
+        model(parameters={"a": 1.0}), es.Prior([0.0, 0.0], np.eye(2)), es.GainSection(es.Prior([1.0], [[1.0]]))
+    )
+    built = catalogue.build("change-detection", file, algorithm="second-order-kalman", length=5)
+    assert isinstance(built.algorithm, es.SecondOrderKalman)
+    assert isinstance(catalogue.build("bounded", file).algorithm, es.ExtendedKalman)
+    refused("unknown-gain needs a linear model, and this one is nonlinear: take 'extended-kalman'",
+            lambda: catalogue.build("bounded", file, algorithm="unknown-gain"))  # fmt: skip
 
 
 @pytest.mark.parametrize("cls", [es.SecondOrderKalman, es.UnscentedKalman])

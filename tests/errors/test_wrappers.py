@@ -75,7 +75,8 @@ SENTENCES = [
     (lambda: Gated(GAIN, 0), "`probability` must be greater than 0. Got 0."),
     (
         lambda: ChangeDetection(Kalman(C.model)),
-        "`algorithm` must be an UnknownGain. Got Kalman(model=StateSpace(A=array([[-0.37...... "
+        "`algorithm` must be an UnknownGain, or an ExtendedKalman or SecondOrderKalman with parameters. Got "
+        "Kalman(model=StateSpace(A=array([[-0.37...... "
         "Only a gain that is estimated can be seen to jump.",
     ),
     (

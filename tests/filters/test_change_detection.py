@@ -9,8 +9,11 @@ from numpy.testing import assert_allclose
 from cases import case, covariance
 from estimable import (
     ChangeDetection,
+    ExtendedKalman,
+    NonlinearModel,
     Prior,
     Record,
+    SecondOrderKalman,
     StateSpace,
     UnknownGain,
     estimate,
@@ -18,6 +21,7 @@ from estimable import (
     packaged,
     read_model,
     read_record,
+    simulate,
     simulate_bank,
     stack,
 )
@@ -256,3 +260,23 @@ def test_a_change_says_itself_in_words():
     assert timed._replace(onset_s=None, detected_at_s=None).sentence == (
         "gain went from 1 to 0.5 ± 0.012 at row 450, seen at row 458."
     )
+
+
+@pytest.mark.parametrize("filter", [ExtendedKalman, SecondOrderKalman])
+def test_of_a_model_straight_in_its_parameter_a_nonlinear_filter_finds_what_the_exact_one_does(filter):
+    rng = np.random.default_rng(0)
+    A, B, C, Q = np.array([[0.9, 0.2], [-0.3, 0.8]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), 1e-4 * np.eye(2)
+    u, gain = np.sign(rng.normal(size=(60, 1))), np.where(np.arange(60) < 30, 1.0, 0.5)[:, None]
+    drawn = simulate(StateSpace(A, B, C, Q=Q, R=[[0.01]], dt=1), gain * u, seed=0)
+    record, prior, of_gain = Record(drawn.record.y, u, dt=1), Prior([0.0, 0.0], np.eye(2)), Prior([1.0], [[0.1]])
+    straight = StateSpace(A, B, C, Q=Q, R=[[0.01]], dt=1)
+    curved = NonlinearModel(lambda x, u, θ: A @ x + θ[0] * (B @ u), lambda x, u, θ: C @ x, Q=Q, R=[[0.01]], dt=1,
+                            inputs=["u1"], parameters={"gain": 1.0})  # fmt: skip
+    exact, found = (
+        estimate(ChangeDetection(a, length=20, persistence=1.0), record, prior=prior)
+        for a in (UnknownGain(straight, of_gain), filter(curved, parameters=of_gain))
+    )
+    assert exact.extra["alarm"].sum() == 1
+    assert found.extra["onset"].tolist() == exact.extra["onset"].tolist()
+    assert_allclose(found.extra["statistic"], exact.extra["statistic"], atol=1e-9)
+    assert_allclose(found.gain, exact.gain, rtol=1e-10)

@@ -15,6 +15,8 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Names, Sample
 from .belief import Belief
+from .extended_kalman import ExtendedKalman
+from .second_order_kalman import SecondOrderKalman
 from .unknown_gain import UnknownGain
 
 
@@ -41,7 +43,7 @@ class Watch:
 
 @frozen
 class ChangeDetection:
-    """An `UnknownGain` that finds out by itself that a gain jumped, when, and to what.
+    """A filter of gains that finds out by itself that a gain jumped, when, and to what.
 
     Model: that of the algorithm, with gains that are constant but for jumps: at any sample one of them may change by
     N(0, jump). Given the input all is linear, so that the response of every later innovation to every possible jump is a
@@ -59,11 +61,12 @@ class ChangeDetection:
     after the other; a jump between two samples is laid to one of them. A gain that drifts needs a `walk`; where it is fast,
     use `UnknownGain` with that walk alone.
 
-    Settings: `algorithm`, an `UnknownGain`, whose own walk and forgetting have no part here; `jump`: variance of a jump of
-    each gain, (p,) or one number (default None: that of the gain's prior); `length`: how many samples an onset may lie
-    back (default 60); `seconds_between_false_alarms` (default 3,600), in the unit of dt; `walk`: variance per second between
-    the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts, by which Q is
-    multiplied (default 15; 1 where Q is white indeed).
+    Settings: `algorithm`, an `UnknownGain`, or an `ExtendedKalman` or `SecondOrderKalman` with parameters (then the responses
+    are those of its tangents, and ratios and bound approximate), whose own walk and forgetting have no part here; `jump`:
+    variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior); `length`: how many samples
+    an onset may lie back (default 60); `seconds_between_false_alarms` (default 3,600), in the unit of dt; `walk`: variance
+    per second between the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts, by
+    which Q is multiplied (default 15; 1 where Q is white indeed).
 
     Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump
     `onset` (row; -1 before the first) and `jump` (p,). `diagnostics.changes` lists them.
@@ -81,7 +84,7 @@ class ChangeDetection:
     ([False, False, False, False, True, False], 3)
     """
 
-    algorithm: UnknownGain
+    algorithm: Any
     _: KW_ONLY
     jump: Any = None
     length: int = static(default=60)
@@ -91,7 +94,7 @@ class ChangeDetection:
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.instance("algorithm", self.algorithm, UnknownGain, " Only a gain that is estimated can be seen to jump.")
+        self._check_algorithm(faults)
         faults.whole("length", self.length, 2)
         seconds = faults.number("seconds_between_false_alarms", self.seconds_between_false_alarms, above=0.0)
         persistence = faults.number("persistence", self.persistence, lower=1.0)
@@ -100,6 +103,15 @@ class ChangeDetection:
         faults.finish()
         set_field(self, jump=jump, seconds_between_false_alarms=seconds, walk=walk)
         set_field(self, persistence=persistence if checks.is_traced(persistence) else np.asarray(persistence))
+
+    def _check_algorithm(self, faults: checks.Faults) -> None:
+        if not isinstance(self.algorithm, UnknownGain | ExtendedKalman | SecondOrderKalman):
+            faults.add(
+                "`algorithm` must be an UnknownGain, or an ExtendedKalman or SecondOrderKalman with parameters. Got "
+                f"{checks.short(self.algorithm)}. Only a gain that is estimated can be seen to jump."
+            )
+        elif self.algorithm.gain is None:
+            faults.add("`algorithm` estimates no parameter: give it `parameters`, whose jumps are looked for.")
 
     def _read_jump(self, faults: checks.Faults) -> Any:
         gain = self.algorithm.gain
@@ -121,20 +133,16 @@ class ChangeDetection:
 
     def sampled(self, clock: Clock) -> "ChangeDetection":
         """The same detector, its algorithm sampled."""
-        model = self.algorithm.model
-        lasting = self.persistence.reshape(self.persistence.shape + (1,) * (model.Q.ndim - self.persistence.ndim))
-        constant = replace(
-            self.algorithm, walk=self.walk, forgetting=0 * self.algorithm.forgetting + 1,
-            model=replace(model, Q=lasting * model.Q),
-        )  # fmt: skip
-        return replace(self, algorithm=constant.sampled(clock))
+        Q = self.algorithm.model.Q
+        lasting = self.persistence.reshape(self.persistence.shape + (1,) * (Q.ndim - self.persistence.ndim))
+        return replace(self, algorithm=self.algorithm.constant(self.walk, lasting).sampled(clock))
 
     def at(self, k) -> "ChangeDetection":
         """The detector at row k of a time-varying model."""
         return replace(self, algorithm=self._ready.at(k))
 
     @property
-    def _ready(self) -> UnknownGain:
+    def _ready(self) -> Any:
         """The algorithm as it runs here: its gain constant, its process noise lasting."""
         if self.algorithm.ready is not None:
             return self.algorithm
@@ -168,7 +176,7 @@ class ChangeDetection:
         white; and these innovations."""
 
         def after(mean):
-            moved, post = self._ready.condition(replace(belief, mean=mean), sample)
+            moved, post = self._ready.condition(replace(belief, mean=mean), sample, belief)
             told = ~jnp.isnan(post.error)
             white = jnp.where(told, post.error, 0.0) / jnp.sqrt(jnp.where(told, post.variance, 1.0))
             return (moved.mean, moved.drift_mean, white), white

@@ -7,10 +7,7 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import first_order
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
 from . import nonlinear
-from .belief import Belief
 
 
 @frozen
@@ -49,6 +46,7 @@ class ExtendedKalman:
     walk_factor: Any = field(default=None, init=False)
 
     truncated = curved = False
+    expand = staticmethod(first_order)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -56,27 +54,8 @@ class ExtendedKalman:
         faults.finish()
         nonlinear.check(self)
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and estimated parameters."""
-        return nonlinear.names(self)
-
-    def sampled(self, clock: Clock) -> "ExtendedKalman":
-        """The same filter with its model made ready for the steps of `clock`."""
-        return nonlinear.sampled(self, clock)
-
-    def at(self, k) -> "ExtendedKalman":
-        """The filter at row k of a time-varying model."""
-        return nonlinear.at(self, k)
-
-    def init(self, prior: Prior) -> Belief:
-        """What is believed about (x[0], θ), before y[0]."""
-        return nonlinear.init(self, prior)
-
-    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample."""
-        return nonlinear.correct(self, state, sample, first_order)
-
-    def predict(self, state: Belief, interval: Interval) -> Belief:
-        """Move to the next sample."""
-        return nonlinear.predict(self, state, interval, first_order, 1)
+    names = property(nonlinear.names)
+    gain = property(nonlinear.gain)
+    sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
+    condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
+    constant, read_walk = nonlinear.constant, nonlinear.read_walk

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..frozen import replace
+from ..frozen import replace, set_field
 from ..kernels import expansion, flow, kalman
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import factor, factors, gram, triangularise
@@ -34,14 +34,14 @@ def check(algorithm: Any) -> None:
                 f"`parameters` must be a prior of the model's {checks.counted(len(names), 'parameter')} "
                 f"({checks.listed(names)}). Got {parameters.size}."
             )
-    walk = _read_walk(algorithm, 0 if parameters is None else getattr(parameters, "size", 0), faults)
+    walk = read_walk(algorithm, algorithm.walk, faults)
     faults.finish()
-    object.__setattr__(algorithm, "walk", walk)
+    set_field(algorithm, walk=walk)
 
 
-def _read_walk(algorithm: Any, k: int, faults: checks.Faults) -> Any:
-    """A covariance per second, (k, k), of one variance, k of them, or the covariance."""
-    given = algorithm.walk
+def read_walk(algorithm: Any, given: Any, faults: checks.Faults) -> Any:
+    """A walk of the parameters as a covariance per second, (k, k): of one variance, k of them, or the covariance."""
+    k = 0 if algorithm.parameters is None else getattr(algorithm.parameters, "size", 0)
     if checks.is_traced(given) or np.shape(given) == (k, k):
         return given if checks.is_traced(given) else faults.covariance("walk", given, "k k")
     faults.learn("k", k, f"{checks.counted(k, 'parameter')} {'is' if k == 1 else 'are'} estimated")
@@ -49,6 +49,11 @@ def _read_walk(algorithm: Any, k: int, faults: checks.Faults) -> Any:
     if variances is not None and np.any(variances < 0):
         faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(given)}.")
     return None if variances is None else np.diag(variances)
+
+
+def gain(algorithm: Any) -> Prior | None:
+    """The prior of the parameters that are estimated, which are reported as gains."""
+    return algorithm.parameters
 
 
 def names(algorithm: Any) -> Names:
@@ -77,6 +82,8 @@ def ready_of(algorithm: Any) -> Any:
 
 def init(algorithm: Any, prior: Prior) -> Belief:
     """What is believed about (x[0], θ) before y[0]."""
+    if algorithm.curved:
+        refuse_diffuse(algorithm, prior)
     belief = believe(prior, ready_of(algorithm).ready.origin)
     return belief if algorithm.parameters is None else side_by_side(belief, believe(algorithm.parameters))
 
@@ -106,23 +113,31 @@ def move_of(ready: Any, interval: Any) -> Callable:
     return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
 
 
-def tell(ready: Any, belief: Belief, post: Any, bias: Any) -> Info:
-    """What is said after a sample."""
-    n, covariance = ready.n, belief.covariance
-    has_parameters = belief.mean.shape[0] > n
-    diffuse = gram(belief.diffuse)[:n, :n] if belief.diffuse.shape[1] else None
+def tell(algorithm: Any, state: Belief) -> Info:
+    """What a belief about (x, θ) says, in the user's units."""
+    ready = ready_of(algorithm).ready
+    n, covariance = ready.n, state.covariance
+    has_parameters = state.mean.shape[0] > n
     return Info(
-        mean=belief.mean[:n] + ready.origin,
+        mean=state.mean[:n] + ready.origin,
         covariance=covariance[:n, :n],
-        gain=belief.mean[n:] if has_parameters else None,
+        gain=state.mean[n:] if has_parameters else None,
         gain_covariance=covariance[n:, n:] if has_parameters else None,
+        diffuse_covariance=gram(state.diffuse)[:n, :n] if state.diffuse.shape[1] else None,
+        extra={"state_gain_covariance": covariance[:n, n:]} if has_parameters else {},
+    )
+
+
+def tell_sample(algorithm: Any, state: Belief, post: Any, bias: Any) -> Info:
+    """What is said after a sample; what is not finite has its own sentence here."""
+    told, code = tell(algorithm, state), outcome_code(post.contradicted, state.mean, state.factor, state.diffuse)
+    return replace(
+        told,
         innovation=post.innovation,
         innovation_covariance=post.innovation_covariance,
         log_likelihood=post.log_likelihood,
-        diffuse_covariance=diffuse,
-        outcome=_code(post.contradicted, belief),
-        extra=({} if bias is None else {"output_bias": bias})
-        | ({"state_gain_covariance": covariance[:n, n:]} if has_parameters else {}),
+        outcome=jnp.where(code == 1, 4, code),
+        extra=({} if bias is None else {"output_bias": bias}) | told.extra,
     )
 
 
@@ -141,38 +156,42 @@ def lessened(L, b):
     return jnp.where(misses, jnp.nan, Z)
 
 
-def _code(contradicted, belief: Belief):
-    """The outcome of a step; what is not finite has its own sentence here."""
-    code = outcome_code(contradicted, belief.mean, belief.factor, belief.diffuse)
-    return jnp.where(code == 1, 4, code)
-
-
-def correct(algorithm: Any, belief: Belief, sample: Any, expand: Callable) -> tuple[Belief, Info]:
+def correct(algorithm: Any, state: Belief, sample: Any) -> tuple[Belief, Info]:
     """Condition on y with h expanded about the belief, and again about what came out, `iterations` times in all.
 
     Each pass conditions the same prior belief on a better straight line through h: the iterated extended filter
     (Jazwinski §8.3) where the expansion is of the first order, posterior linearisation (García-Fernández et al., IEEE TSP
     63 (2015) 5561-5573) where it is of the second.
     """
-    ready, b = ready_of(algorithm).ready, belief
-    line, told = _condition(algorithm, ready, b, sample, expand, b.mean, b.factor)
+    line, told = _condition(algorithm, state, sample, state.mean, state.factor)
     post = told
     for _ in range(algorithm.iterations - 1):
-        post = _condition(algorithm, ready, b, sample, expand, post.m, post.Z)[1]
-    after = Belief(post.m, post.Z, post.X, b.size, b.log_scale)
-    told = told._replace(
-        contradicted=post.contradicted
-    )  # the innovation and its likelihood are those of the prediction
-    return after, tell(ready, after, told, line.bias if algorithm.curved else None)
+        post = _condition(algorithm, state, sample, post.m, post.Z)[1]
+    after = replace(state, mean=post.m, factor=post.Z, diffuse=post.X)
+    told = told._replace(contradicted=post.contradicted)  # the innovation and its likelihood are the prediction's
+    return after, tell_sample(algorithm, after, told, line.bias if algorithm.curved else None)
 
 
-def _condition(algorithm: Any, ready: Any, b: Belief, sample: Any, expand: Callable, mean, L):
+def condition(algorithm: Any, state: Belief, sample: Any, about: Belief | None = None) -> tuple[Belief, Any]:
+    """The belief about (x, θ) after one sample by the straight line through h at `about` (None: the belief itself)."""
+    about = state if about is None else about
+    post = _condition(algorithm, state, sample, about.mean, about.factor)[1]
+    return replace(state, mean=post.m, factor=post.Z, diffuse=post.X), post
+
+
+def _condition(algorithm: Any, b: Belief, sample: Any, mean, L):
     """The belief b conditioned on y by the straight line through h at a mean and a factor of its covariance."""
-    line = expand(output_of(ready, sample), mean, L)
+    ready = ready_of(algorithm).ready
+    line = algorithm.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
     V = noise_of(line, ready.V, algorithm.truncated)
     return line, kalman.correct(b.mean, b.factor, b.diffuse, line.slope, d, V, None, sample.y, sample.seen, b.size,
                                 b.log_scale)  # fmt: skip
+
+
+def constant(algorithm: Any, walk: Any, lasting: Any) -> Any:
+    """The same filter with parameters that walk by `walk` per second only, and `lasting` times its process noise."""
+    return replace(algorithm, walk=walk, model=replace(algorithm.model, Q=lasting * algorithm.model.Q))
 
 
 def walk_columns(algorithm: Any, interval: Any) -> Any:
@@ -180,13 +199,13 @@ def walk_columns(algorithm: Any, interval: Any) -> Any:
     return block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
 
 
-def predict(algorithm: Any, belief: Belief, interval: Any, expand: Callable, order: int) -> Belief:
+def predict(algorithm: Any, state: Belief, interval: Any) -> Belief:
     """Move to the next sample, with f expanded about the belief."""
-    algorithm, b = ready_of(algorithm), belief
+    algorithm, b, expand = ready_of(algorithm), state, algorithm.expand
     ready, walk = algorithm.ready, walk_columns(algorithm, interval)
     if ready.continuous:
-        return flowed(ready, b, interval, walk, order)
-    L = triangularise(b.factor) if order == 2 else b.factor
+        return flowed(ready, b, interval, walk, 2 if algorithm.curved else 1)
+    L = triangularise(b.factor) if algorithm.curved else b.factor
     f = move_of(ready, interval)
     if ready.noise_input is None:
         line = expand(f, b.mean, L)

@@ -7,10 +7,7 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import bias_only, second_order
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
 from . import nonlinear
-from .belief import Belief
 
 MOMENTS = ("gaussian", "bias_only", "truncated")
 
@@ -66,31 +63,12 @@ class SecondOrderKalman:
         return self.moments == "truncated"
 
     @property
-    def _expand(self):
+    def expand(self):
+        """How f and h are expanded."""
         return second_order if self.moments == "gaussian" else bias_only
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and estimated parameters."""
-        return nonlinear.names(self)
-
-    def sampled(self, clock: Clock) -> "SecondOrderKalman":
-        """The same filter with its model made ready for the steps of `clock`."""
-        return nonlinear.sampled(self, clock)
-
-    def at(self, k) -> "SecondOrderKalman":
-        """The filter at row k of a time-varying model."""
-        return nonlinear.at(self, k)
-
-    def init(self, prior: Prior) -> Belief:
-        """What is believed about (x[0], θ), before y[0]."""
-        nonlinear.refuse_diffuse(self, prior)
-        return nonlinear.init(self, prior)
-
-    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample."""
-        return nonlinear.correct(self, state, sample, self._expand)
-
-    def predict(self, state: Belief, interval: Interval) -> Belief:
-        """Move to the next sample."""
-        return nonlinear.predict(self, state, interval, self._expand, 2)
+    names = property(nonlinear.names)
+    gain = property(nonlinear.gain)
+    sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
+    condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
+    constant, read_walk = nonlinear.constant, nonlinear.read_walk

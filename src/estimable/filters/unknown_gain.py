@@ -143,8 +143,13 @@ class UnknownGain:
         )
         return state, info
 
-    def condition(self, state: Belief, sample: Sample) -> tuple[Belief, Posterior]:
-        """The belief about (x, θ) after one sample, and all that the sample told."""
+    def constant(self, walk: Any, lasting: Any) -> "UnknownGain":
+        """The same filter with gains that walk by `walk` per second only, and `lasting` times its process noise."""
+        model = replace(self.model, Q=lasting * self.model.Q)
+        return replace(self, walk=walk, forgetting=0 * self.forgetting + 1, model=model)
+
+    def condition(self, state: Belief, sample: Sample, about: Any = None) -> tuple[Belief, Posterior]:
+        """The belief about (x, θ) after one sample, and all that the sample told; straight, whatever it is expanded about."""
         model = self._ready.ready
         H, d = self._observation(sample)
         return belief.correct(state, model, H, d, self._cross_noise(model), sample)

@@ -12,8 +12,7 @@ from ..kernels.expansion import from_points, sigma_points
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import apply, factor, product, triangularise
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..results import Info, Interval, Sample
 from . import nonlinear
 from .belief import Belief
 
@@ -61,23 +60,9 @@ class UnscentedKalman:
         set_field(self, kappa=κ)
         nonlinear.check(self)
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and estimated parameters."""
-        return nonlinear.names(self)
-
-    def sampled(self, clock: Clock) -> "UnscentedKalman":
-        """The same filter with its model made ready for the steps of `clock`."""
-        return nonlinear.sampled(self, clock)
-
-    def at(self, k) -> "UnscentedKalman":
-        """The filter at row k of a time-varying model."""
-        return nonlinear.at(self, k)
-
-    def init(self, prior: Prior) -> Belief:
-        """What is believed about (x[0], θ), before y[0]."""
-        nonlinear.refuse_diffuse(self, prior)
-        return nonlinear.init(self, prior)
+    names = property(nonlinear.names)
+    gain = property(nonlinear.gain)
+    sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
 
     def _κ(self, n: int) -> float:
         return max(0.0, 3.0 - n) if self.kappa is None else self.kappa
@@ -92,7 +77,7 @@ class UnscentedKalman:
         post = kalman.correct(blank, jnp.eye(size), jnp.zeros((size, 0)), line.slope, line.mean, V, None, sample.y,
                               sample.seen, blank, b.log_scale)  # fmt: skip
         after = Belief(b.mean + apply(L, post.m), product(L, post.Z), b.diffuse, b.size, b.log_scale)
-        return after, nonlinear.tell(ready, after, post, line.bias)
+        return after, nonlinear.tell_sample(self, after, post, line.bias)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
