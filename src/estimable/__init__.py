@@ -36,6 +36,7 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
@@ -87,6 +88,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ARX",
+    "AdaptiveIdentification",
     "ArrivalCovariance",
     "AssumptionError",
     "BernoulliLink",

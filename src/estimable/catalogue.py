@@ -17,6 +17,7 @@ from .filters.smoothed import Smoothed
 from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
+from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
@@ -100,6 +101,10 @@ ENTRIES = (
 )  # fmt: skip
 
 IDENTIFIERS = (
+    Entry(
+        "adaptive-identification", AdaptiveIdentification, "identifier", "Bass (2005), RANSID; Ho & Kálmán (1966)",
+        "the nonlinear model, Q and R are right; the record stays about a point of rest, or the prior is near the truth",
+    ),
     Entry(
         "ho-kalman", HoKalman, "identifier", "Ho & Kálmán (1966); Juang & Pappa (1985)",
         "the impulse response has died out after `length` steps",

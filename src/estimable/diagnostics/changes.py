@@ -33,8 +33,7 @@ def changes(result: Any) -> tuple[Change, ...]:
     """The changes that `ChangeDetection` found, in order of their alarms.
 
     `result`: of `estimate`, or one of a bank (`bank[i]`), kept with "all". Where several gains may jump, the one named is
-    that whose jump was largest. Raises `InputError` for a result that knows
-    of no alarms.
+    that which moved most, in its standard deviations. Raises `InputError` for a result that knows of no alarms.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> record = Record([0.0, 1.0, 1.5, 1.75, 1.4, 1.2], np.ones(6), dt=1)
@@ -53,12 +52,13 @@ def changes(result: Any) -> tuple[Change, ...]:
 
 def _change(result: Estimate, alarm: int, end: int) -> Change:
     """The change of which row `alarm` told, and what is known of it at row `end`."""
-    onset, jump = int(result.extra["onset"][alarm]), result.extra["jump"][alarm]
-    i = int(np.argmax(np.abs(jump)))
+    onset = int(result.extra["onset"][alarm])
     before = max(onset - 1, 0)
-    variance = result.gain_covariance[end, i, i]
+    sigma = np.sqrt(np.diagonal(result.gain_covariance[end]))
+    moved = np.abs(result.gain[end] - result.gain[before])
+    i = int(np.argmax(moved / np.where(sigma > 0, sigma, np.inf)))
     times = (None, None) if result.t is None else (float(result.t[onset]), float(result.t[alarm]))
     return Change(
         result.names.gains[i], onset, alarm, *times,
-        float(result.gain[before, i]), float(result.gain[end, i]), float(np.sqrt(variance)),
+        float(result.gain[before, i]), float(result.gain[end, i]), float(sigma[i]),
     )  # fmt: skip

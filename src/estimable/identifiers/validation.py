@@ -88,3 +88,18 @@ def noise_check(residuals: Sequence[np.ndarray], noise_variance: Any) -> Check:
     )
     advice = " Its covariance is too small." if ratio > upper else ""
     return Check("noise", False, ratio, float(upper), f"{said}: {reason}{' too low' if ratio > upper else ''}.{advice}")
+
+
+def noise_of_innovations(standardised: Sequence[np.ndarray]) -> Check:
+    """Whether the innovations are as large as the filter says, in words: the mean of their squares is 1 if Q and R are right."""
+    from scipy.stats import chi2
+
+    e = np.concatenate(standardised)
+    degrees = int(np.sum(~np.isnan(e)))
+    if degrees == 0:
+        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so nothing can be said of its noise.")
+    ratio = float(np.nansum(e**2) / degrees)
+    lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
+    said = f"Noise: the innovations' variance is {ratio:.3g} times the filter's ({lower:.2f} to {upper:.2f} expected)"
+    advice = "" if lower <= ratio <= upper else ": raise Q or R" if ratio > upper else ": lower Q or R"
+    return Check("noise", lower <= ratio <= upper, ratio, float(upper), f"{said}{advice}.")

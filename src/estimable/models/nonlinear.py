@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY
+from functools import partial
 from typing import Any
 
 import jax
@@ -10,6 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, set_field, static
+from .state_space import StateSpace
 
 
 @frozen
@@ -98,6 +100,31 @@ class NonlinearModel:
         jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
         return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)
 
+    def linearised(self, x: Any, u: Any = (), *, parameters: Any = None) -> StateSpace:
+        """The tangents at a state x (n,) and an input u (m,) as a linear model about that operating point.
+
+        `parameters` (k,): of θ; None: the model's own. Right about an equilibrium: of a state that moves, the motion is left out.
+
+        >>> slow = NonlinearModel(lambda x, u, θ: -θ * x**2 + u, lambda x, u, θ: x, Q=[[0.1]], R=[[1.0]], dt=0, inputs=["u"],
+        ...                       parameters={"θ": 3.0}, substeps=1)
+        >>> slow.linearised([0.5], [0.75]).A.tolist()
+        [[-3.0]]
+        """
+        faults = checks.Faults()
+        for letter, size, what in (("n", self.n, "state"), ("m", self.m, "input")):
+            faults.learn(letter, size, f"the model has {checks.counted(size, what)}")
+        faults.learn("k", len(self.parameters), f"it has {checks.counted(len(self.parameters), 'parameter')}")
+        at, u = faults.array("x", x, "n"), faults.array("u", u, "m")
+        θ = faults.array("parameters", self.parameters if parameters is None else parameters, "k")
+        faults.finish()
+        (A, B), (C, D) = ([np.asarray(slope) for slope in _slopes(g, at, u, θ)] for g in (self.f, self.h))
+        G = self.G if self.noise_input is None else np.asarray(self.noise_input(at, u, θ))
+        point = {"states": at, "inputs": u, "outputs": np.asarray(self.h(at, u, θ))}
+        return StateSpace(
+            A, B, C, D, Q=self.Q, R=self.R, G=G, dt=self.dt, states=self.states, inputs=self.inputs, outputs=self.outputs,
+            operating_point=point,
+        )  # fmt: skip
+
     @property
     def is_continuous(self) -> bool:
         """Whether dt = 0."""
@@ -108,7 +135,9 @@ class NonlinearModel:
     operating_point = None
 
     def check_at(self, x: np.ndarray, u: np.ndarray, faults: checks.Faults) -> None:
-        """f and h must be finite at the prior mean x (n,) and the first input u (m,)."""
+        """f and h must be finite at the prior mean x (n,) and the first input u (m,); traced ones are not looked at."""
+        if checks.is_traced(x, u, self.parameters):
+            return
         for name, function in (("f", self.f), ("h", self.h)):
             value = np.asarray(function(*map(jax.numpy.asarray, (x, u, self.parameters))))
             if not np.all(np.isfinite(value)):
@@ -116,6 +145,12 @@ class NonlinearModel:
                     f"`{name}` is not finite at the prior mean: {name}({_numbers(x)}, {_numbers(u)}, "
                     f"{_numbers(self.parameters)}) = {_numbers(value)}. Start where it is defined, or rewrite it."
                 )
+
+
+@partial(jax.jit, static_argnums=0)
+def _slopes(g: Callable, x: Any, u: Any, θ: Any) -> Any:
+    """The derivatives of g(x, u, θ) by x and by u."""
+    return jax.jacfwd(g, argnums=(0, 1))(x, u, θ)
 
 
 def _numbers(values: Any) -> str:

@@ -32,7 +32,7 @@ def candidates(records: Sequence[Record]) -> tuple[Any, ...]:
         if orders is not None:
             found.append(OutputErrorML(orders.na, orders.nb, delay=orders.delay, initial="free"))
     for weighting in ("moesp", "cva"):
-        order = _tried(lambda weighting=weighting: _best_order(records, weighting))
+        order = _tried(lambda weighting=weighting: best_order(records, weighting))
         if order is not None:
             found.append(Subspace(order, weighting=weighting))
             if weighting == "moesp":
@@ -58,7 +58,7 @@ def _best_arx(records: Sequence[Record]) -> LeastSquares:
     return tried[int(np.argmin(scores))]
 
 
-def _best_order(records: Sequence[Record], weighting: str) -> int:
+def best_order(records: Sequence[Record], weighting: str) -> int:
     """The smallest BIC of the innovations over orders up to `MOST`."""
     m, p = len(records[0].inputs), len(records[0].outputs)
     scores = []

@@ -11,6 +11,7 @@ from ..errors import EstimableError
 from ..identifiers.standing import standing, state_space_of
 from ..models.state_space import StateSpace
 from ..results import Fit
+from . import adaptive
 from .candidates import candidates
 from .identify import identify
 
@@ -28,7 +29,7 @@ class Ranked(NamedTuple):
 
     method: Any
     fit: Fit | None
-    model: StateSpace | None
+    model: Any
     fits: np.ndarray
     one_step_fits: np.ndarray
     behind: float = 0.0
@@ -107,7 +108,7 @@ def compare(
     found = []
     for method in chosen:
         told(type(method).__name__)
-        found.append(_run(method, deviations, levels, records, [len(part) for part in parts]))
+        found.append(_run(method, parts, deviations, levels, records))
     return _ranked(found)
 
 
@@ -146,12 +147,21 @@ def _deviation(part: Record, levels: tuple[np.ndarray, np.ndarray]) -> Record:
     return Record(part.y - levels[1], part.applied() - levels[0], dt=part.dt, inputs=part.inputs, outputs=part.outputs)
 
 
-def _run(method: Any, deviations: list[Record], levels: Any, records: list[Record], rows: list[int]) -> Any:
-    """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not."""
+def _run(method: Any, parts: list[Record], deviations: list[Record], levels: Any, records: list[Record]) -> Any:
+    """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not.
+
+    A nonlinear model is of the signals themselves: it is fitted to the parts, the others to their deviations.
+    """
+    rows = [len(part) for part in parts]
     try:
-        fit = identify(method, deviations)
-        model = _absolute(state_space_of(fit.model), levels)
-        stands = [standing(model, one, first) for one, first in zip(records, rows, strict=True)]
+        if hasattr(method, "tracker"):
+            fit = identify(method, parts)
+            model = fit.model
+            stands = [adaptive.standing(method, model, one, first) for one, first in zip(records, rows, strict=True)]
+        else:
+            fit = identify(method, deviations)
+            model = _absolute(state_space_of(fit.model), levels)
+            stands = [standing(model, one, first) for one, first in zip(records, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)
     held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, records, rows, strict=True)]

@@ -13,6 +13,7 @@ from ..engines import choice
 from ..frozen import frozen, replace
 from ..identifiers.validation import told, validated
 from ..results import Estimate, Fit, Outcome
+from .adaptive import tracked
 from .binding import bind, select
 
 Records = Record | Sequence[Record]
@@ -39,6 +40,8 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
     True
     """
     records = _read(method, record, engine)
+    if hasattr(method, "tracker"):
+        return tracked(method, records, engine)
     if hasattr(method, "starter"):
         method.check(records)
         start, _ = _run(method.starter(records).for_channels(records[0].inputs, records[0].outputs), records, engine)
@@ -55,7 +58,7 @@ def _read(method: Any, record: Records, engine: str) -> list[Record]:
     steps = all(hasattr(method, step) for step in ("init", "correct", "predict", "fitted"))
     if isinstance(method, type):
         faults.add(f"`method` must be made with its orders: write {method.__name__}(...), not {method.__name__}.")
-    elif not (steps or hasattr(method, "fit")):
+    elif not (steps or hasattr(method, "fit") or hasattr(method, "tracker")):
         faults.add(
             f"`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does. Got {checks.short(method)}."
         )
