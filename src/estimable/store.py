@@ -50,15 +50,16 @@ from .run.stack import Stacked
 FORMAT = 1
 
 
-def has_functions(entry: catalogue.Entry) -> bool:
+def has_functions(identifier: catalogue.Entry) -> bool:
     """Whether it always holds functions of the user's, which no file does."""
-    return entry.name == "adaptive-identification"
+    return identifier.name == "adaptive-identification"
 
 
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        *(entry.cls for entry in (*catalogue.ENTRIES, *catalogue.IDENTIFIERS) if not has_functions(entry)), StateSpace, OperatingPoint, Prior, Record,
+        *(entry.cls for entry in catalogue.ENTRIES), *(one.cls for one in catalogue.IDENTIFIERS if not has_functions(one)),
+        StateSpace, OperatingPoint, Prior, Record,
         Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
         DelayLink, Trace, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
