@@ -22,6 +22,7 @@ from .design.disturbance_accommodation import DisturbanceAccommodation, disturba
 from .design.families import DesignFamily
 from .design.gains import FeedbackGain, KalmanGain, filter_covariance, kalman_gain, lqr_gain
 from .design.rho_synthesis import RhoSynthesis, rho_synthesis
+from .design.trans_kalman import TransKalman, trans_kalman
 from .design.waveforms import Waveform
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
 from .filters.bounded import Bounded
@@ -164,6 +165,7 @@ __all__ = [
     "StateSpace",
     "Subspace",
     "Trace",
+    "TransKalman",
     "UnknownGain",
     "UnknownInput",
     "UnknownInputExistence",
@@ -214,6 +216,7 @@ __all__ = [
     "smooth",
     "stability_radius",
     "stack",
+    "trans_kalman",
     "unknown_input_existence",
     "write_model",
 ]

@@ -1,0 +1,243 @@
+"""The Trans-Kalman filter, given an exact meaning: the best constant gain over a set of noises, or of a given sparsity."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..analysis.rho import RhoMargin, rho_margin
+from ..errors import AssumptionError
+from ..frozen import frozen, replace, static
+from ..kernels import trans_kalman as kernel
+from ..kernels.fixed_gain import stationary
+from ..models.constant import check_constant, check_noise
+from ..models.state_space import StateSpace
+
+CRITERIA = ("relative_regret", "regret", "cost")
+
+
+@frozen
+class TransKalman:
+    """What `trans_kalman` returns. V corners of the set of noises; the cost of a gain K at one is tr W P(K).
+
+    `filter` (n, p): x[k|k] = x[k|k-1] + filter e, for `FixedGain(model, design.filter)`. `covariance` (V, n, n) of its error, and
+    `cost` (V,), at each corner; `optimal` (V,): the cost of the Kalman filter that knows the corner; `guessed` (V, V): at [i, j]
+    that of the Kalman filter tuned for corner i where corner j is true.
+
+    The certificate: `worst` is the largest charge by the criterion, over the whole set; `bound`: no constant gain has less (of a
+    sparse one: no gain, sparse or not). `shares` (V,) of the least favourable mixture of the corners, and `least_favourable`, the
+    model with that noise, of which `filter` is the Kalman gain; None of a sparse gain. `poles` (n,) of the error.
+    """
+
+    filter: Any
+    covariance: Any
+    cost: Any
+    optimal: Any
+    guessed: Any
+    worst: float
+    bound: float
+    shares: Any
+    least_favourable: StateSpace | None
+    poles: Any
+    model: StateSpace
+    criterion: str = static()
+
+    @property
+    def regret(self) -> Any:
+        """What the gain costs more than the Kalman filter that knows, (V,); never below 0."""
+        return self.cost - self.optimal
+
+    @property
+    def relative_regret(self) -> Any:
+        """The same as a part of what that filter costs, (V,)."""
+        return self.regret / self.optimal
+
+    def margin(self, scaling: Any = None) -> RhoMargin:
+        """How much unmodelled coupling the error bears; `scaling` as in `rho_margin`."""
+        A, C = self.model.A, self.model.C
+        return rho_margin(A - self.filter @ C @ A, dt=self.model.dt, scaling=scaling)
+
+    def to_pandas(self):
+        """A DataFrame: a row for each filter (this one, and the Kalman filter of each corner), a column for each true corner:
+        cost over that of the filter that knows; last the worst of the row."""
+        import pandas as pd
+
+        rows = np.vstack([self.cost, self.guessed]) / self.optimal
+        corners = [str(i) for i in range(len(self.cost))]
+        names = ["trans-Kalman", *(f"Kalman of {i}" for i in corners)]
+        return pd.DataFrame(rows, index=names, columns=corners).assign(worst=rows.max(axis=1))
+
+    def __repr__(self) -> str:
+        return (
+            f"TransKalman({self.criterion} {self.worst:.4g} at worst, {self.bound:.4g} at least; {len(self.cost)} corners; "
+            f"largest pole {np.abs(self.poles).max():.4g})"
+        )
+
+
+def trans_kalman(
+    model: StateSpace, *, noises: Any = None, criterion: str = "relative_regret", weight: Any = None, free: Any = None
+) -> TransKalman:
+    """The constant gain whose worst case over a set of noises is least, with what proves it.
+
+    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k], constant and discrete, without cross noise; cov w and cov v lie in the
+    convex hull of `noises`, a list of pairs (Q, R), its corners. None: the model's own Q and R, for which the gain is the Kalman
+    filter's.
+
+    `weight` W: of the error, (n, n), or (n,) for the one combination c'x; None: the identity, in the units of the states. At one
+    corner it changes nothing: the Kalman gain is best for every W >= 0 at once. `criterion`: "relative_regret", what the
+    gain costs more than the Kalman filter that knows, as a part of it; "regret", the same in absolute units; "cost". `free`
+    (n, p) of booleans: where the gain may be other than zero; None: everywhere.
+
+    All three are largest at a corner (the cost of a gain is linear in (Q, R), that of the Kalman filter concave), so the set is
+    covered by its corners, and the minimax gain is the Kalman gain of a least favourable mixture of them, which is found and
+    returned: `worst` = `bound` says that no constant gain does better. Of a sparse gain this does not hold: the search
+    is local, and `bound` is that of a full gain.
+
+    Raises `InputError` for shapes, an empty set, covariances; `AssumptionError` where a corner has no stationary Kalman filter,
+    or no stabilising gain of this sparsity was found. Cost: some 10 to 100 Riccati equations; .1 s at n = 2 and 4 corners.
+
+    Reference: R. W. Bass (2005) has the name and the aim; this meaning of it is ours.
+
+    >>> model = StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], dt=1)
+    >>> design = trans_kalman(model, noises=[([[0.1]], [[1.0]]), ([[10.0]], [[1.0]])])
+    >>> design.filter.round(3), design.relative_regret.round(3)
+    (array([[0.668]]), array([0.901, 0.901]))
+    """
+    faults = checks.Faults()
+    faults.choice("criterion", criterion, CRITERIA)
+    if faults.instance("model", model, StateSpace):
+        _check_model(model, faults)
+    faults.finish()
+    noises = _noises(model, noises, faults)
+    W = _weight(model, weight, faults)
+    allowed = _free(model, free, faults)
+    faults.finish()
+    plant = kernel.Plant(model.A, model.C, W)
+    corners = _corners(plant, model, noises)
+    a, s = _charges(corners, criterion)
+    best = kernel.mixture(plant, corners, a, s)
+    K = best.corner.K
+    if not allowed.all():
+        K = _sparse(plant, corners, a, s, K, allowed)
+    return _told(model, plant, corners, noises, (a, s), best, K, criterion, allowed.all())
+
+
+def _told(model, plant, corners, noises, charge, best, K, criterion, full) -> TransKalman:
+    """The result, and what proves it."""
+    a, s = charge
+    optimal = np.array([one.cost for one in corners])
+    cost = optimal + kernel.losses(plant, corners, K)
+    bound = float(best.shares @ (a + s * kernel.losses(plant, corners, best.corner.K)))
+    part = best.shares * s / (best.shares @ s)
+    Q, R = (np.tensordot(part, np.array([noise[i] for noise in noises]), 1) for i in (0, 1))
+    return TransKalman(
+        filter=K,
+        covariance=np.array([stationary(plant.A, plant.C, K, one.N, one.R) for one in corners]),
+        cost=cost,
+        optimal=optimal,
+        guessed=np.array([optimal + kernel.losses(plant, corners, one.K) for one in corners]),
+        worst=float((a + s * (cost - optimal)).max()),
+        bound=bound,
+        shares=part if full else None,
+        least_favourable=replace(model, Q=Q, R=R) if full else None,
+        poles=np.linalg.eigvals(plant.A - K @ plant.C @ plant.A),
+        model=model,
+        criterion=criterion,
+    )
+
+
+def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[Any, Any]:
+    """(a, s): the criterion at a corner is a + s loss."""
+    optimal = np.array([one.cost for one in corners])
+    if criterion == "cost":
+        return optimal, np.ones(len(corners))
+    if criterion == "regret":
+        return np.zeros(len(corners)), np.ones(len(corners))
+    if np.any(optimal <= 0):
+        checks.refuse(
+            f"at noises[{int(np.argmin(optimal))}] the Kalman filter costs nothing, and no regret is a part of that: take "
+            'criterion = "regret".'
+        )
+    return np.zeros(len(corners)), 1 / optimal
+
+
+def _corners(plant: kernel.Plant, model: StateSpace, noises: list) -> list[kernel.Corner]:
+    """The Kalman filter of each corner."""
+    found = []
+    for i, (Q, R) in enumerate(noises):
+        try:
+            found.append(kernel.corner(plant, model.G @ Q @ model.G.T, R))
+        except (AssumptionError, np.linalg.LinAlgError) as why:
+            raise AssumptionError(f"at noises[{i}] there is no stationary Kalman filter: {why}") from None
+    return found
+
+
+def _sparse(plant, corners, a, s, K, allowed) -> Any:
+    """The gain that is zero where it must be."""
+    found = kernel.restricted(plant, corners, a, s, K, allowed)
+    if found is None:
+        raise AssumptionError(
+            f"no stabilising gain was found with {checks.counted(int(allowed.sum()), 'entry')} free of {allowed.size}: free more "
+            "of them, or look with observability(model) at what these outputs say of the unstable modes."
+        )
+    return found
+
+
+def _check_model(model: StateSpace, faults: checks.Faults) -> None:
+    """Discrete, constant, with R and without S."""
+    check_constant(model, faults)
+    check_noise(model, faults)
+    if model.is_continuous:
+        faults.add("`model` must be discrete, as the gain of a sample is: give model.discretise(dt).")
+    if model.S is not None:
+        faults.add("`model` has cross noise S, which this design does not use: give a model without it.")
+
+
+def _noises(model: StateSpace, noises: Any, faults: checks.Faults) -> list:
+    """The corners as pairs of arrays."""
+    if noises is None:
+        return [(model.Q, model.R)]
+    if not isinstance(noises, list | tuple) or not all(
+        isinstance(one, list | tuple) and len(one) == 2 for one in noises
+    ):
+        faults.add(f"`noises` must be a list of pairs (Q, R). Got {checks.short(noises)}.")
+        return []
+    if not noises:
+        faults.add(
+            "`noises` must hold at least one pair (Q, R): over an empty set nothing is worst. None: the model's own."
+        )
+    q = model.G.shape[-1]
+    faults.learn("q", q, f"the model has {checks.counted(q, 'noise')}")
+    faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
+    return [
+        (faults.covariance(f"noises[{i}][0]", Q, "q q"), faults.covariance(f"noises[{i}][1]", R, "p p"))
+        for i, (Q, R) in enumerate(noises)
+    ]
+
+
+def _weight(model: StateSpace, weight: Any, faults: checks.Faults) -> Any:
+    """W (n, n)."""
+    faults.learn("n", model.n, model.size_source)
+    if weight is None:
+        return np.eye(model.n)
+    if np.ndim(weight) == 1:
+        c = faults.array("weight", weight, "n")
+        W = None if c is None else np.outer(c, c)
+    else:
+        W = faults.covariance("weight", weight, "n n")
+    if W is not None and not np.any(W):
+        faults.add("`weight` must not be zero: then every gain costs the same.")
+    return W
+
+
+def _free(model: StateSpace, free: Any, faults: checks.Faults) -> Any:
+    """Where the gain may be other than zero, (n, p)."""
+    if free is None:
+        return np.ones((model.n, model.p), bool)
+    faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
+    mask = faults.array("free", free, "n p")
+    if mask is None:
+        return np.ones((model.n, model.p), bool)
+    if not np.all((mask == 0) | (mask == 1)):
+        faults.add("`free` must hold True (may be other than zero) or False only.")
+    return mask == 1
