@@ -333,7 +333,7 @@ def test_a_bank_without_llvm_runs_in_lanes(monkeypatch):
     assert estimate_bank(*bank, prior=cases[0].prior).engine == "native"
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
     llvm._processor.cache_clear()
-    native._step.cache_clear()
+    native.compiled_step.cache_clear()
     assert estimate_bank(*bank, prior=cases[0].prior).engine == "lanes"
     assert estimate(bank[0][0], bank[1][0], prior=cases[0].prior).engine == "xla"
     with pytest.raises(InputError, match='"native" cannot run Kalman here: llvmlite cannot be imported'):

@@ -27,10 +27,10 @@ def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes:
     """Many runs at once: of (algorithm, samples and intervals, prior) those with axis 0 have a leading batch axis."""
     written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
-    return _step(written, keep, LANES if size > 1 else 1).run(size, fixed, rows)
+    return compiled_step(written, keep, LANES if size > 1 else 1).run(size, fixed, rows)
 
 
-class _Step:
+class Step:
     """A compiled step: where its inputs are read from, and what its outputs are."""
 
     def __init__(self, written: Written, keep: str, lanes: int):
@@ -54,7 +54,7 @@ class _Step:
         shared = all(axis is None for _, axis in rows)
         T = rows[0][0].shape[0 if shared else 1]
         starts = self.start.run(size, fixed)[:, self.alive]
-        constants = _columns(fixed, self.fixed, size)
+        constants = columns(fixed, self.fixed, size)
         leaves = [
             leaf.reshape(1 if shared else size, T, math.prod(leaf.shape[1 if shared else 2 :])) for leaf, _ in rows
         ]
@@ -67,38 +67,41 @@ class _Step:
             self.compiled(T, constants[run], starts[run].copy(), row, each[run], last[run])
 
         def side_by_side(first: int) -> None:
-            runs = np.minimum(np.arange(first, first + self.lanes), size - 1)  # the last group repeats the last run
-            real = min(self.lanes, size - first)
-            some = slice(first, first + real) if real == self.lanes else runs
+            runs, real = self.group(first, size)
             row = np.empty((T, len(self.rows), self.lanes))
             for column, (i, j) in enumerate(self.rows):
-                row[:, column] = leaves[i][0, :, j, None] if shared else leaves[i][some, :, j].T
+                row[:, column] = leaves[i][0, :, j, None] if shared else leaves[i][runs, :, j].T
             wrote, end = np.empty((T, self.each, self.lanes)), np.empty((self.last, self.lanes))
             self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), row, wrote, end)
             each[first : first + real], last[first : first + real] = wrote.transpose(2, 0, 1)[:real], end.T[:real]
 
-        _on_all_processors(alone if self.lanes == 1 else side_by_side, range(0, size, self.lanes))
+        on_all_processors(alone if self.lanes == 1 else side_by_side, range(0, size, self.lanes))
         outcomes = each[..., -1].astype(int)
         failed_at = np.argmax(outcomes != 0, axis=1)
-        kept = self._shaped(last if self.keep == "last" else each)
+        kept = shaped(last if self.keep == "last" else each, self.kept)
         return Run(kept, each[..., -2].sum(axis=1), outcomes[np.arange(size), failed_at], failed_at, None)
 
-    def _shaped(self, flat: np.ndarray) -> Any:
-        """Columns as the leaves of an info."""
-        leaves, at = [], 0
-        for leaf in jax.tree_util.tree_leaves(self.kept):
-            size = int(np.prod(leaf.shape))
-            leaves.append(
-                flat[..., at : at + size].reshape((*flat.shape[:-1], *leaf.shape)).astype(leaf.dtype, copy=False)
-            )
-            at += size
-        return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(self.kept), leaves)
+    def group(self, first: int, size: int) -> tuple[Any, int]:
+        """The runs that go side by side from `first` on, and how many are real: the last group repeats the last run."""
+        real = min(self.lanes, size - first)
+        runs = np.minimum(np.arange(first, first + self.lanes), size - 1)
+        return (slice(first, first + real) if real == self.lanes else runs), real
+
+
+def shaped(flat: np.ndarray, shapes: Any) -> Any:
+    """Columns as the leaves of what has these shapes."""
+    leaves, at = [], 0
+    for leaf in jax.tree_util.tree_leaves(shapes):
+        size = int(np.prod(leaf.shape))
+        leaves.append(flat[..., at : at + size].reshape((*flat.shape[:-1], *leaf.shape)).astype(leaf.dtype, copy=False))
+        at += size
+    return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(shapes), leaves)
 
 
 @lru_cache(256)
-def _step(written: Written, keep: str, lanes: int) -> _Step:
+def compiled_step(written: Written, keep: str, lanes: int) -> Step:
     """The compiled step: nothing is compiled twice."""
-    return _Step(written, keep, lanes)
+    return Step(written, keep, lanes)
 
 
 class _Start:
@@ -113,11 +116,11 @@ class _Start:
     def run(self, size: int, fixed: list) -> np.ndarray:
         """The first state of each run, flat: (size, entries)."""
         each, nothing = np.empty((size, self.size)), np.zeros(1)
-        self.compiled(size, nothing, nothing, _columns(fixed, self.places, size), each, nothing)
+        self.compiled(size, nothing, nothing, columns(fixed, self.places, size), each, nothing)
         return each
 
 
-def _columns(leaves: list, places: list, size: int) -> np.ndarray:
+def columns(leaves: list, places: list, size: int) -> np.ndarray:
     """The entries that are read of leaves with or without a batch axis: (size, entries)."""
     out = np.empty((size, len(places)))
     for column, (i, j) in enumerate(places):
@@ -126,7 +129,7 @@ def _columns(leaves: list, places: list, size: int) -> np.ndarray:
     return out
 
 
-def _on_all_processors(work: Any, items: range) -> None:
+def on_all_processors(work: Any, items: range) -> None:
     """Each item once, in threads: machine code and copies release Python's lock."""
     if len(items) == 1:
         work(items[0])

@@ -9,7 +9,6 @@ import numpy as np
 
 from .. import checks
 from ..engines import choice
-from ..engines.choice import scan_bank as run_bank
 from ..errors import RunError
 from ..frozen import frozen, replace, static
 from ..models.controlled import ControlledPlant
@@ -18,6 +17,7 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Kept, Names, Outcome
+from . import window_loop
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
 from .loop import Loop, Row
 from .transmit import Links, check_links
@@ -123,7 +123,7 @@ def close_loop_bank(
         plant = ControlledPlant(plant)
     links = Links(input_link, output_link)
     reference, step = _check_call(plant, controller, estimator, links, reference, prior, dt, start, lost)
-    _check_run(seed, runs, on_failure, engine)
+    _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
     loop = Loop(
         plant.steps(step), estimator.sampled(Clock.every(step, plant.hold)), controller, links, _x0(plant, start),
@@ -131,19 +131,20 @@ def close_loop_bank(
     )  # fmt: skip
     T = len(reference)
     t = np.arange(T) * step
-    rows = _rows(loop, plant.phase_rows(t), reference, seed, runs)
+    rows = _rows(loop, plant.phase_rows(t), reference, seed, first + np.arange(runs))
     intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
-    used, run = run_bank(engine, loop, prior, rows, intervals, axes=(None, 0, None), keep="all", select=_everything)
+    used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     for i, outcome in enumerate(outcomes):
         if outcome.code and on_failure == "raise":
-            raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}" if runs > 1 else outcome.sentence))
+            raise RunError(outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence))
     return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
 
 
 def _everything(info: Info, keep: str) -> Info:
-    return info
+    loop = {name: told for name, told in info.extra["loop"].items() if name != "interval"}
+    return replace(info, extra={**info.extra, "loop": loop})
 
 
 def _closed(info: Info, t, reference, engine: str, names: Names) -> ClosedLoop:
@@ -157,8 +158,8 @@ def _closed(info: Info, t, reference, engine: str, names: Names) -> ClosedLoop:
                       names=names, **told)  # fmt: skip
 
 
-@partial(jax.jit, static_argnames=("T", "sizes", "runs"))
-def _draw(seed, T: int, sizes: tuple[int, int, int], runs: int):
+@partial(jax.jit, static_argnames=("T", "sizes"))
+def _draw(seed, which, T: int, sizes: tuple[int, int, int]):
     """Noises and uniform numbers of each run, (runs, T, size)."""
 
     def one(i):
@@ -168,15 +169,15 @@ def _draw(seed, T: int, sizes: tuple[int, int, int], runs: int):
                    for stream, size in ((INPUT, sizes[1]), (OUTPUT, sizes[2]))]  # fmt: skip
         return noise, *uniform
 
-    return jax.vmap(one)(jnp.arange(runs))
+    return jax.vmap(one)(which)
 
 
-def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, runs: int) -> Row:
-    """The rows of all runs."""
-    T = len(reference)
+def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> Row:
+    """The rows of the runs of these numbers."""
+    T, runs = len(reference), len(which)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
     sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
-    noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, T, sizes, runs))
+    noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
     phase = np.eye(len(loop.plant.A))[phases]
     return Row(
         noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
@@ -190,10 +191,11 @@ def _x0(plant: ControlledPlant, start: Any) -> np.ndarray:
     return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
 
 
-def _check_run(seed: Any, runs: Any, on_failure: str, engine: str) -> None:
+def _check_run(seed: Any, runs: Any, first: Any, on_failure: str, engine: str) -> None:
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
     faults.whole("runs", runs, 1)
+    faults.whole("first", first, 0)
     faults.choice("on_failure", on_failure, ("raise", "keep"))
     choice.check(engine, faults)
     faults.finish()

@@ -15,7 +15,7 @@ from .transmit import Links
 @frozen
 class Row:
     """What enters the loop at one instant: unit normal noises, uniform draws of the links, the reference, and which phase the
-    plant is in (its entry 1, the others 0)."""
+    plant is in (its entry 1, the others 0). `begin`, `place`: what a window is told of the block before (`window_loop`)."""
 
     noise: Any
     input_draw: Any
@@ -23,6 +23,8 @@ class Row:
     reference: Any
     phase: Any
     seen: Any
+    begin: Any = None
+    place: Any = None
 
 
 @frozen
@@ -73,7 +75,7 @@ class Loop:
         n = len(state.x) - (0 if now.L is None else m)
         measured = apply(now.C, state.x) + apply(now.V, row.noise[:p])
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        belief, info = self._learn(state, measured, seen)
+        belief, info = self._learn(state, measured, seen, row)
         standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
         known = replace(info, extra={**(info.extra or {}), "input": standing})
         control, u, said = self.controller.act(state.control, known, row.reference)
@@ -84,6 +86,7 @@ class Loop:
         input, input_end = (applied, applied) if now.L is None else (standing, apply(jnp.asarray(now.L), x))
         told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
                 "state": state.x[:n], "input": input,
+                "interval": Interval(input, input_end, None, self.dt),
                 **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
         after = LoopState(x, belief, control, (carrier, sensors), applied, input, input_end)
         return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
@@ -93,14 +96,15 @@ class Loop:
         seen = Interval(state.input, state.input_end, None, interval.dt)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
-    def _learn(self, state: LoopState, measured, seen):
+    def _learn(self, state: LoopState, measured, seen, row: Row):
         columns = list(self.columns)
         y = jnp.where(seen, measured, 0.0)
-        sample = Sample(_entries(y, columns), _entries(seen, columns), jnp.zeros(self.plant.B.shape[-1]))
+        besides = None if row.begin is None else (row.begin, row.place)
+        sample = Sample(entries(y, columns), entries(seen, columns), jnp.zeros(self.plant.B.shape[-1]), besides)
         return self.estimator.correct(state.belief, sample)
 
 
-def _entries(vector, columns: list[int]):
+def entries(vector, columns):
     """Entries picked one by one, which a straight line can."""
     return jnp.concatenate([vector[i : i + 1] for i in columns])
 

@@ -45,7 +45,7 @@ def scan_bank(
     place = np.broadcast_to(
         (np.arange(T) + 2) % length - 1, samples.seen.shape[:2]
     )  # a block begins at the first full row
-    rows = _Row(samples, intervals, place)
+    rows = Row(samples, intervals, place)
     turned = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], rows)
     _, run = choice.scan_bank(
         engine, _Ends(algorithm), prior, turned, turned.interval, axes=axes, keep="all", select=_belief
@@ -60,7 +60,7 @@ def scan_bank(
 
 
 @frozen
-class _Row:
+class Row:
     """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
 
     sample: Sample
@@ -75,7 +75,7 @@ class _Row:
 
 
 @frozen
-class _Told:
+class Told:
     """What a pass tells of a row, for an engine."""
 
     kept: Any
@@ -84,16 +84,20 @@ class _Told:
     log_likelihood: Any = None
 
 
-def _belief(told: _Told, keep: str) -> Belief:
+def _belief(told: Told, keep: str) -> Belief:
+    return short(told.kept)
+
+
+def short(belief: Belief) -> Belief:
     """What the second pass needs of a belief: no output is without noise, and the scale of what it opens is not asked for."""
-    return replace(told.kept, size=None, log_scale=None)
+    return replace(belief, size=None, log_scale=None)
 
 
-def _said(told: _Told, keep: str) -> tuple[Info, Any]:
+def _said(told: Told, keep: str) -> tuple[Info, Any]:
     return keep_of(told.kept, keep), told.again
 
 
-def _step(algorithm: Any, row: _Row) -> stretch.Stretch:
+def step_of(algorithm: Any, row: Row) -> stretch.Stretch:
     """This sample, and the way to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
     (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
@@ -101,17 +105,38 @@ def _step(algorithm: Any, row: _Row) -> stretch.Stretch:
     return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
 
 
-def _or_empty(blank: Any, gathered: stretch.Stretch) -> stretch.Stretch:
-    return _either(blank, stretch.empty(gathered.b.shape[0]), gathered)
+def or_empty(blank: Any, gathered: stretch.Stretch) -> stretch.Stretch:
+    """What is gathered, or nothing at a blank."""
+    return either(blank, stretch.empty(gathered.b.shape[0]), gathered)
 
 
-def _through(belief: Belief, gathered: stretch.Stretch) -> Belief:
+def through(belief: Belief, gathered: stretch.Stretch) -> Belief:
+    """The belief after a stretch."""
     b = belief
     return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
 
 
-def _either(first: Any, a: Any, b: Any) -> Any:
+def either(first: Any, a: Any, b: Any) -> Any:
+    """a or b, leaf by leaf."""
     return jax.tree_util.tree_map(lambda x, y: jnp.where(first, x, y), a, b)
+
+
+def learn(algorithm: Any, begin: Belief, gathered: stretch.Stretch, sample: Sample) -> tuple[Info, Any]:
+    """What the filter says that has gone from a block's `begin` through what is gathered; and whether it must be run instead."""
+    begin = replace(begin, factor=jnp.tril(begin.factor), size=jnp.abs(begin.mean), log_scale=jnp.zeros(()))
+    before = through(begin, gathered)
+    _, info = algorithm.correct(replace(before, diffuse=before.diffuse[:, :0]), sample)
+    if before.diffuse.shape[1]:
+        info = _nothing_open(info)
+    return info, jnp.any(before.diffuse != 0) | (info.outcome != 0)
+
+
+def _nothing_open(info: Info) -> Info:
+    """What the filter says that has directions of which nothing might be known, where there is none."""
+    extra = dict(info.extra or {})
+    if info.gain is not None:
+        extra["gain_diffuse_covariance"] = jnp.zeros(info.gain_covariance.shape)
+    return replace(info, diffuse_covariance=jnp.zeros(info.covariance.shape), extra=extra or info.extra)
 
 
 @frozen
@@ -129,12 +154,12 @@ class _Ends:
         fresh = self.algorithm.init(prior)
         return fresh, stretch.empty(fresh.mean.shape[0])
 
-    def correct(self, state: tuple, sample: _Row) -> tuple[tuple, _Told]:
+    def correct(self, state: tuple, sample: Row) -> tuple[tuple, Told]:
         """Put a row before those gathered; a window that is a block has nothing before it."""
         fresh, gathered = state
-        gathered = stretch.joined(_step(self.algorithm, sample), _or_empty(sample.place == -1, gathered))
-        begin = _either(sample.place == 0, fresh, _through(fresh, gathered))
-        return (fresh, gathered), _Told(begin, False, 0)
+        gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
+        begin = either(sample.place == 0, fresh, through(fresh, gathered))
+        return (fresh, gathered), Told(begin, False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
         """Nothing moves."""
@@ -155,16 +180,11 @@ class _Beginnings:
         """Nothing is gathered."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 
-    def correct(self, state: stretch.Stretch, sample: _Row) -> tuple[stretch.Stretch, _Told]:
+    def correct(self, state: stretch.Stretch, sample: Row) -> tuple[stretch.Stretch, Told]:
         """Go through what the block has told so far, and learn from the last sample as the filter does."""
-        gathered = _or_empty(sample.place == 0, state)
-        b = sample.begin
-        begin = replace(b, factor=jnp.tril(b.factor), size=jnp.abs(b.mean), log_scale=jnp.zeros(()))
-        before = _through(begin, gathered)
-        known = replace(before, diffuse=jnp.zeros(before.diffuse.shape))
-        _, info = self.algorithm.correct(known, sample.sample)
-        again = jnp.any(before.diffuse != 0) | (info.outcome != 0)
-        return stretch.joined(gathered, _step(self.algorithm, sample)), _Told(info, again, 0)
+        gathered = or_empty(sample.place == 0, state)
+        info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)
+        return stretch.joined(gathered, step_of(self.algorithm, sample)), Told(info, again, 0)
 
     def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
         """The stretch has moved already."""
