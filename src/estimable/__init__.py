@@ -79,6 +79,7 @@ from .run.fit_noise import NoiseFit, fit_noise
 from .run.forecast import forecast
 from .run.identify import identify
 from .run.monte_carlo import MonteCarlo, monte_carlo
+from .run.monte_carlo_loops import LoopCase, loop_grid, monte_carlo_loops
 from .run.online import Online, online
 from .run.simulate import drawn_from, simulate, simulate_bank
 from .run.smooth import smooth
@@ -128,6 +129,7 @@ __all__ = [
     "Kalman",
     "KalmanGain",
     "LeastSquares",
+    "LoopCase",
     "LossTolerance",
     "MarkovParameters",
     "MinimumVariance",
@@ -194,9 +196,11 @@ __all__ = [
     "kalman_gain",
     "load",
     "log_likelihood",
+    "loop_grid",
     "loss_tolerance",
     "lqr_gain",
     "monte_carlo",
+    "monte_carlo_loops",
     "observability",
     "online",
     "packaged",

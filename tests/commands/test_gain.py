@@ -137,7 +137,9 @@ def test_demo_for_people(run, width):
     assert "░" in answer.stdout
     under_the_axis = next(i for i, line in enumerate(answer.stdout.splitlines()) if line.lstrip().startswith("s 0"))
     assert "before" in answer.stdout.splitlines()[under_the_axis + 1]
-    assert "Innovations of pitch_rate_deg_s regressed on elevator_deg" in words  # the model is not exact, and it is said
+    assert (
+        "Innovations of pitch_rate_deg_s regressed on elevator_deg" in words
+    )  # the model is not exact, and it is said
     assert "estimable gain YOUR.csv --model YOUR.toml" in answer.stderr
     assert str(path("f16-model.toml")) in answer.stderr
 
@@ -253,5 +255,7 @@ def test_a_change_that_was_found_does_not_count_against_the_model(run, tmp_path)
     assert said["innovation_faults"] == []
     text = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml")).stdout
     assert "14 % of y was not seen." in text
-    plain = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--filter", "unknown-gain", "--json").json
+    plain = run(
+        "gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--filter", "unknown-gain", "--json"
+    ).json
     assert not plain["nis"]["consistent"]  # without the change the same record speaks against the model

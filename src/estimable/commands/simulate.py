@@ -26,6 +26,16 @@ Loss = Annotated[
 Runs = Annotated[
     int | None, typer.Option("--runs", metavar="N", help="f16: how many flights; 200 by default.", show_default=False)
 ]  # fmt: skip
+Folder = Annotated[
+    Path | None,
+    typer.Option("--folder", metavar="PATH", help="f16: keep finished parts here; the same call goes on where it stopped.",
+                 show_default=False),
+]  # fmt: skip
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="f16: fly on the cluster of this Dask scheduler, as tcp://10.0.0.1:8786.",
+                 show_default=False),
+]  # fmt: skip
 OutFile = Annotated[
     Path | None, typer.Option("--out", metavar="PATH", help="Write the record to this .csv file.", show_default=False)
 ]  # fmt: skip
@@ -43,6 +53,8 @@ def simulate(
     out: OutFile = None,
     loss: Loss = None,
     runs: Runs = None,
+    folder: Folder = None,
+    scheduler: Scheduler = None,
     machine: options.Machine = False,
 ) -> None:
     """Draw a record over lossy links, or fly a failing F-16.
@@ -62,17 +74,17 @@ def simulate(
     """
     if what == "f16":
         rest = {"rows": rows, "lost": lost, "settings": settings, "out": out}
-        with show.working("Flying"):
-            numbers = simulate_flight.flown(
-                0.5 if loss is None else loss, runs=200 if runs is None else runs, seed=seed,
-                arrivals=(input_arrival, output_arrival), burst=burst, rest=rest,
-            )  # fmt: skip
+        numbers = simulate_flight.flown(
+            0.5 if loss is None else loss, runs=200 if runs is None else runs, seed=seed,
+            arrivals=(input_arrival, output_arrival), burst=burst, rest=rest,
+            where={"folder": folder, "scheduler": scheduler},
+        )  # fmt: skip
         if machine:
             show.data("simulate", simulate_flight.as_data(numbers))
         else:
             show.text(lambda _: simulate_flight.as_text(numbers))
         return
-    simulate_flight.refuse_options(loss, runs)
+    simulate_flight.refuse_options({"loss": loss, "runs": runs, "folder": folder, "scheduler": scheduler})
     check_destination("--out", out, ".csv")
     simulation = simulate_report.simulated(
         what, rows=rows, seed=seed, arrivals=(input_arrival, output_arrival), burst=burst, lost=lost or "zero",

@@ -9,8 +9,9 @@ REST = {"rows": 1000, "lost": None, "settings": None, "out": None}  # options th
 
 
 def flown(
-    loss: float, *, runs: int, seed: int, arrivals: tuple[float, float], burst: float, rest: dict[str, Any]
-) -> dict:
+    loss: float, *, runs: int, seed: int, arrivals: tuple[float, float], burst: float, where: dict[str, Any],
+    rest: dict[str, Any],
+) -> dict:  # fmt: skip
     """The numbers of the flights. Raises `InputError` with every fault of the call."""
     faults = checks.Faults()
     faults.number("--loss", loss, lower=0.0, upper=1.0)
@@ -24,8 +25,8 @@ def flown(
     from ..plants import f16_failure
 
     input_link, output_link = (link(rate, burst) for rate in arrivals)
-    failed = f16_failure.fly(1 - loss, runs=runs, seed=seed, input_link=input_link, output_link=output_link)
-    return {"loss": loss, "runs": runs, "seed": seed, **failed.numbers}
+    numbers = f16_failure.study(1 - loss, runs=runs, seed=seed, input_link=input_link, output_link=output_link, **where)
+    return {"loss": loss, "runs": runs, "seed": seed, **numbers}
 
 
 def as_data(numbers: dict[str, Any]) -> dict[str, Any]:
@@ -46,10 +47,11 @@ def as_text(numbers: dict[str, Any]) -> list[str]:
     ]
 
 
-def refuse_options(loss: Any, runs: Any) -> None:
+def refuse_options(given: dict[str, Any]) -> None:
     """Options of a flight that were given for a record."""
     faults = checks.Faults()
-    for name, value in (("--loss", loss), ("--runs", runs)):
+    for name, value in given.items():
         if value is not None:
-            faults.add(f"{name} is of f16: estimable simulate f16 {name} {value:g}.")
+            told = f"{value:g}" if isinstance(value, int | float) else value
+            faults.add(f"--{name} is of f16: estimable simulate f16 --{name} {told}.")
     faults.finish()

@@ -32,12 +32,12 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
     written = write(forward.algorithm, forward.prior, rows, intervals, axes=axes, keep="all", select=select)
     kept, passed = written.kept
     example = jax.tree_util.tree_map(lambda leaf: np.zeros((1, 1, *leaf.shape), leaf.dtype), passed)
-    back = write(backward.algorithm, backward.prior, *example, axes=axes, keep="all", select=_as_it_is)
+    back = write(backward.algorithm, backward.prior, example[0], example[1], axes=axes, keep="all", select=_as_it_is)
     ahead, behind = compiled_step(written, "all", LANES), compiled_step(back, "all", LANES)
     size, fixed, leaves = batch(forward.algorithm, forward.prior, rows, intervals, axes)
     memory = _Memory(ahead, behind, rows, leaves, _width(kept), begin)
     T = leaves[0][0].shape[1]
-    _, own, _ = batch(backward.algorithm, backward.prior, *example, axes)
+    _, own, _ = batch(backward.algorithm, backward.prior, example[0], example[1], axes)
     starts, constants = ahead.start.run(size, fixed)[:, ahead.alive], columns(fixed, ahead.fixed, size)
     turned = behind.start.run(1, own)[:, behind.alive], columns(own, behind.fixed, 1)
     start, still = (np.repeat(array.T, LANES, axis=1) for array in turned)
@@ -91,7 +91,7 @@ class _Memory:
         row[:length, self.into] = self.begin[:T, :, None]
         for start in range(0, T, length):
             stop = min(start + length, T)
-            self.ahead.compiled(stop - start, *forward, row[start:stop], wrote[start:stop], nothing)
+            self.ahead.compiled(stop - start, forward[0], forward[1], row[start:stop], wrote[start:stop], nothing)
             if stop == T:
                 break
             turned = np.ascontiguousarray(wrote[start:stop][::-1, self.passed])

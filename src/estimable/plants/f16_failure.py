@@ -9,7 +9,8 @@ from ..filters.change_detection import ChangeDetection
 from ..filters.kalman import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..models.prior import Prior
-from ..run.close_loop import ClosedLoopBank, close_loop, close_loop_bank
+from ..run.close_loop import ClosedLoop, ClosedLoopBank, close_loop
+from ..run.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
 
 FAILURE, SETTLED = 4.5, 6.0  # [s]: the elevator fails; from here on the flight counts as "after"
@@ -63,15 +64,64 @@ def fly(gain_after: float, *, runs: int, seed: int, input_link: Any = None, outp
     >>> numbers["adaptive_rms_after"] < 0.05 < 1 < numbers["fixed_rms_after"]
     True
     """
-    model, t = f16.short_period(), np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
-    given: dict[str, Any] = {
-        "reference": f16.pitch_command(t), "seed": seed, "prior": Prior([0.0, 0.0], np.zeros((2, 2))), "dt": 1 / f16.RATE
-    }  # fmt: skip
-    healthy = close_loop(f16.controlled(sigma_alpha=EXACT, sigma_q=EXACT), f16.law(), Kalman(model), **given)
-    watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=JUMP)
-    given |= {"runs": runs, "input_link": input_link, "output_link": output_link, "lost": "hold"}
+    both = cases(gain_after, input_link=input_link, output_link=output_link)
+    fixed, adaptive = (both[name].fly(seed=seed, runs=runs) for name in ("fixed", "adaptive"))
+    return Failed(_time(), healthy(), fixed, adaptive)
+
+
+def cases(gain_after: float, *, input_link: Any = None, output_link: Any = None) -> dict[str, LoopCase]:
+    """The loops of `fly`, "fixed" and "adaptive", for `monte_carlo_loops`."""
+    watched = ChangeDetection(UnknownGain(f16.short_period(), Prior([1.0], [[0.0]])), jump=JUMP)
     plant = f16.controlled(gain_after, failure_time=FAILURE)
-    fixed, adaptive = (
-        close_loop_bank(plant, law, watched, **given) for law in (f16.law(), GainReconfiguration(f16.law()))
+    return {
+        name: LoopCase(plant, law, watched, input_link=input_link, output_link=output_link, lost="hold", **_given())
+        for name, law in (("fixed", f16.law()), ("adaptive", GainReconfiguration(f16.law())))
+    }
+
+
+def study(
+    gain_after: float, *, runs: int, seed: int, input_link: Any = None, output_link: Any = None, folder: Any = None,
+    scheduler: str | None = None, progress: bool = True,
+) -> dict[str, float]:  # fmt: skip
+    """`Failed.numbers` of any number of flights; `folder` and `scheduler` as in `monte_carlo_loops`.
+
+    >>> study(0.5, runs=8, seed=1) == fly(0.5, runs=8, seed=1).numbers
+    True
+    """
+    both = cases(gain_after, input_link=input_link, output_link=output_link)
+    found = monte_carlo_loops(
+        both, runs=runs, seed=seed, summary=_Judge(healthy()), folder=folder, scheduler=scheduler, progress=progress
     )
-    return Failed(t, healthy.state[:, 1], fixed, adaptive)
+    numbers = {f"{name}_{key}": float(np.median(found[name].values[key]))
+               for name in both for key in ("rms_after", "rms_transient")}  # fmt: skip
+    return {**numbers, "detection_delay_s": float(np.median(found["adaptive"].values["delay"]))}
+
+
+class _Judge(NamedTuple):
+    """The summary of a flight, beside the pitch rate of the flight that does not fail."""
+
+    healthy: np.ndarray
+
+    def __call__(self, closed: ClosedLoop) -> dict[str, Any]:
+        apart = (closed.state[:, 1] - self.healthy) ** 2
+        failed, settled = (closed.t >= start - 1e-9 for start in (FAILURE, SETTLED))
+        seen = np.flatnonzero(np.asarray(closed.extra["alarm"])[failed])
+        return {
+            "rms_after": np.sqrt(np.mean(apart[settled])), "rms_transient": np.sqrt(np.mean(apart[failed & ~settled])),
+            "delay": seen[0] / f16.RATE if len(seen) else np.inf,
+        }  # fmt: skip
+
+
+def healthy() -> np.ndarray:
+    """The pitch rate [deg/s] of the flight that does not fail, without noise, (T,)."""
+    quiet = f16.controlled(sigma_alpha=EXACT, sigma_q=EXACT)
+    return close_loop(quiet, f16.law(), Kalman(f16.short_period()), seed=0, **_given()).state[:, 1]
+
+
+def _time() -> np.ndarray:
+    return np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
+
+
+def _given() -> dict[str, Any]:
+    start = Prior([0.0, 0.0], np.zeros((2, 2)))
+    return {"reference": f16.pitch_command(_time()), "prior": start, "dt": 1 / f16.RATE}

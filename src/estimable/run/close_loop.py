@@ -4,7 +4,6 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
@@ -112,12 +111,12 @@ def close_loop(
 def close_loop_bank(
     plant: ControlledPlant | StateSpace | OutputError, controller: Any, estimator: Any, *, reference, seed: int, runs: int,
     prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
-    on_failure: str = "raise", engine: str = "auto",
+    first: int = 0, on_failure: str = "raise", engine: str = "auto",
 ) -> ClosedLoopBank:  # fmt: skip
     """Run the same loop many times, with other noises and losses each time. Run 0 is `close_loop` with the same seed.
 
-    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs. Arguments, order of a step and errors as in
-    `close_loop`.
+    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs; these are the runs from `first` on. Arguments, order
+    of a step and errors as in `close_loop`; `monte_carlo_loops` for more runs than the memory holds.
     """
     if isinstance(plant, StateSpace | OutputError):
         plant = ControlledPlant(plant)
@@ -138,7 +137,9 @@ def close_loop_bank(
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     for i, outcome in enumerate(outcomes):
         if outcome.code and on_failure == "raise":
-            raise RunError(outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence))
+            raise RunError(
+                outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
+            )
     return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
 
 

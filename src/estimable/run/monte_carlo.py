@@ -85,7 +85,7 @@ def monte_carlo(
     told: list[dict[str, Any]] = []
     failed: list[bool] = []
     used = engine
-    with _bar(runs, shown=progress) as advance:
+    with bar(runs, shown=progress) as advance:
         for first in range(0, runs, size):
             count = min(size, runs - first)
             things = draws(first + jnp.arange(size))
@@ -99,7 +99,7 @@ def monte_carlo(
                 told.append(summary(one, bank[i]))
                 failed.append(bank.outcomes[i].code != 0)
             advance(count)
-    return MonteCarlo(_gathered(told), np.array(failed), seed, used)
+    return MonteCarlo(gathered(told), np.array(failed), seed, used)
 
 
 def _check_call(algorithm, draw, summary, runs, seed, chunk) -> None:
@@ -136,7 +136,7 @@ def _settle(outcomes: Any, first: int, on_failure: str) -> None:
             raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))
 
 
-def _gathered(told: list[Any]) -> dict[str, np.ndarray]:
+def gathered(told: list[Any]) -> dict[str, np.ndarray]:
     """The values of all runs by name."""
     if not isinstance(told[0], dict):
         checks.refuse(f"`summary` must give {{name: number or array}}. Got {checks.short(told[0])}.")
@@ -148,7 +148,7 @@ def _gathered(told: list[Any]) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def _bar(runs: int, *, shown: bool) -> Iterator[Callable[[int], None]]:
+def bar(runs: int, *, shown: bool) -> Iterator[Callable[[int], None]]:
     """A progress bar on stderr where that is a terminal; gone when all is done."""
     import sys
 

@@ -1,0 +1,169 @@
+"""Fly many loops, of one setting or of a grid of them, here or on a cluster, and keep what is asked of each flight."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, fields
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..engines import choice
+from ..errors import RunError
+from ..results import Outcome
+from .close_loop import ClosedLoop, ClosedLoopBank, close_loop_bank
+from .monte_carlo import MonteCarlo, bar, gathered
+from .parts import Folder, fingerprint, worked_out
+
+CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else
+
+
+@dataclass(frozen=True)
+class LoopCase:
+    """All that `close_loop` takes but the seed: one case of a `monte_carlo_loops`. Arguments as in `close_loop`.
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.0]], dt=1)
+    >>> case = LoopCase(model, StateFeedback([[0.5]]), Kalman(model), reference=np.zeros((5, 0)), prior=Prior([0.0], [[0.0]]))
+    >>> case.fly(seed=0, runs=2).runs.state.shape
+    (2, 5, 1)
+    """
+
+    plant: Any
+    controller: Any
+    estimator: Any
+    _: KW_ONLY
+    reference: Any
+    prior: Any
+    dt: float | None = None
+    start: Any = None
+    input_link: Any = None
+    output_link: Any = None
+    lost: str = "zero"
+
+    def fly(
+        self, *, seed: int, runs: int, first: int = 0, on_failure: str = "raise", engine: str = "auto"
+    ) -> ClosedLoopBank:
+        """`close_loop_bank` of this case."""
+        return close_loop_bank(
+            **self._settings, seed=seed, runs=runs, first=first, on_failure=on_failure, engine=engine
+        )
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "_"}
+
+
+def loop_grid(make: Callable[..., LoopCase], /, **values: Sequence[Any]) -> dict[str, LoopCase]:
+    """A case for every combination of values, by name: make(name=value, ..).
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.1]], dt=1)
+    >>> start = Prior([0.0], [[0.0]])
+    >>> make = lambda gain: LoopCase(model, StateFeedback([[gain]]), Kalman(model), reference=np.zeros((5, 0)), prior=start)
+    >>> list(loop_grid(make, gain=[0.2, 0.5]))
+    ['gain=0.2', 'gain=0.5']
+    """
+    points = [dict(zip(values, point, strict=True)) for point in product(*values.values())]
+    return {", ".join(f"{name}={value}" for name, value in point.items()): make(**point) for point in points}
+
+
+def monte_carlo_loops(
+    cases: LoopCase | Mapping[str, LoopCase], *, runs: int, seed: int, summary: Callable[[ClosedLoop], dict[str, Any]],
+    folder: Any = None, scheduler: str | None = None, chunk: int = CHUNK, on_failure: str = "raise", engine: str = "auto",
+    progress: bool = True,
+) -> dict[str, MonteCarlo]:  # fmt: skip
+    """Fly each case `runs` times, and keep the summary of each flight: {name of the case: `MonteCarlo`}.
+
+    `cases`: {name: LoopCase}, as `loop_grid` makes them; one alone is named "". `summary(closed)`: {name: number or array} of one
+    `ClosedLoop`; NaN where a run does not have it. `folder`: parts of `chunk` runs that are finished are kept there, and found
+    again by a call with the same cases, seed, summary and chunk: a computation that was stopped goes on where it was.
+    `scheduler`: address of a Dask scheduler, as "tcp://10.0.0.1:8786", whose workers (with this version of estimable) fly the
+    parts; None: the processors of this machine. `chunk`: runs in memory together. `on_failure`: "raise" at the first run
+    that failed, or "keep". `progress`: a bar on stderr, where that is a terminal.
+
+    Run i of every case draws with `fold_in(key(seed), i)`: the values do not depend on `runs`, `chunk`, cores or cluster (to
+    rounding, on other processors), and cases are compared on the same draws.
+
+    Raises `InputError` with every fault of the call, and where no scheduler answers; `RunError` for the first run that failed.
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
+    >>> law, start = StateFeedback([[0.5]], reference_gain=[[0.5]]), Prior([0.0], [[0.0]])
+    >>> case = LoopCase(model, law, Kalman(model), reference=np.ones(9), prior=start)
+    >>> last = lambda closed: {"error": closed.state[-1, 0] - 1}
+    >>> found = monte_carlo_loops({"law": case}, runs=50, seed=1, summary=last)
+    >>> bool(abs(found["law"].mean("error")) < 3 * found["law"].standard_error("error"))
+    True
+    """
+    cases = {"": cases} if isinstance(cases, LoopCase) else cases
+    _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler)
+    parts = _Parts(cases, runs, seed, summary, chunk, Folder(folder))
+    with bar(runs * len(cases), shown=progress) as advance:
+        found = {place: part for place in parts.places if (part := parts.folder.read(parts.name(*place))) is not None}
+        advance(sum(len(part["failed"]) for part in found.values()))
+        missing = [place for place in parts.places if place not in found]
+        calls = [(cases[name], seed, first, min(chunk, runs - first), summary, engine) for name, first in missing]
+        for i, part in worked_out(fly_part, calls, scheduler):
+            parts.folder.write(parts.name(*missing[i]), part)
+            found[missing[i]] = part
+            _settle(part, missing[i], on_failure)
+            advance(len(part["failed"]))
+    return {name: _joined([found[place] for place in parts.places if place[0] == name], seed) for name in cases}
+
+
+class _Parts:
+    """The parts of all cases, by (case, first run), and their names in a folder."""
+
+    def __init__(self, cases: Mapping[str, LoopCase], runs: int, seed: int, summary: Any, chunk: int, folder: Folder):
+        self.runs, self.chunk, self.folder = runs, chunk, folder
+        self.places = [(name, first) for name in cases for first in range(0, runs, chunk)]
+        keep = folder.path is not None
+        self.digests = {
+            name: fingerprint(case._settings, seed, summary) if keep else "" for name, case in cases.items()
+        }
+
+    def name(self, case: str, first: int) -> str:
+        """The file of a part."""
+        return f"{self.digests[case]}-{first}-{min(self.chunk, self.runs - first)}"
+
+
+def fly_part(case: LoopCase, seed: int, first: int, runs: int, summary: Any, engine: str) -> dict[str, np.ndarray]:
+    """One part: the values of its runs by name, and how each ended."""
+    bank = case.fly(seed=seed, runs=runs, first=first, on_failure="keep", engine=engine)
+    values = gathered([summary(bank[i]) for i in range(runs)])
+    ended = {
+        "failed": np.array([outcome.code != 0 for outcome in bank.outcomes]),
+        "sentences": np.array([outcome.sentence for outcome in bank.outcomes]), "engine": np.array(bank.runs.engine),
+    }  # fmt: skip
+    return {**ended, **{f"value {name}": array for name, array in values.items()}}
+
+
+def _settle(part: dict[str, np.ndarray], place: tuple[str, int], on_failure: str) -> None:
+    failed = np.flatnonzero(part["failed"])
+    if on_failure == "raise" and len(failed):
+        name, first = place
+        which = f"Run {first + failed[0]}" + (f" of {name}" if name else "")
+        raise RunError(Outcome(1, None, None, f"{which}: {part['sentences'][failed[0]]}"))
+
+
+def _joined(parts: list[dict[str, np.ndarray]], seed: int) -> MonteCarlo:
+    names = [name for name in parts[0] if name.startswith("value ")]
+    values = {name.removeprefix("value "): np.concatenate([part[name] for part in parts]) for name in names}
+    return MonteCarlo(values, np.concatenate([part["failed"] for part in parts]), seed, str(parts[0]["engine"]))
+
+
+def _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler) -> None:
+    faults = checks.Faults()
+    if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):
+        faults.add(
+            f"`cases` must be a LoopCase, or {{name: LoopCase}} as `loop_grid` makes them. Got {checks.short(cases)}."
+        )
+    if not callable(summary):
+        faults.add(
+            "`summary` must be a function of a ClosedLoop that gives {name: number}. Got " + f"{checks.short(summary)}."
+        )
+    for name, value, least in (("runs", runs, 1), ("seed", seed, 0), ("chunk", chunk, 1)):
+        faults.whole(name, value, least)
+    if scheduler is not None and not isinstance(scheduler, str):
+        faults.add(f'`scheduler` must be an address, as "tcp://10.0.0.1:8786". Got {checks.short(scheduler)}.')
+    faults.choice("on_failure", on_failure, ("raise", "keep"))
+    choice.check(engine, faults)
+    faults.finish()
