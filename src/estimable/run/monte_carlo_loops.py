@@ -89,7 +89,7 @@ def monte_carlo_loops(
     >>> law, start = StateFeedback([[0.5]], reference_gain=[[0.5]]), Prior([0.0], [[0.0]])
     >>> case = LoopCase(model, law, Kalman(model), reference=np.ones(9), prior=start)
     >>> last = lambda closed: {"error": closed.state[-1, 0] - 1}
-    >>> found = monte_carlo_loops({"law": case}, runs=50, seed=1, summary=last)
+    >>> found = monte_carlo_loops({"law": case}, runs=500, seed=1, summary=last)
     >>> bool(abs(found["law"].mean("error")) < 3 * found["law"].standard_error("error"))
     True
     """
