@@ -34,7 +34,12 @@ ROOMS = (
     ("commands",),
     ("__main__",),
 )
-LAZY = {("results", "figures"), ("analysis", "figures"), ("design", "figures"), ("run", "store")}  # .plot() and online(...).save()
+LAZY = {
+    ("results", "figures"),
+    ("analysis", "figures"),
+    ("design", "figures"),
+    ("run", "store"),
+}  # .plot() and online(...).save()
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 
 
