@@ -17,6 +17,7 @@ from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
 from .data.reading import read_record
 from .data.record import Record
+from .data.trends import Trend
 from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
 from .design.disturbance_accommodation import DisturbanceAccommodation, disturbance_accommodation
 from .design.families import DesignFamily
@@ -53,6 +54,7 @@ from .models.operating_point import OperatingPoint
 from .models.output_error import OutputError
 from .models.prior import Prior
 from .models.state_space import StateSpace
+from .models.uncorrelated import uncorrelated
 from .networks.delivery import Delivery
 from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
 from .networks.trace import Trace
@@ -70,6 +72,7 @@ from .results import (
     SmoothedEstimate,
     Validation,
 )
+from .results.orders import OrderSelection
 from .run.choose_orders import choose_orders
 from .run.close_loop import ClosedLoop, ClosedLoopBank, close_loop, close_loop_bank
 from .run.compare import Comparison, compare
@@ -81,6 +84,7 @@ from .run.identify import identify
 from .run.monte_carlo import MonteCarlo, monte_carlo
 from .run.monte_carlo_loops import LoopCase, loop_grid, monte_carlo_loops
 from .run.online import Online, online
+from .run.select_order import select_order
 from .run.simulate import drawn_from, simulate, simulate_bank
 from .run.smooth import smooth
 from .run.stack import Stacked, stack
@@ -141,6 +145,7 @@ __all__ = [
     "Observability",
     "Online",
     "OperatingPoint",
+    "OrderSelection",
     "Outcome",
     "OutputError",
     "OutputErrorML",
@@ -168,6 +173,7 @@ __all__ = [
     "Subspace",
     "Trace",
     "TransKalman",
+    "Trend",
     "UnknownGain",
     "UnknownInput",
     "UnknownInputExistence",
@@ -215,12 +221,14 @@ __all__ = [
     "rho_margin",
     "rho_synthesis",
     "save",
+    "select_order",
     "simulate",
     "simulate_bank",
     "smooth",
     "stability_radius",
     "stack",
     "trans_kalman",
+    "uncorrelated",
     "unknown_input_existence",
     "write_model",
 ]

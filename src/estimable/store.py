@@ -20,6 +20,7 @@ from .filters.smoothed import Average
 from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .identifiers.recursive_output_error import Recursion
+from .kernels.tangents import Dynamics
 from .models.arx import ARX
 from .models.controlled import Change, ControlledPlant, Failure
 from .models.operating_point import OperatingPoint
@@ -66,7 +67,7 @@ RECORDS = {
         ClosedLoop, ClosedLoopBank,
     )
 }  # fmt: skip
-TUPLES = {cls.__name__: cls for cls in (Check, Layout, Names, Outcome, Validation)}
+TUPLES = {cls.__name__: cls for cls in (Check, Dynamics, Layout, Names, Outcome, Validation)}
 
 
 def save(path: str | Path, thing: Any) -> None:

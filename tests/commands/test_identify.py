@@ -78,3 +78,61 @@ def test_a_record_of_noise_has_no_best(run, tmp_path):
     told = run("identify", "noise.csv", "--json").json
     assert told["best"] is None
     assert "no linear model explains this record" in told["outcome"]["sentence"]
+
+
+@pytest.fixture
+def level_run(run, tmp_path):
+    """A record about levels: the command that identifies it, and what it says."""
+    rng = np.random.default_rng(2)
+    u, x, rows = rng.normal(size=160), 0.0, []
+    for k in range(160):
+        x = 0.7 * x + (u[k - 1] if k else 0.0)
+        rows.append(f"{u[k] + 5:.6f},{x + 20 + 0.1 * rng.normal():.6f}")
+    (tmp_path / "tank.csv").write_text("valve,level\n" + "\n".join(rows) + "\n")
+    return ("identify", "tank.csv", "--inputs", "valve", "--outputs", "level", "--dt", "0.5")
+
+
+def test_what_is_written_goes_straight_into_the_other_commands(run, level_run, tmp_path):
+    told = run(*level_run, "--order", "1", "--json").json
+    assert told["written"] == {"model": "tank-model.toml", "report": "tank-report.html"}
+    assert {one["order"] for one in told["methods"]} == {1}
+    assert told["for_a_filter"]["fit_percent"] > 85
+    assert set(told["recommended_orders"]) >= {"bic", "aicc", "cross_validation", "singular_value_gap"}
+    estimated = run("estimate", "tank.csv", "--model", "tank-model.toml", "--filter", "kalman", "--json").json
+    assert estimated["nis"]["consistent"]
+    assert run("check", "tank-model.toml", "--json").code == 0
+    page = (tmp_path / "tank-report.html").read_text()
+    for words in (
+        "Does it simulate what it has not seen?", "Which order?", "Is something left in the residuals?", "Poles and zeros",
+        "Step response", "frequency [Hz]", "± 2 sigma of the parameters", "Methods compared on what was held out",
+        "estimable identify tank.csv --output level --input valve --dt 0.5 --order 1",
+    ):  # fmt: skip
+        assert words in page, words
+
+
+def test_one_method_writes_them_too_about_the_level_that_was_asked_for(run, level_run, tmp_path):
+    answer = run(
+        *level_run, "--method", "subspace", "--order", "1", "--level", "mean", "--out", "m.toml", "--report", "r.html"
+    )
+    assert answer.code == 0
+    assert "Wrote m.toml" in answer.stderr
+    from estimable import read_model
+
+    model = read_model(tmp_path / "m.toml").model
+    np.testing.assert_allclose(model.operating_point.inputs, [5], atol=0.3)
+    np.testing.assert_allclose(np.linalg.eigvals(model.A), [0.7], atol=0.03)
+    assert (tmp_path / "r.html").stat().st_size > 1e6
+
+
+def test_what_the_record_does_not_fix_has_no_number(run, tmp_path):
+    rows = "\n".join(f"1.0,{y:.6f}" for y in np.random.default_rng(0).normal(size=60))
+    (tmp_path / "still.csv").write_text(f"u,y\n{rows}\n")
+    given = ("identify", "still.csv", "--method", "least-squares", "--set", "na=0", "--set", "nb=1")
+    assert run(*given, "--json").json["sigma"] == {"b0": None, "b1": None}
+    assert "not known" in run(*given).stdout
+
+
+def test_files_that_cannot_be_written_are_refused_before_anything_runs(run, level_run):
+    answer = run(*level_run, "--out", "model.csv", "--report", "nowhere/r.html")
+    assert answer.code == 2
+    assert "--out must end in .toml" in answer.stderr

@@ -103,10 +103,12 @@ def test_several_records_are_each_split():
 
 def test_a_method_that_fails_comes_last_with_its_sentence():
     told = []
-    found = compare([Subspace(9, horizon=40), OutputErrorML(2, 1, delay=1)], drawn(100), progress=told.append)
+    found = compare(
+        [Subspace(9, horizon=40), OutputErrorML(2, 1, delay=1)], drawn(100), progress=lambda *now: told.append(now)
+    )
     assert found.ranked[-1].name == "Subspace"
     assert "too short" in found.ranked[-1].failure
-    assert told == ["Subspace", "OutputErrorML"]
+    assert told == [("Subspace", 0, 2), ("OutputErrorML", 1, 2), ("", 2, 2)]
     assert compare([Subspace(9, horizon=40)], drawn(100)).best is None
 
 
@@ -120,7 +122,10 @@ def test_a_method_that_fails_comes_last_with_its_sentence():
             lambda: compare(None, drawn(50), split=1.0),
             "`split` must leave rows on both sides of record 0, which has 50. Got 1.",
         ),
-        (lambda: compare(None, drawn(50), level="median"), "`level` must be one of 'mean', 'none'. Got 'median'."),
+        (
+            lambda: compare(None, drawn(50), level="median"),
+            "`level` must be one of 'mean', 'trend', 'none'. Got 'median'.",
+        ),
         (
             lambda: compare(None, Record([*range(9), *[np.nan] * 9], np.arange(18.0), dt=1)),
             "record 0: an output is not seen in the part held out: choose another `split`.",

@@ -1,46 +1,103 @@
 """What `estimable identify` says when it compares methods."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..data.record import Record
+from ..errors import EstimableError
+from ..results.orders import OrderSelection
 from ..run.compare import Comparison, Ranked
+from .identify_files import Asked, Written, write_model_file, write_page
 from .identify_report import read
 from .numbers import counted
 
 
 class Compared(NamedTuple):
-    """A comparison, and what was compared on."""
+    """A comparison, what was compared on, what the order rests on, and what was written."""
 
-    path: Path
+    asked: Asked
     record: Record
-    split: float
     found: Comparison
+    selection: OrderSelection | None
+    written: Written
 
 
-def compared(
-    path: Path, *, outputs: Sequence[str], inputs: Sequence[str], split: float, reading: dict[str, Any],
-    progress: Callable[[str], None] | None,
-) -> Compared:  # fmt: skip
-    """Read the record, and compare the methods that suit it."""
+def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int], None] | None) -> Compared:
+    """Read the record, compare the methods that suit it, and write the model and the page."""
     from ..run.compare import compare
 
-    record = read(path, outputs, inputs, reading)
-    return Compared(path, record, split, compare(None, record, split=split, progress=progress))
+    record = read(asked.path, asked.outputs, asked.inputs, asked.reading)
+    level = asked.level or "mean"
+    found = compare(None, record, split=asked.split, level=level, order=order, progress=progress)
+    selection = selected(found)
+    run = Compared(asked, record, found, selection, Written(None, None))
+    return run._replace(written=_write(run, order))
+
+
+def selected(found: Comparison) -> OrderSelection | None:
+    """What the order rests on; None where the record does not bear the smallest."""
+    from ..run.select_order import select_order
+
+    assert found.task is not None
+    try:
+        return select_order(found.task.first)
+    except EstimableError:
+        return None
+
+
+def _write(run: Compared, order: int | None) -> Written:
+    """The model, where there is one worth it, and the page, where anything could be fitted."""
+    best, files = run.found.predictor, run.asked.files
+    if run.found.ranked == () or run.found.ranked[0].fit is None:
+        return Written(None, None)
+    if best is not None and best.model is not None:
+        write_model_file(best.model, run.asked.reading, files.model)
+    options = () if order is None else (f"--order {order}",)
+    write_page(
+        run.found, run.record, files.report, chosen=best, selection=run.selection, source=run.asked.path,
+        command=run.asked.again(*options), lead=_sentences(run),
+    )  # fmt: skip
+    return Written(files.model if best is not None else None, files.report)
+
+
+def _sentences(run: Compared) -> list[str]:
+    """What was found, in words."""
+    said = [run.found.sentence]
+    best, filtering = run.found.best, run.found.predictor
+    if best is not None and filtering is not None and filtering is not best:
+        ahead, behind = (float(one.one_step_fits.mean()) for one in (filtering, best))
+        said.append(
+            f"The model file holds {filtering.label} of order {filtering.order}: as good within noise, and better one step "
+            f"ahead ({ahead:.1f} % against {behind:.1f} %), which a filter needs."
+        )
+    if run.selection is not None:
+        said.append(f"{run.selection.sentence} To overrule it: --order N.")
+    return said
 
 
 def as_data(run: Compared) -> dict[str, Any]:
     """What a comparison says to a machine: `best` is null where no linear model explains the record."""
-    best = run.found.best
+    best, filtering, selection = run.found.best, run.found.predictor, run.selection
     return {
         "outcome": {"code": 0, "sentence": run.found.sentence},
-        "record": str(run.path),
+        "record": str(run.asked.path),
         "samples": len(run.record),
         "outputs_seen": int(run.record.seen.sum()),
-        "split": run.split,
+        "split": run.asked.split,
         "best": None if best is None else _short(best),
+        "for_a_filter": None if filtering is None else _short(filtering),
+        "recommended_orders": None if selection is None else _orders(selection),
+        "written": run.written.as_data(),
         "methods": [_long(one, run.record.outputs) for one in run.found.ranked],
+    }
+
+
+def _orders(selection: OrderSelection) -> dict[str, Any]:
+    """What each criterion recommends."""
+    return {
+        **{name: selection.by(name) for name in ("bic", "aicc", "aic", "cross_validation")},
+        "singular_value_gap": selection.gap,
+        "delay": selection.delay,
     }
 
 
@@ -82,8 +139,11 @@ def as_text(run: Compared) -> list[Any]:
     for one in run.found.ranked:
         if one.fit is not None:
             behind = f"{one.behind:.1f}" + (" (noise)" if one.alike and one.behind else "")
-            table.add_row(one.name, str(one.order), f"{one.fit_percent:.1f}", f"{one.one_step_fits.mean():.1f}", behind)
-    head = f"{run.path.name}: {counted(len(run.record), 'sample')}; fitted to the first {run.split:.0%}, ranked on the rest"
+            table.add_row(
+                one.label, str(one.order), f"{one.fit_percent:.1f}", f"{one.one_step_fits.mean():.1f}", behind
+            )
+    samples = counted(len(run.record), "sample")
+    head = f"{run.asked.path.name}: {samples}; fitted to the first {run.asked.split:.0%}, ranked on the rest"
     failed = [f"{one.name}: {one.failure}" for one in run.found.ranked if one.failure]
     legend = "Fit of a simulation; behind: standard errors between its squared errors and the best one's."
-    return [head, "", table, "", legend, *failed, run.found.sentence]
+    return [head, "", table, "", legend, *failed, *_sentences(run)]

@@ -1,12 +1,15 @@
 """`estimable identify`: a model from a record with gaps."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from . import compare_report, identify_report, options, show
+from .identify_files import Asked, destinations
 
-METHOD_HELP = "One method instead of a comparison: output-error-ml or recursive-output-error."
+METHOD_HELP = "One method instead of a comparison: output-error-ml, subspace, ..."
+LEVEL_HELP = "What is taken away first: mean, trend or none. Without it mean, and none with --method."
 Method = Annotated[str | None, typer.Option("--method", metavar="NAME", help=METHOD_HELP, show_default=False)]
 Split = Annotated[float, typer.Option("--split", metavar="FRACTION", help="Compare on what comes after this fraction.")]
 Outputs = Annotated[
@@ -23,13 +26,36 @@ Inputs = Annotated[
 ]
 
 
+Order = Annotated[
+    int | None,
+    typer.Option("--order", metavar="N", help="The order, instead of the recommended one.", show_default=False),
+]
+Level = Annotated[str | None, typer.Option("--level", metavar="WHAT", help=LEVEL_HELP, show_default=False)]
+ModelOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="PATH", help="Write the model to this .toml file (RECORD-model.toml).", show_default=False
+    ),
+]
+PageOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--report", metavar="PATH", help="Write the page to this .html file (RECORD-report.html).", show_default=False
+    ),
+]
+
+
 def identify(
     record: options.Record,
     method: Method = None,
     output: Outputs = None,
     input: Inputs = None,
     settings: options.Set = None,
+    order: Order = None,
+    level: Level = None,
     split: Split = 0.5,
+    out: ModelOut = None,
+    report: PageOut = None,
     time: options.Time = None,
     dt: options.Step = None,
     lost: options.Lost = None,
@@ -39,7 +65,8 @@ def identify(
     """Identify a model from a record with gaps.
 
     Several methods are fitted to the first part of the record, and ranked by simulating the rest. With --method or --set one
-    is fitted to all of it.
+    is fitted to all of it. Written are a model file, for estimate, gain and check, and a page: the fit to what was held
+    out, what the order rests on, residuals, poles and responses.
 
     Empty cells are outputs that were lost; --arrived names the column that says which inputs arrived (default: arrived, where
     there is one). Orders are degrees: --set na=2 --set nb=1. Without them they are chosen by BIC; without
@@ -48,32 +75,20 @@ def identify(
     \b
     Example:
       estimable identify run.csv --input valve --output level --dt 0.1
+      estimable identify run.csv --input valve --output level --dt 0.1 --order 3
       estimable identify run.csv --method recursive-output-error
       estimable identify run.csv --input valve --output level --dt 0.1 --set na=2 --set nb=1
     """
     reading = {"time": time, "dt": dt, "lost": lost, "arrived": arrived}
+    asked = Asked(record, output or ["y"], input or ["u"], reading, split, level, destinations(record, out, report))
     if method is None and not settings:
-        _compare(record, output or ["y"], input or ["u"], split, reading, machine)
-        return
-    method = method or "output-error-ml"
-    with show.working(f"Running {method}"):
-        run = identify_report.identified(
-            record, method, outputs=output or ["y"], inputs=input or ["u"], settings=settings or (), reading=reading
-        )
-    if machine:
-        show.data("identify", identify_report.as_data(run))
+        with show.counted("Comparing methods") as progress:
+            run = compare_report.compared(asked, order, progress)
+        show.both("identify", machine, compare_report, run)
     else:
-        show.text(lambda _: identify_report.as_text(run))
-
-
-def _compare(record, outputs: list[str], inputs: list[str], split: float, reading: dict, machine: bool) -> None:
-    """Compare the methods on the record, and say which is best."""
-    with show.working("Comparing methods") as shown:
-        progress = None if shown is None else lambda name: shown.update(f"Comparing methods: {name}")
-        run = compare_report.compared(
-            record, outputs=outputs, inputs=inputs, split=split, reading=reading, progress=progress
-        )
-    if machine:
-        show.data("identify", compare_report.as_data(run))
-    else:
-        show.text(lambda _: compare_report.as_text(run))
+        method = method or "output-error-ml"
+        with show.working(f"Running {method}"):
+            run = identify_report.identified(asked, method, settings=settings or (), order=order)
+        show.both("identify", machine, identify_report, run)
+    if not machine:
+        show.notes("", *run.written.notes())

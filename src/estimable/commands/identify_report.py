@@ -1,5 +1,6 @@
 """What `estimable identify` does and says."""
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,44 +9,97 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..errors import InputError
+from ..models.state_space import StateSpace
 from ..results import Fit
+from .identify_files import Asked, Written, write_model_file, write_page
 from .numbers import counted, decimals
 from .settings import read_settings
 
 
 class Identified(NamedTuple):
-    """A fit, how it was made, and the sentence on the orders where they were chosen."""
+    """A fit, how it was made, the sentence on the orders where they were chosen, and what was written."""
 
-    path: Path
+    asked: Asked
     record: Record
     method: str
     settings: dict[str, Any]
     chosen: str | None
     fit: Fit
+    written: Written
 
 
-def identified(
-    path: Path, name: str, *, outputs: Sequence[str], inputs: Sequence[str], settings: Iterable[str], reading: dict[str, Any]
-) -> Identified:  # fmt: skip
-    """Read the record, choose what was not given, and identify.
+def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int | None) -> Identified:
+    """Read the record, choose what was not given, identify, and write the model and the page.
 
     Raises `InputError` for what is wrong with the record, the method or its settings.
     """
     from .. import catalogue
+    from ..run.compare import divided
     from ..run.identify import identify
 
     entry = catalogue.identifier(name)
     given = read_settings(settings)
-    record = read(path, outputs, inputs, reading)
-    chosen = _chosen_orders(record, given) if not {"na", "nb"} <= given.keys() else None
-    if "noise_variance" not in given and name == "recursive-output-error":
+    record = read(asked.path, asked.outputs, asked.inputs, asked.reading)
+    level = asked.level or "none"
+    whole = record if level == "none" else divided([record], 1.0, level).whole[0]
+    chosen = _choose(entry, whole, given, order)
+    method = _made(entry, given)
+    fit = identify(method, whole)
+    written = _write(asked, record, method, fit, level)
+    return Identified(asked, record, name, given, chosen, fit, written)
+
+
+def _choose(entry: Any, record: Record, given: dict[str, Any], order: int | None) -> str | None:
+    """Fill in what was not given; the sentence on the orders where they were chosen."""
+    fields, chosen = entry.cls.__dataclass_fields__, None
+    if "order" in fields and "order" not in given:
+        chosen = _chosen_order(record, given, order)
+    elif "na" in fields:
+        given |= {} if order is None else {"na": order, "nb": given.get("nb", order - 1)}
+        chosen = _chosen_orders(record, given) if not {"na", "nb"} <= given.keys() else None
+    if "noise_variance" in fields and "noise_variance" not in given and entry.name == "recursive-output-error":
         given["noise_variance"] = _noise(record, given)
+    return chosen
+
+
+def _made(entry: Any, given: dict[str, Any]) -> Any:
+    """The method with its settings; those without a default in their places."""
+    fields = [field for field in entry.cls.__dataclass_fields__ if field != "_"]
+    places = [given[name] for name in fields if name in ("na", "nb", "order", "length") and name in given]
+    rest = {name: value for name, value in given.items() if name not in ("na", "nb", "order", "length")}
+    if entry.cls.__dataclass_fields__.get("length") and "order" in fields and "length" in given:
+        places, rest = places[:1], {**rest, "length": given["length"]}
     try:
-        method = entry.cls(given.pop("na"), given.pop("nb"), **given)
+        return entry.cls(*places, **rest)
     except TypeError:
-        allowed = [field for field in entry.cls.__dataclass_fields__ if field != "_"]
-        checks.refuse(f"{name} has the settings {checks.listed(allowed)}. Got {checks.listed(given)}.")
-    return Identified(path, record, name, given, chosen, identify(method, record))
+        checks.refuse(f"{entry.name} has the settings {checks.listed(fields)}. Got {checks.listed(given)}.")
+
+
+def _write(asked: Asked, record: Record, method: Any, fit: Fit, level: str) -> Written:
+    """The model of the fit, and the page of the same method fitted to the first part; less where that cannot be."""
+    from ..run.compare import absolute, compare, divided
+
+    model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
+    write_model_file(model, asked.reading, asked.files.model)
+    try:
+        found = compare([method], record, split=asked.split, level=level)
+    except InputError:
+        return Written(asked.files.model, None)
+    if found.ranked[0].fit is None:
+        return Written(asked.files.model, None)
+    write_page(
+        found, record, asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
+        command=asked.again(f"--method {name_of(method)}"), lead=[found.sentence],
+    )  # fmt: skip
+    return Written(asked.files.model, asked.files.report)
+
+
+def name_of(method: Any) -> str:
+    """Its name on the command line."""
+    from .. import catalogue
+
+    return next(entry.name for entry in catalogue.IDENTIFIERS if entry.cls is type(method))
 
 
 def as_data(run: Identified) -> dict[str, Any]:
@@ -53,16 +107,17 @@ def as_data(run: Identified) -> dict[str, Any]:
     fit = run.fit
     return {
         "outcome": {"code": fit.outcome.code, "sentence": fit.outcome.sentence},
-        "record": str(run.path),
+        "record": str(run.asked.path),
         "method": run.method,
         "samples": len(run.record),
         "outputs_seen": int(run.record.seen.sum()),
-        "orders": {"na": fit.model.na, "nb": fit.model.nb, "delay": fit.model.delay, "chosen": run.chosen},
+        "orders": {**_degrees(fit), "chosen": run.chosen},
         "parameters": dict(zip(fit.names, map(float, fit.parameters), strict=True)),
         "sigma": dict(zip(fit.names, map(float, fit.sigma), strict=True)),
-        "noise_variance": dict(zip(fit.model.outputs, map(float, fit.model.noise_variance), strict=True)),
-        "fit_percent": dict(zip(fit.model.outputs, map(float, fit.validation.fit), strict=True)),
+        "noise_variance": dict(zip(run.record.outputs, _noise_variance(fit), strict=True)),
+        "fit_percent": dict(zip(run.record.outputs, map(float, fit.validation.fit), strict=True)),
         "undetermined": 0 if fit.undetermined is None else int(fit.undetermined.shape[1]),
+        "written": run.written.as_data(),
         "checks": [check._asdict() | {"passed": bool(check.passed)} for check in fit.validation.checks],
     }
 
@@ -78,13 +133,45 @@ def as_text(run: Identified) -> list[Any]:
     table.add_column("estimate", justify="right", style="bold")
     table.add_column("sigma", justify="right")
     for name, value, sigma in zip(fit.names, fit.parameters, fit.sigma, strict=True):
-        digits = decimals(float(sigma))
-        table.add_row(name, f"{value:.{digits}f}", f"{sigma:.{digits}f}")
-    head = f"{run.path.name}: {counted(len(run.record), 'sample')}, {counted(seen, 'output')} seen; {run.method}"
-    variances = zip(fit.model.outputs, fit.validation.fit, fit.model.noise_variance, strict=True)
+        table.add_row(name, *_shown(float(value), float(sigma)))
+    head = f"{run.asked.path.name}: {counted(len(run.record), 'sample')}, {counted(seen, 'output')} seen; {run.method}"
+    variances = zip(run.record.outputs, fit.validation.fit, _noise_variance(fit), strict=True)
     fits = [f"{name}: fit {percent:.1f} %, noise variance {r:.4g}." for name, percent, r in variances]
     chosen = [] if run.chosen is None else [run.chosen]
     return [head, *chosen, "", table, "", *fits, *fit.validation.sentences]
+
+
+def _degrees(fit: Fit) -> dict[str, int | None]:
+    """na, nb and delay of a polynomial model, else the number of states."""
+    if isinstance(fit.model, StateSpace):
+        return {"order": fit.model.n}
+    return {name: getattr(fit.model, name) for name in ("na", "nb", "delay")}
+
+
+def _noise_variance(fit: Fit) -> list[float]:
+    """Of each output: of v, or of the innovations."""
+    model = fit.model
+    return [float(r) for r in (np.diagonal(model.R) if isinstance(model, StateSpace) else model.noise_variance)]
+
+
+def _chosen_order(record: Record, given: dict[str, Any], order: int | None) -> str | None:
+    """The number of states, where it was not given; the sentence that says so."""
+    from ..run.select_order import select_order
+
+    if order is not None:
+        given["order"] = order
+        return None
+    selection = select_order(record)
+    given["order"] = selection.order
+    return f"{selection.sentence} To overrule it: --order N."
+
+
+def _shown(value: float, sigma: float) -> tuple[str, str]:
+    """A parameter and its standard deviation; a value that the record does not fix is not shown."""
+    if math.isinf(sigma):
+        return "not known", ""
+    digits = decimals(sigma)
+    return f"{value:.{digits}f}", "" if math.isnan(sigma) else f"{sigma:.{digits}f}"
 
 
 def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:

@@ -3,8 +3,8 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import typer
@@ -64,6 +64,32 @@ def working(sentence: str) -> AbstractContextManager[Any]:
 
     console = Console(stderr=True)
     return console.status(sentence) if console.is_terminal else nullcontext()
+
+
+@contextmanager
+def counted(sentence: str) -> Iterator[Callable[[str, int, int], None] | None]:
+    """A bar on stderr while several things run, where stderr is a terminal: told (what runs now, done, of how many)."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(sentence, total=None)
+        yield lambda name, done, total: progress.update(
+            task, description=f"{sentence}: {name}" if name else sentence, completed=done, total=total
+        )
+
+
+def both(command: str, machine: bool, words: Any, run: Any) -> None:
+    """What was found, for machines or for people: `words` has `as_data(run)` and `as_text(run)`."""
+    if machine:
+        data(command, words.as_data(run))
+    else:
+        text(lambda _: words.as_text(run))
 
 
 def _version() -> str:

@@ -6,6 +6,7 @@ from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, 
 from .diagnose import Diagnosis, diagnose
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
+from .responses import frequency_response, poles, simulation_sigma, spread_of, step_response, zeros
 
 __all__ = [
     "Change",
@@ -20,10 +21,16 @@ __all__ = [
     "diagnose",
     "efficiency",
     "efficient_estimate",
+    "frequency_response",
     "information",
     "nees",
     "nis",
     "nonlinearity",
+    "poles",
+    "simulation_sigma",
+    "spread_of",
     "standardised",
+    "step_response",
     "whiteness",
+    "zeros",
 ]

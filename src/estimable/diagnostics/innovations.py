@@ -123,6 +123,8 @@ def _regressed(e, past, steps, probability, name, input_name) -> Correlations:
     n, centred = len(e), past - past.mean(axis=0)
     left, size, right = np.linalg.svd(centred, full_matrices=False)
     kept = size > COLLINEAR * max(size.max(), 1e-300)
+    if not e.any():
+        checks.refuse(f"{name} has innovations of exactly zero: there is nothing to judge by.")
     if not size.max() > 0:
         checks.refuse(f"{input_name} never moves: nothing can be said of its effect.")
     told = left[:, kept].T @ e

@@ -9,7 +9,8 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..frozen import frozen, static
-from ..kernels.realisation import ho_kalman, markov
+from ..kernels.realisation import ho_kalman
+from ..kernels.tangents import Dynamics, aligned, impulse_moves, root
 from ..models.state_space import StateSpace
 from ..results import Fit
 from .markov_parameters import WEIGHTINGS, MarkovParameters
@@ -17,7 +18,7 @@ from .realised import check_moving, check_records, impulse_names, whole
 from .standing import validation_of
 
 LENGTH = 20  # Markov parameters where nothing is said, or two for each state and two more
-STEP = 1e-6  # of the norm of the response: step of the numerical derivative
+STEP = 1e-3  # of a standard deviation: step of the numerical derivative
 
 
 @frozen
@@ -95,23 +96,21 @@ class HoKalman:
             *found[:4], Q=np.zeros((n, n)), R=np.diag(fitted.model.noise_variance), dt=float(first.dt or 0.0),
             inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
-        J = self._slopes(M)
+        base, length = Dynamics(*found[:4]), 2 * self.order
+        moves = self._tangents(M, root(fitted.covariance), base)
+        own, dM = (np.moveaxis(one, -3, -1) for one in impulse_moves(base, moves, length))
+        columns = dM.reshape(len(dM), -1)
         return Fit(
-            model, self._own(M), J @ fitted.covariance @ J.T, impulse_names(2 * self.order, first.inputs, first.outputs),
-            validation_of(model, records), method=type(self).__name__, extra={"singular_values": found.singular_values},
+            model, own.ravel(), columns.T @ columns, impulse_names(length, first.inputs, first.outputs),
+            validation_of(model, records), method=type(self).__name__,
+            extra={"singular_values": found.singular_values, "tangents": moves},
         )  # fmt: skip
 
-    def _own(self, M: np.ndarray) -> np.ndarray:
-        """The Markov parameters of the model of M, output by output, input by input."""
-        return markov(*ho_kalman(M, self.order)[:4], 2 * self.order).transpose(1, 2, 0).ravel()
-
-    def _slopes(self, M: np.ndarray) -> np.ndarray:
-        """Their derivative with respect to M, in the same order, by central differences."""
-        flat, shape = M.transpose(1, 2, 0).ravel(), (*M.shape[1:], len(M))
-        step = STEP * max(float(np.linalg.norm(flat)), np.finfo(float).tiny)
-        columns = []
-        for i in range(len(flat)):
-            ends = [flat + sign * step * (np.arange(len(flat)) == i) for sign in (1, -1)]
-            up, down = (self._own(end.reshape(shape).transpose(2, 0, 1)) for end in ends)
-            columns.append((up - down) / (2 * step))
-        return np.stack(columns, axis=1)
+    def _tangents(self, M: np.ndarray, L: np.ndarray, base: Dynamics) -> Dynamics:
+        """What moves of M (L+1, p, m) by the columns of L (d, r) make of the model in its own states (central differences)."""
+        moves, shape = [], (*M.shape[1:], len(M))
+        for column in STEP * L.T:
+            move = column.reshape(shape).transpose(2, 0, 1)
+            up, down = (aligned(Dynamics(*ho_kalman(one, self.order)[:4]), base) for one in (M + move, M - move))
+            moves.append([(above - below) / (2 * STEP) for above, below in zip(up, down, strict=True)])
+        return Dynamics(*(np.stack(one) for one in zip(*moves, strict=True)))

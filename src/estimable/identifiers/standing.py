@@ -6,29 +6,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.record import Record
-from ..diagnostics import cross_correlation, standardised, whiteness
-from ..diagnostics.innovations import FEWEST, LAGS, Correlations
-from ..errors import InputError
+from ..diagnostics import standardised
 from ..kernels.innovations_form import System, initial_state, predictions, response
 from ..models.state_space import StateSpace
 from ..results import Check, Validation
+from .residuals import residual_checks
 from .validation import fit_percent
-
-ADVICE = {
-    "whiteness": "Something predictable is left: raise the orders, or take a method with another model of the noise.",
-    "input-left": "An effect of the input is not in the model: raise nb, or look at the delay.",
-}
 
 
 class Standing(NamedTuple):
     """Outputs minus the model's, (T, p), NaN where not seen: simulated from the inputs alone, predicted from the sample before.
 
-    `standardised`: the second over their standard deviations, (T, p).
+    `standardised`: the second over their standard deviations, (T, p). `outputs` (T, p) of the simulation,
+    from `state` (n,), a deviation from the operating point.
     """
 
     simulated: np.ndarray
     one_step: np.ndarray
     standardised: np.ndarray
+    outputs: Any = None
+    state: Any = None
 
 
 def state_space_of(model: Any) -> StateSpace:
@@ -49,7 +46,8 @@ def standing(model: StateSpace, record: Record, rows: int | None = None) -> Stan
     x = initial_state(system, u[:rows], y[:rows])
     simulated, _ = response(system, u, x)
     predicted, V, _ = predictions(system, u, y, x, np.zeros((len(x), len(x))))
-    return Standing(y - simulated, y - predicted, standardised(y - predicted, V))
+    level = 0.0 if model.operating_point is None else model.operating_point.outputs
+    return Standing(y - simulated, y - predicted, standardised(y - predicted, V), simulated + level, x)
 
 
 def system_of(model: StateSpace) -> System:
@@ -74,37 +72,3 @@ def validation_of(model: Any, records: Sequence[Record], extra: Sequence[Check] 
     return Validation(
         residuals, fit_percent(residuals, records), (*extra, *white), fit_percent(one_step, records), one_step
     )
-
-
-def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record]) -> list[Check]:
-    """Whiteness of each output's standardised residuals one step ahead, and what is left of each input in them."""
-    first, gap = records[0], LAGS
-    if max(map(len, e)) <= LAGS + FEWEST:
-        return []
-    joined = np.concatenate([np.pad(one, ((0, gap), (0, 0)), constant_values=np.nan) for one in e])
-    inputs = np.concatenate([np.pad(r.applied(), ((0, gap), (0, 0)), constant_values=np.nan) for r in records])
-    found = []
-    for i, name in enumerate(first.outputs):
-        found += _tried("whiteness", lambda i=i, name=name: whiteness(joined[:, i], name=name))
-        for j, given in enumerate(first.inputs):
-            found += _tried(
-                "input-left",
-                lambda i=i, j=j, name=name, given=given: cross_correlation(
-                    joined[:, i], inputs[:, j], name=name, input_name=given
-                ),
-            )
-    return found
-
-
-def _tried(name: str, test: Any) -> list[Check]:
-    """A test as a check; none where there are too few samples to judge by."""
-    try:
-        found: Correlations = test()
-    except InputError:
-        return []
-    told = found.sentence.split(": ")[0]
-    sentence = f"Residuals one step ahead: {found.sentence}."
-    if not found.passed:
-        size = f"{found.statistic:.1f}, limit {found.limit:.1f}, most of it at lag {found.lag}"
-        sentence = f"Residuals one step ahead: {told}: {size}. {ADVICE[name]}"
-    return [Check(name, bool(found.passed), found.statistic, found.limit, sentence)]

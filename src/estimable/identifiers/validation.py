@@ -11,7 +11,9 @@ from ..data.record import Record
 from ..diagnostics.cramer_rao import information
 from ..models.output_error import OutputError
 from ..results import Check, Validation
+from .residuals import residual_checks
 
+ROUNDING = 1e-9  # of the size of the outputs
 PROBABILITY = 0.999  # of the band in which the residuals' variance lies under a right noise variance
 
 
@@ -40,7 +42,15 @@ def validated(
     ]
     if noise_variance is not None:
         checks.append(noise_check(residuals, noise_variance))
+    if _beyond_rounding(residuals, records):
+        checks += residual_checks(residuals, records)
     return Validation(residuals, fit_percent(residuals, records), tuple(checks))
+
+
+def _beyond_rounding(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> bool:
+    """Whether something is left of the outputs but what rounding leaves."""
+    e, y = np.concatenate(residuals), np.concatenate([record.y for record in records])
+    return bool(np.nansum(e**2) > (ROUNDING * np.sqrt(np.nansum(y**2))) ** 2)
 
 
 def told(model: OutputError, records: Sequence[Record]) -> np.ndarray:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, set_field, static
+from ..frozen import frozen, replace, set_field, static
+from . import polynomials
 from .output_error import OutputError, parameter_names
 from .state_space import StateSpace
 
@@ -64,18 +65,27 @@ class ARX:
     @property
     def na(self) -> int:
         """Degree of A."""
-        return self.a.shape[-1]
+        return polynomials.degrees(self.a, self.b)[0]
 
     @property
     def nb(self) -> int:
         """Degree of B without its delay."""
-        return self.b.shape[-1] - 1
+        return polynomials.degrees(self.a, self.b)[1]
 
     @property
     def parameters(self) -> np.ndarray:
         """θ: output by output, a then b, input by input, then the offset where there is one."""
-        rows = [self.a, np.reshape(self.b, (len(self.a), -1))]
-        return np.concatenate([*rows, *([] if self.offset is None else [self.offset[:, None]])], axis=1).ravel()
+        return polynomials.joined(*self._parts)
+
+    @property
+    def _parts(self) -> tuple[Any, ...]:
+        return (self.a, self.b) if self.offset is None else (self.a, self.b, self.offset)
+
+    def with_parameters(self, parameters) -> "ARX":
+        """The same model with another θ."""
+        return replace(
+            self, **dict(zip(("a", "b", "offset"), polynomials.parted(parameters, self._parts), strict=False))
+        )
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -95,15 +105,15 @@ class ARX:
         >>> ARX([-0.5], [1.0], noise_variance=0.1, dt=1).to_state_space().G.tolist()
         [[0.5]]
         """
-        still = self.plant.to_state_space()
-        n, p = still.n // len(self.a), len(self.a)
-        K = np.zeros((still.n, p))
+        A, B, C, D = polynomials.companion(self.a, self.b, self.delay)
+        n, p = len(A) // len(self.a), len(self.a)
+        K = np.zeros((len(A), p))
         for i in range(p):
             K[i * n : i * n + self.na, i] = -self.a[i]
         Σ = np.diag(self.noise_variance)
         return StateSpace(
-            still.A, still.B, still.C, still.D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
-            operating_point=self._level(still.n),
+            A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
+            operating_point=self._level(len(A)),
         )  # fmt: skip
 
     def _level(self, n: int) -> Any:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, set_field, static
+from ..frozen import frozen, replace, set_field, static
 from ..kernels import output_error as kernel
+from . import polynomials
 from .state_space import StateSpace
 
 
@@ -75,12 +76,12 @@ class OutputError:
     @property
     def na(self) -> int:
         """Degree of A."""
-        return self.a.shape[-1]
+        return polynomials.degrees(self.a, self.b)[0]
 
     @property
     def nb(self) -> int:
         """Degree of B without its delay."""
-        return self.b.shape[-1] - 1
+        return polynomials.degrees(self.a, self.b)[1]
 
     @property
     def m(self) -> int:
@@ -95,7 +96,12 @@ class OutputError:
     @property
     def parameters(self) -> np.ndarray:
         """θ (p (na + m (nb+1)),): output by output, a then b, input by input."""
-        return np.concatenate([self.a, np.reshape(self.b, (self.p, -1))], axis=1).ravel()
+        return polynomials.joined(self.a, self.b)
+
+    def with_parameters(self, parameters) -> "OutputError":
+        """The same model with another θ."""
+        a, b = polynomials.parted(parameters, (self.a, self.b))
+        return replace(self, a=a, b=b)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -131,19 +137,9 @@ class OutputError:
         >>> OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1).to_state_space().A.tolist()
         [[-0.5]]
         """
-        n = max(self.na, self.nb + self.delay, 1)
-        p, m = self.p, self.m
-        A, B, C, D = np.zeros((p * n, p * n)), np.zeros((p * n, m)), np.zeros((p, p * n)), np.zeros((p, m))
-        for i in range(p):
-            rows = slice(i * n, (i + 1) * n)
-            a = np.pad(self.a[i], (0, n - self.na))
-            b = np.pad(self.b[i], ((0, 0), (self.delay, n - self.nb - self.delay)))  # (m, n + 1)
-            A[rows, rows] = np.column_stack([-a, np.eye(n)[:, : n - 1]])
-            D[i] = b[:, 0]
-            B[rows] = (b[:, 1:] - np.outer(b[:, 0], a)).T
-            C[i, i * n] = 1.0
+        A, B, C, D = polynomials.companion(self.a, self.b, self.delay)
         return StateSpace(
-            A, B, C, D, Q=np.zeros((p * n, p * n)), R=np.diag(self.noise_variance), dt=self.dt,
+            A, B, C, D, Q=np.zeros_like(A), R=np.diag(self.noise_variance), dt=self.dt,
             inputs=self.inputs, outputs=self.outputs,
         )  # fmt: skip
 

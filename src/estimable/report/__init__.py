@@ -2,6 +2,18 @@
 
 from .contents import Chart, Fact, Key, Report, Section, Verdict
 from .estimates import report_of
+from .identification import report_of_comparison
 from .page import page_of, write_report
 
-__all__ = ["Chart", "Fact", "Key", "Report", "Section", "Verdict", "page_of", "report_of", "write_report"]
+__all__ = [
+    "Chart",
+    "Fact",
+    "Key",
+    "Report",
+    "Section",
+    "Verdict",
+    "page_of",
+    "report_of",
+    "report_of_comparison",
+    "write_report",
+]

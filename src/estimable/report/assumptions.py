@@ -21,9 +21,9 @@ def sections_of(algorithm: Any, record: Record, prior: Prior) -> tuple[Section, 
     model = model_of(algorithm)
     return (
         Section("Algorithm", tuple(_algorithm(algorithm))),
-        Section("Record", tuple(_record(record))),
+        Section("Record", tuple(record_items(record))),
         Section("Believed before the first sample", tuple(_priors(algorithm, model, prior))),
-        Section("Model", tuple(_model(model))),
+        Section("Model", tuple(model_items(model))),
     )
 
 
@@ -58,7 +58,8 @@ def _value(value: Any) -> str:
     return f"{float(array.ravel()[0]):.6g}" if array.size == 1 else _matrix(array)
 
 
-def _record(record: Record) -> Any:
+def record_items(record: Record) -> Any:
+    """What was measured, how often, and what is missing."""
     when = "" if record.seconds is None else f" over {record.seconds:.6g} s"
     step = "" if record.dt is None else f", every {record.dt:.6g} s"
     yield "Samples", f"{len(record):,}{when}{step}"
@@ -91,7 +92,8 @@ def _spreads(prior: Prior) -> list[str]:
     ]
 
 
-def _model(model: StateSpace) -> Any:
+def model_items(model: StateSpace) -> Any:
+    """The kind, the sizes and the matrices of a model."""
     kind = "continuous, discretised exactly at each step" if model.is_continuous else f"discrete, dt = {model.dt:g} s"
     counts = ((model.n, "state"), (model.m, "input"), (model.p, "output"))
     sizes = ", ".join(checks.counted(size, what) for size, what in counts)
@@ -103,9 +105,11 @@ def _model(model: StateSpace) -> Any:
         if matrix is None or (letter == "D" and not np.any(matrix)):
             continue
         yield letter + (f", {meaning}" if meaning else ""), _matrix(np.asarray(matrix))
-    if model.operating_point is not None and np.any(model.operating_point.states != 0):
-        point = model.operating_point
+    point = model.operating_point
+    if point is not None and np.any(point.states != 0):
         yield "Linear about", f"states {_matrix(point.states)}, inputs {_matrix(point.inputs)}"
+    elif point is not None and (np.any(point.inputs != 0) or np.any(point.outputs != 0)):
+        yield "Linear about", f"inputs {_matrix(point.inputs)}, outputs {_matrix(point.outputs)}"
 
 
 def _matrix(matrix: np.ndarray) -> str:

@@ -20,13 +20,17 @@ class Key(NamedTuple):
 
 
 class Chart(NamedTuple):
-    """One diagram: heading, legend, and the traces and layout of plotly.js, whose times are those of the report."""
+    """One diagram: heading, legend, and the traces and layout of plotly.js.
+
+    Its times are those of the report, unless the layout has an axis `xaxis` of its own. `part`: the heading it stands under.
+    """
 
     heading: str
     keys: tuple[Key, ...]
     traces: tuple[dict[str, Any], ...]
     layout: dict[str, Any]
     caption: str = ""
+    part: str = "What was estimated"
 
 
 class Verdict(NamedTuple):
@@ -47,7 +51,7 @@ class Section(NamedTuple):
 class Report(NamedTuple):
     """A page: title, what was found in sentences, facts, charts over `times`, verdicts, and what stands behind them.
 
-    `commands`: (what it does, what to type) that reproduce it.
+    `commands`: (what it does, what to type) that reproduce it; `found`: sections that stand before the charts.
     """
 
     title: str
@@ -59,3 +63,4 @@ class Report(NamedTuple):
     verdicts: tuple[Verdict, ...]
     sections: tuple[Section, ...]
     commands: tuple[tuple[str, str], ...]
+    found: tuple[Section, ...] = ()

@@ -42,7 +42,7 @@ def report_of(
     return Report(
         title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]",
         tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged, record),
-        (*sections_of(algorithm, record, prior), _versions(result, files)), tuple(commands),
+        (*sections_of(algorithm, record, prior), versions(result.engine, files)), tuple(commands),
     )  # fmt: skip
 
 
@@ -112,11 +112,12 @@ def _correlations(result: Any, record: Record) -> Iterator[Verdict]:
         yield Verdict(f"{input_name} left in {name}", check.sentence, check.passed)
 
 
-def _versions(result: Any, files: Sequence[Path]) -> Section:
+def versions(engine: str, files: Sequence[Path]) -> Section:
     """What it was made with, and the fingerprints of the files it was made from."""
     from .. import __version__
 
     packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "numpy"))
-    made = f"estimable {__version__}, engine {result.engine}, float64; Python {platform.python_version()}, {packages}"
+    run = f", engine {engine}" if engine else ""
+    made = f"estimable {__version__}{run}, float64; Python {platform.python_version()}, {packages}"
     fingerprints = ((path.name, f"SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}") for path in files)
     return Section("Made with", (("Software", made), *fingerprints))

@@ -12,11 +12,12 @@
     const size = narrow() ? 13 : 15;
     const font = { family: 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif', size: size, color: "#1a1a1a" };
     const y = Object.assign({}, axis, chart.layout.yaxis);
-    return Object.assign({}, chart.layout, {
-      autosize: true, font: font, showlegend: false, hovermode: "x unified", dragmode: "zoom",
+    const time = { title: { text: page.timeAxis }, range: [x[0], x[x.length - 1]] };
+    return Object.assign({ hovermode: "x unified" }, chart.layout, {
+      autosize: true, font: font, showlegend: false, dragmode: "zoom",
       paper_bgcolor: "#fff", plot_bgcolor: "#fff", hoverlabel: { font: font },
       margin: { l: narrow() ? 68 : 86, r: 12, t: 10, b: 48 },
-      xaxis: Object.assign({}, axis, { title: { text: page.timeAxis }, range: [x[0], x[x.length - 1]] }),
+      xaxis: Object.assign({}, axis, chart.layout.xaxis || time),
       yaxis: y
     });
   }
@@ -24,17 +25,18 @@
   const config = { responsive: true, displaylogo: false, displayModeBar: false, doubleClick: "reset" };
   let linking = false;
   for (const [place, chart] of charts) {
-    const traces = chart.traces.map(trace => Object.assign({ type: "scatter", x: x }, trace));
+    const traces = chart.traces.map(trace => Object.assign({ type: "scatter" }, chart.layout.xaxis ? {} : { x: x }, trace));
     Plotly.newPlot(place, traces, layout(chart), config);
+    if (chart.layout.xaxis) continue;
     place.on("plotly_relayout", change => {
       const from = change["xaxis.range[0]"], to = change["xaxis.range[1]"];
       if (linking || (from === undefined && !change["xaxis.autorange"])) return;
       linking = true;
       const range = from === undefined ? [x[0], x[x.length - 1]] : [from, to];
-      Promise.all(charts.filter(other => other[0] !== place).map(other => Plotly.relayout(other[0], { "xaxis.range": range.slice() })))
+      Promise.all(charts.filter(other => other[0] !== place && !other[1].layout.xaxis).map(other => Plotly.relayout(other[0], { "xaxis.range": range.slice() })))
         .then(() => { linking = false; });
     });
   }
-  window.addEventListener("beforeprint", () => charts.forEach(([place]) => Plotly.relayout(place, { width: 670, height: 205 })));
+  window.addEventListener("beforeprint", () => charts.forEach(([place]) => Plotly.relayout(place, { width: place.classList.contains("square") ? 420 : 670, height: place.classList.contains("square") ? 380 : 205 })));
   window.addEventListener("afterprint", () => charts.forEach(([place]) => Plotly.relayout(place, { autosize: true, width: null, height: null })));
 })();

@@ -11,7 +11,7 @@ import numpy as np
 
 from .contents import Chart, Fact, Key, Report, Section, Verdict
 
-HINT = "Drag over a diagram to zoom all of them, double-click to go back, point at a curve for its value."
+HINT = "Drag over a diagram to zoom all that share its axis, double-click to go back, point at a curve for its value."
 WORDS = {True: ("met", "✓ consistent"), False: ("unmet", "✗ not consistent"), None: ("unjudged", "– no verdict")}
 SWATCHES = {
     "line": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5"/>',
@@ -32,9 +32,8 @@ def page_of(report: Report) -> str:
         f"<h1>{escape(report.title)}</h1>",
         '<div class="lead">' + "".join(f"<p>{escape(sentence)}</p>" for sentence in report.lead) + "</div>",
         _facts(report.facts),
-        "<h2>What was estimated</h2>",
-        f'<p class="hint screen">{HINT}</p>',
-        *(_chart(i, chart) for i, chart in enumerate(report.charts)),
+        *map(_section, report.found),
+        *_charts(report.charts),
         "<h2>Can it be trusted?</h2>",
         "<table><tbody>" + "".join(map(_verdict, report.verdicts)) + "</tbody></table>",
         "<h2>What was assumed</h2>",
@@ -69,12 +68,26 @@ def _facts(facts: tuple[Fact, ...]) -> str:
     return f'<dl class="facts">{"".join(tiles)}</dl>'
 
 
+def _charts(charts: tuple[Chart, ...]) -> list[str]:
+    """The diagrams, each part under its heading."""
+    drawn, part = [], None
+    for i, chart in enumerate(charts):
+        if chart.part != part:
+            drawn.append(f"<h2>{escape(chart.part)}</h2>")
+            drawn += [f'<p class="hint screen">{HINT}</p>'] if part is None else []
+        part = chart.part
+        drawn.append(_chart(i, chart))
+    return drawn
+
+
 def _chart(i: int, chart: Chart) -> str:
     heading = f"<h3>{escape(chart.heading)}</h3>"
     keys = f'<ul class="keys">{"".join(map(_key, chart.keys))}</ul>'
     caption = f"<figcaption>{escape(chart.caption)}</figcaption>" if chart.caption else ""
-    label = escape(f"{chart.heading} over time")
-    return f'<figure>{heading}{keys}<div class="chart" id="chart{i}" role="img" aria-label="{label}"></div>{caption}</figure>'
+    own = chart.layout.get("xaxis")
+    label = escape(f"{chart.heading} over {own['title']['text'] if own else 'time'}")
+    kind = "chart square" if "scaleanchor" in chart.layout.get("yaxis", {}) else "chart"
+    return f'<figure>{heading}{keys}<div class="{kind}" id="chart{i}" role="img" aria-label="{label}"></div>{caption}</figure>'
 
 
 def _key(key: Key) -> str:

@@ -7,6 +7,8 @@ import numpy as np
 from ..frozen import frozen, static
 from .steps import Outcome
 
+FREE = 1e-6  # component along a direction that the records do not tell of, from which a parameter is not known
+
 
 @frozen
 class Simulation:
@@ -104,10 +106,20 @@ class Fit:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviations of the parameters, (d,); NaN where the method tells none."""
+        """Standard deviations (d,); infinite of parameters that the records do not fix, NaN where the method tells none."""
         variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
-        return np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
+        sigma = np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
+        if self.undetermined is None:
+            return sigma
+        return np.where(np.abs(self.undetermined).max(axis=1) > FREE, np.inf, sigma)
 
     def __repr__(self) -> str:
         values = zip(self.names, np.asarray(self.parameters), self.sigma, strict=True)
-        return f"Fit({', '.join(f'{name} = {x:.4g}' + (f' ± {s:.3g}' if s == s else '') for name, x, s in values)})"
+        return f"Fit({', '.join(f'{name} = {_with_spread(x, s)}' for name, x, s in values)})"
+
+
+def _with_spread(value: float, sigma: float) -> str:
+    """A number and its standard deviation; "not known" where that is infinite."""
+    if np.isinf(sigma):
+        return "not known"
+    return f"{value:.4g}" + ("" if np.isnan(sigma) else f" ± {sigma:.3g}")

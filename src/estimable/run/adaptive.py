@@ -11,7 +11,8 @@ from .. import checks
 from ..data.record import Record
 from ..frozen import replace
 from ..identifiers.linear_start import Start, deviation, levels, order_check
-from ..identifiers.standing import Standing, held, residual_checks
+from ..identifiers.residuals import residual_checks
+from ..identifiers.standing import Standing, held
 from ..identifiers.validation import fit_percent, noise_of_innovations
 from ..kernels.small import factors
 from ..models.nonlinear import NonlinearModel

@@ -1,7 +1,6 @@
 """Which methods to compare where nobody says: one of each kind, with orders chosen on the same records by BIC."""
 
 from collections.abc import Callable, Sequence
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,30 +12,32 @@ from ..identifiers.least_squares import LeastSquares
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.subspace import Subspace
 from .choose_orders import choose_orders
+from .select_order import select_order
 
 MOST = 6  # order tried of ARX and state-space models
-DELAYS = range(6)
 
 
-def candidates(records: Sequence[Record]) -> tuple[Any, ...]:
-    """ARX, output error, two subspace methods and Ho-Kalman, with the orders that BIC chooses.
+def candidates(records: Sequence[Record], order: int | None = None) -> tuple[Any, ...]:
+    """ARX, output error, two subspace methods and Ho-Kalman, of a given order, or of those that BIC chooses.
 
     The delay is that of the best ARX model. A kind that the records do not bear is left out.
     """
     found: list[Any] = []
-    arx = _tried(lambda: _best_arx(records))
-    if arx is not None:
-        found.append(arx)
-        delay = arx.delay
-        orders = _tried(lambda: choose_orders(list(records), delay=(delay,), initial="free").best)
-        if orders is not None:
-            found.append(OutputErrorML(orders.na, orders.nb, delay=orders.delay, initial="free"))
+    tried = range(1, MOST + 1) if order is None else (order,)
+    selection = _tried(lambda: select_order(list(records), orders=tried))
+    if selection is not None:
+        n, delay = selection.order, selection.delay
+        found.append(LeastSquares(n, n - 1, delay=delay))
+        na, nb = ((1, 2, 3), (0, 1, 2)) if order is None else ((n,), (n - 1,))
+        chosen = _tried(lambda: choose_orders(list(records), na=na, nb=nb, delay=(delay,), initial="free").best)
+        if chosen is not None:
+            found.append(OutputErrorML(chosen.na, chosen.nb, delay=chosen.delay, initial="free"))
     for weighting in ("moesp", "cva"):
-        order = _tried(lambda weighting=weighting: best_order(records, weighting))
-        if order is not None:
-            found.append(Subspace(order, weighting=weighting))
+        best = _tried(lambda weighting=weighting: best_order(records, weighting, tried))
+        if best is not None:
+            found.append(Subspace(best, weighting=weighting))
             if weighting == "moesp":
-                found.append(HoKalman(order))
+                found.append(HoKalman(best))
     return tuple(found)
 
 
@@ -48,27 +49,17 @@ def _tried(choose: Callable[[], Any]) -> Any:
         return None
 
 
-def _best_arx(records: Sequence[Record]) -> LeastSquares:
-    """The smallest BIC over na = nb + 1 up to `MOST`, and delays."""
-    tried = [LeastSquares(n, n - 1, delay=delay) for n, delay in product(range(1, MOST + 1), DELAYS)]
-    m, p = len(records[0].inputs), len(records[0].outputs)
-    scores = [
-        _bic(records, _tried(lambda one=one: one.model(records).noise_variance), p * one.na * (1 + m)) for one in tried
-    ]
-    return tried[int(np.argmin(scores))]
-
-
-def best_order(records: Sequence[Record], weighting: str) -> int:
-    """The smallest BIC of the innovations over orders up to `MOST`."""
+def best_order(records: Sequence[Record], weighting: str, orders: Sequence[int] = range(1, MOST + 1)) -> int:
+    """The smallest BIC of the innovations."""
     m, p = len(records[0].inputs), len(records[0].outputs)
     scores = []
-    for n in range(1, MOST + 1):
+    for n in orders:
         model = _tried(lambda n=n: Subspace(n, weighting=weighting).model(records)[0])
         variance = None if model is None else np.linalg.eigvalsh(np.asarray(model.R))
         scores.append(_bic(records, variance, n * (m + 2 * p) + m * p))
     if not np.isfinite(scores).any():
-        Subspace(1, weighting=weighting).model(records)  # says why
-    return 1 + int(np.argmin(scores))
+        Subspace(orders[0], weighting=weighting).model(records)  # says why
+    return orders[int(np.argmin(scores))]
 
 
 def _bic(records: Sequence[Record], variance: Any, parameters: int) -> float:

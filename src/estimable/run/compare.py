@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import standing, state_space_of
 from ..models.state_space import StateSpace
@@ -15,8 +16,9 @@ from . import adaptive
 from .candidates import candidates
 from .identify import identify
 
-LEVELS = ("mean", "none")
+LEVELS = {"mean": 0, "trend": 1, "none": None}
 NOISE = 2.0  # standard errors of a difference of squared errors within which two methods are alike
+LEAD = 1.0  # points of one-step fit, below which the best simulation is the best for a filter too
 REFUSED = "no linear model explains this record"
 
 
@@ -41,12 +43,25 @@ class Ranked(NamedTuple):
         return type(self.method).__name__
 
     @property
+    def label(self) -> str:
+        """The class, and the weighting where there are several."""
+        weighting = getattr(self.method, "weighting", "")
+        return f"{self.name} {weighting}" if self.name == "Subspace" else self.name
+
+    @property
     def order(self) -> int | None:
         """Number of states, or the degrees of A of all outputs together; None where there is no fit."""
         if self.fit is None or self.model is None:
             return None
         na = getattr(self.fit.model, "na", None)
         return self.model.n if na is None else na * self.model.p
+
+    @property
+    def order_of_a_model(self) -> int:
+        """The degree of A where there is one, else the number of states."""
+        assert self.model is not None
+        assert self.fit is not None
+        return int(getattr(self.fit.model, "na", self.model.n))
 
     @property
     def fit_percent(self) -> float:
@@ -59,12 +74,34 @@ class Ranked(NamedTuple):
         return not self.failure and bool(self.behind < NOISE)
 
 
+class Divided(NamedTuple):
+    """The `records`; without their `trend`: whole, and the first part of each."""
+
+    records: Sequence[Record]
+    whole: list[Record]
+    first: list[Record]
+    trend: Trend
+
+
 class Comparison(NamedTuple):
-    """What `compare` returns: the methods, the best first, those that failed last; the `best`, None where none is worth it."""
+    """What `compare` returns: the methods, the best first, those that failed last; the `best`, None where none is worth it.
+
+    `task`: the records as the methods had them, without their levels.
+    """
 
     ranked: tuple[Ranked, ...]
     best: Ranked | None
     sentence: str
+    task: Divided | None = None
+
+    @property
+    def predictor(self) -> Ranked | None:
+        """The best for a filter: of those within noise of `best`, the one that predicts best one step ahead."""
+        if self.best is None:
+            return None
+        ahead = max((one for one in self.ranked if one.alike), key=lambda one: float(np.mean(one.one_step_fits)))
+        lead = float(np.mean(ahead.one_step_fits - self.best.one_step_fits))
+        return ahead if lead > LEAD else self.best
 
 
 class _HeldOut(NamedTuple):
@@ -77,13 +114,15 @@ class _HeldOut(NamedTuple):
 
 def compare(
     methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = 0.5, level: str = "mean",
-    progress: Callable[[str], None] | None = None,
+    order: int | None = None, progress: Callable[[str, int, int], None] | None = None,
 ) -> Comparison:  # fmt: skip
     """Identify by several methods on the first part of a record (or of each of several), and rank them on the rest.
 
     `methods`: identifiers with their settings; None: one of each kind, with orders chosen by BIC on the first part. `split`: the
     fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its
-    operating point; "none": signals are deviations already, or methods fit an offset. `progress` is told each method's name.
+    operating point; "trend": about straight lines fitted to the first part and continued (the operating point is where they
+    are at its end); "none": signals are deviations already, or methods fit an offset. `order`: of all methods, where they
+    are chosen here. `progress(name, done, total)` is told of each method before it runs.
 
     The rank is by the fit of a simulation from the inputs alone, that runs on from the first part and looks at no output held
     out. Differences of squared errors within two standard errors (autocorrelation counted, Newey & West 1987) are noise:
@@ -97,22 +136,21 @@ def compare(
     >>> found.best.name, found.ranked[1].alike
     ('OutputErrorML', False)
     """
-    records = _read(methods, record, split, level)
-    parts = [one.split(split)[0] for one in records]
-    levels = _levels(parts, level)
-    deviations = [_deviation(part, levels) for part in parts]
-    told = progress or (lambda _: None)
+    records = _read(methods, record, split, level, order)
+    task = divided(records, split, level)
+    told = progress or (lambda name, done, total: None)
     if methods is None:
-        told("choosing orders")
-    chosen = candidates(deviations) if methods is None else tuple(methods)
+        told("choosing orders", 0, 1)
+    chosen = candidates(task.first, order) if methods is None else tuple(methods)
     found = []
-    for method in chosen:
-        told(type(method).__name__)
-        found.append(_run(method, parts, deviations, levels, records))
-    return _ranked(found)
+    for i, method in enumerate(chosen):
+        told(type(method).__name__, i, len(chosen))
+        found.append(_run(method, task))
+    told("", len(chosen), len(chosen))
+    return _ranked(found)._replace(task=task)
 
 
-def _read(methods: Any, record: Any, split: Any, level: Any) -> list[Record]:
+def _read(methods: Any, record: Any, split: Any, level: Any, order: Any) -> list[Record]:
     faults = checks.Faults()
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
     if not records or not all(isinstance(one, Record) for one in records):
@@ -120,7 +158,11 @@ def _read(methods: Any, record: Any, split: Any, level: Any) -> list[Record]:
     if methods is not None and (not isinstance(methods, list | tuple) or not methods):
         faults.add(f"`methods` must be a list of identifiers, or None. Got {checks.short(methods)}.")
     fraction = faults.number("split", split, above=0.0, upper=1.0)
-    faults.choice("level", level, LEVELS)
+    faults.choice("level", level, tuple(LEVELS))
+    if order is not None:
+        faults.whole("order", order, 1)
+        if methods is not None:
+            faults.add("`order` belongs to methods that are chosen here: give methods their own orders.")
     faults.finish()
     assert fraction is not None
     for i, one in enumerate(records):
@@ -132,44 +174,40 @@ def _read(methods: Any, record: Any, split: Any, level: Any) -> list[Record]:
     return records
 
 
-def _levels(parts: Sequence[Record], level: str) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the inputs and outputs of the first parts, over what is known; zero where there is nothing."""
-    columns = [np.concatenate([getter(part) for part in parts]) for getter in (lambda r: r.applied(), lambda r: r.y)]
-    if level == "none":
-        u, y = (np.zeros(one.shape[1]) for one in columns)
-    else:
-        u, y = (np.nansum(one, axis=0) / np.maximum((~np.isnan(one)).sum(axis=0), 1) for one in columns)
-    return u, y
+def divided(records: Sequence[Record], split: float, level: str) -> Divided:
+    """The records without their levels, and the first part of each."""
+    parts = [one.split(split)[0] if split < 1 else one for one in records]
+    degree = LEVELS[level]
+    trend = Trend.none(records[0]) if degree is None else Trend.of(parts, degree)
+    deviations = [trend.taken_from(one) for one in records]
+    return Divided(records, deviations, [one[: len(part)] for one, part in zip(deviations, parts, strict=True)], trend)
 
 
-def _deviation(part: Record, levels: tuple[np.ndarray, np.ndarray]) -> Record:
-    """The record about its levels: the inputs are those that were applied."""
-    return Record(part.y - levels[1], part.applied() - levels[0], dt=part.dt, inputs=part.inputs, outputs=part.outputs)
-
-
-def _run(method: Any, parts: list[Record], deviations: list[Record], levels: Any, records: list[Record]) -> Any:
+def _run(method: Any, task: Divided) -> Any:
     """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not.
 
-    A nonlinear model is of the signals themselves: it is fitted to the parts, the others to their deviations.
+    A nonlinear model is of the signals themselves: it is fitted to the first parts, the others to their deviations.
     """
-    rows = [len(part) for part in parts]
+    rows, whole = [len(part) for part in task.first], task.whole
     try:
         if hasattr(method, "tracker"):
-            fit = identify(method, parts)
+            whole = task.records
+            fit = identify(method, [one[:n] for one, n in zip(whole, rows, strict=True)])
             model = fit.model
-            stands = [adaptive.standing(method, model, one, first) for one, first in zip(records, rows, strict=True)]
+            stands = [adaptive.standing(method, model, one, n) for one, n in zip(whole, rows, strict=True)]
         else:
-            fit = identify(method, deviations)
-            model = _absolute(state_space_of(fit.model), levels)
-            stands = [standing(model, one, first) for one, first in zip(records, rows, strict=True)]
+            fit = identify(method, task.first)
+            model = absolute(fit.model, task.trend.at(float(np.mean(rows))))
+            stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)
-    held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, records, rows, strict=True)]
+    held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, whole, rows, strict=True)]
     return method, fit, model, _HeldOut(*(np.concatenate(columns) for columns in zip(*held, strict=True)))
 
 
-def _absolute(model: StateSpace, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
-    """A model of deviations as one of the signals themselves."""
+def absolute(model: Any, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
+    """A model of deviations, of any kind, as one of the signals themselves: inputs (m,) and outputs (p,) are its levels."""
+    model = state_space_of(model)
     own = 0.0 if model.operating_point is None else model.operating_point.outputs
     return StateSpace(
         model.A, model.B, model.C, model.D, Q=model.Q, R=model.R, G=model.G, S=model.S, dt=model.dt, inputs=model.inputs,
@@ -200,9 +238,9 @@ def _judged(ranked: list[Ranked], failed: list[Ranked], first: _HeldOut) -> Comp
     if best.fit_percent <= 0 or gain < NOISE:
         why = f"the best simulation ({best.name}) fits {best.fit_percent:.1f} % of what was held out"
         return Comparison(everything, None, f"{REFUSED}: {why}, {gain:.1f} standard errors better than their mean.")
-    others = [one.name for one in ranked[1:] if one.alike]
+    others = [one.label for one in ranked[1:] if one.alike]
     doubt = f" Within noise of it: {', '.join(others)}." if others else " No other is within noise of it."
-    said = f"{best.name} of order {best.order} fits best: {best.fit_percent:.1f} % of the rows held out."
+    said = f"{best.label} of order {best.order} fits best: {best.fit_percent:.1f} % of the rows held out."
     return Comparison(everything, best, said + doubt)
 
 

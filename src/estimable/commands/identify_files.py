@@ -1,0 +1,120 @@
+"""The files that `estimable identify` writes: a model and a page."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..data.record import Record
+from ..models.state_space import StateSpace
+from ..results.orders import OrderSelection
+from ..run.compare import Comparison, Ranked
+from .destination import check_destination
+
+
+class Files(NamedTuple):
+    """Where the model and the page go."""
+
+    model: Path
+    report: Path
+
+
+class Asked(NamedTuple):
+    """What the command line asked for: the record and how to read it, the split, what level is taken away, and the files."""
+
+    path: Path
+    outputs: Sequence[str]
+    inputs: Sequence[str]
+    reading: dict[str, Any]
+    split: float
+    level: str | None
+    files: Files
+
+    def again(self, *options: str) -> str:
+        """The command that does it again."""
+        words = ["estimable identify", self.path.name]
+        words += [f"--output {name}" for name in self.outputs] + [f"--input {name}" for name in self.inputs]
+        for name, value in self.reading.items():
+            words += [f"--{name} {one}" for one in (value if isinstance(value, list) else [value]) if one is not None]
+        words += [] if self.split == 0.5 else [f"--split {self.split:g}"]
+        words += [] if self.level is None else [f"--level {self.level}"]
+        return " ".join([*words, *options])
+
+
+class Written(NamedTuple):
+    """What was written; None where there was nothing to write."""
+
+    model: Path | None
+    report: Path | None
+
+    def as_data(self) -> dict[str, Any]:
+        """For machines."""
+        return {
+            name: None if path is None else str(path) for name, path in (("model", self.model), ("report", self.report))
+        }
+
+    def notes(self) -> list[str]:
+        """For people."""
+        said = []
+        if self.model is not None:
+            said.append(f"Wrote {self.model}: for estimable estimate, gain and check, or es.read_model in Python.")
+        if self.report is not None:
+            said.append(f"Wrote {self.report}: open it in a browser.")
+        return said
+
+
+def destinations(record: Path, out: Path | None, report: Path | None) -> Files:
+    """The files asked for, or those named after the record, in this folder. Raises `InputError` where they cannot be written."""
+    files = Files(out or Path(f"{record.stem}-model.toml"), report or Path(f"{record.stem}-report.html"))
+    check_destination("--out", files.model, ".toml")
+    check_destination("--report", files.report, ".html")
+    return files
+
+
+def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> None:
+    """The model, with nothing believed of its state, and how to read the record."""
+    from ..models.files import write_model
+    from ..models.prior import Prior
+
+    n = model.n
+    given = {name: value for name, value in reading.items() if name in ("time", "dt", "lost") and value is not None}
+    if "time" not in given:
+        given["dt"] = model.dt
+    write_model(path, model, Prior(np.zeros(n), np.zeros((n, n)), diffuse=np.eye(n)), record=given)
+
+
+def write_page(
+    found: Comparison, record: Record, path: Path, *, chosen: Ranked | None, selection: OrderSelection | None,
+    source: Path, command: str, lead: Sequence[str],
+) -> None:  # fmt: skip
+    """The page of a comparison."""
+    from ..report import report_of_comparison, write_report
+
+    page = report_of_comparison(
+        found, record, chosen=chosen, selection=selection, title=f"A model of {source.name}", lead=lead,
+        commands=(("From a terminal:", command), ("In Python:", _script(found, record, source))), files=(source,),
+    )  # fmt: skip
+    write_report(page, path)
+
+
+def _script(found: Comparison, record: Record, source: Path) -> str:
+    """The same in Python."""
+    methods = ", ".join(_call(one.method) for one in found.ranked)
+    columns = f"outputs={list(record.outputs)!r}, inputs={list(record.inputs)!r}, dt={record.dt!r}"
+    return "\n".join(
+        [
+            "import estimable as es",
+            f"record = es.read_record({source.name!r}, {columns})",
+            f"found = es.compare([{methods}], record)",
+            "print(found.sentence)",
+            "model = found.predictor.model  # for es.Kalman(model), es.observability(model), es.to_control(model)",
+        ]
+    )
+
+
+def _call(method: Any) -> str:
+    fields = type(method).__dataclass_fields__
+    given = {name: getattr(method, name) for name in fields if name != "_"}
+    shown = ", ".join(f"{name}={value!r}" for name, value in given.items() if isinstance(value, bool | int | str))
+    return f"es.{type(method).__name__}({shown})"

@@ -1,0 +1,67 @@
+"""Levels and straight drifts of the signals of a record: found by least squares, taken away in the open."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..frozen import replace
+from .record import Record
+
+DEGREES = (0, 1)
+
+
+class Trend(NamedTuple):
+    """What is taken away from each channel: inputs (2, m) and outputs (2, p), their value at row 0 and their change a row."""
+
+    inputs: np.ndarray
+    outputs: np.ndarray
+
+    @staticmethod
+    def of(records: Any, degree: int = 0) -> "Trend":
+        """The levels (degree 0) or straight lines (degree 1) of records, over what is known, by least squares.
+
+        Of several records it is the one they have in common. Inputs are those that were applied.
+
+        >>> Trend.of(Record([1.0, 2.0, 3.0], [4.0, 4.0, 4.0], dt=1), 1).outputs.round(9).ravel().tolist()
+        [1.0, 1.0]
+        """
+        if degree not in DEGREES or isinstance(degree, bool):
+            checks.refuse(f"`degree` must be 0 (levels) or 1 (straight lines). Got {checks.short(degree)}.")
+        records = [records] if isinstance(records, Record) else list(records)
+        u, y = (np.concatenate(columns) for columns in zip(*((r.applied(), r.y) for r in records), strict=True))
+        rows = np.concatenate([np.arange(len(record)) for record in records])
+        return Trend(*(_lines(rows, values, degree) for values in (u, y)))
+
+    @staticmethod
+    def none(record: Record) -> "Trend":
+        """That of a record of which nothing is to be taken away."""
+        return Trend(np.zeros((2, len(record.inputs))), np.zeros((2, len(record.outputs))))
+
+    def at(self, row: float) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs (m,) and outputs (p,) there."""
+        return tuple(line[0] + row * line[1] for line in self)  # type: ignore[return-value]
+
+    def taken_from(self, record: Record) -> Record:
+        """The record without it. The inputs are those that were applied.
+
+        >>> record = Record([1.0, 2.0], [4.0, 4.0], dt=1)
+        >>> Trend.of(record).taken_from(record).y.ravel().tolist()
+        [-0.5, 0.5]
+        """
+        rows = np.arange(len(record))[:, None]
+        u, y = (line[0] + rows * line[1] for line in self)
+        return replace(record, y=record.y - y, u=record.applied() - u, arrived=None)
+
+
+def _lines(rows: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
+    """(2, channels); zero where nothing is known."""
+    found = np.zeros((2, values.shape[1]))
+    for i, column in enumerate(values.T):
+        known = ~np.isnan(column)
+        if degree == 0:
+            found[0, i] = column[known].mean() if known.any() else 0.0
+            continue
+        Φ = np.vander(rows[known].astype(float), degree + 1, increasing=True)
+        found[: degree + 1, i] = np.linalg.lstsq(Φ, column[known], rcond=None)[0] if known.any() else 0.0
+    return found

@@ -1,0 +1,203 @@
+"""Poles, zeros and responses of a fitted model, each with what the fit's covariance makes of it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..kernels import tangents as kernel
+from ..kernels.tangents import Dynamics
+from ..models.state_space import StateSpace
+from ..results import Fit
+
+ORIGIN = 1e-6  # modulus below which a pole is a sample of delay
+SETTLED = 0.005  # of the start: what is left of the slowest pole at the end of a step response
+FEWEST, MOST = 20, 500  # samples of a step response
+DECADES = 1.5  # below the slowest pole, where a frequency response begins
+POINTS = 200
+
+
+class Roots(NamedTuple):
+    """Poles or zeros: `values` (k,) in z, the covariance (k, 2, 2) of each one's real and imaginary part, NaN where not known."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+
+
+class Response(NamedTuple):
+    """A response at `at` (K,): `values` (K, p, m) and their standard deviations `sigma` (K, p, m), NaN where not known."""
+
+    at: np.ndarray
+    values: np.ndarray
+    sigma: np.ndarray
+
+
+class FrequencyResponse(NamedTuple):
+    """`frequencies` (K,) in hertz, `values` (K, p, m) complex, and standard deviations of the logarithm of the modulus and of
+    the phase in radians, (K, p, m); NaN where not known.
+    """
+
+    frequencies: np.ndarray
+    values: np.ndarray
+    log_modulus_sigma: np.ndarray
+    phase_sigma: np.ndarray
+
+
+class Spread(NamedTuple):
+    """The matrices of a fitted model, and their tangents (r, ..); r = 0 where the fit does not tell how sure it is."""
+
+    model: StateSpace
+    dynamics: Dynamics
+    tangents: Dynamics
+
+    @property
+    def known(self) -> bool:
+        """Whether the fit says how sure it is."""
+        return len(self.tangents.A) > 0
+
+
+def spread_of(fit: Fit) -> Spread:
+    """The matrices of a discrete fitted model, and the independent moves of one standard deviation that its covariance makes.
+
+    None are known where the fit has no covariance, or the records tell nothing of some direction.
+
+    >>> u = np.random.default_rng(0).normal(size=50)
+    >>> fit = identify(LeastSquares(1, 0), Record(u**2, u, dt=1))
+    >>> diagnostics.spread_of(fit).tangents.A.shape
+    (2, 1, 1)
+    """
+    model = fit.model if isinstance(fit.model, StateSpace) else fit.model.to_state_space()
+    if model.is_continuous:
+        checks.refuse("`fit` must be of a discrete model, as all identifiers make.")
+    found = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
+    given = (fit.extra or {}).get("tangents")
+    if given is not None:
+        return Spread(model, found, given)
+    if fit.covariance is None or fit.undetermined is not None or isinstance(fit.model, StateSpace):
+        return Spread(model, found, Dynamics(*(np.zeros((0, *M.shape)) for M in found)))
+    return Spread(model, found, _moved(fit))
+
+
+def _moved(fit: Fit) -> Dynamics:
+    """Half the differences of the matrices a standard deviation either way: exact, as they are of second degree in θ."""
+    θ, moves = np.asarray(fit.parameters), []
+    for column in kernel.root(np.asarray(fit.covariance)).T:
+        up, down = (fit.model.with_parameters(θ + side * column).to_state_space() for side in (1, -1))
+        moves.append([(np.asarray(getattr(up, name)) - np.asarray(getattr(down, name))) / 2 for name in "ABCD"])
+    return Dynamics(*(np.stack(column) for column in zip(*moves, strict=True)))
+
+
+def poles(fit: Fit) -> Roots:
+    """The poles of a fit in z, without those of a delay, and how sure they are, to first order.
+
+    >>> u = np.random.default_rng(0).normal(size=400)
+    >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    >>> found = diagnostics.poles(identify(OutputErrorML(1, 0), record))
+    >>> found.values.real.round(2).tolist(), bool(0 < found.covariance[0, 0, 0] < 1e-4)
+    ([0.5], True)
+    """
+    spread = spread_of(fit)
+    return _roots(*kernel.pole_moves(spread.dynamics.A, spread.tangents.A), spread.known)
+
+
+def zeros(fit: Fit, output: int = 0, input: int = 0) -> Roots:
+    """The finite zeros from one input to one output of a fit, in z, and how sure they are, to first order.
+
+    Those at the origin and those that a hidden pole cancels are left out.
+    """
+    spread = spread_of(fit)
+    one = _channel(spread.dynamics, output, input, 0)
+    values, moves = kernel.zero_moves(one, _channel(spread.tangents, output, input, 1))
+    eigenvalues = np.linalg.eigvals(one.A)
+    hidden = np.array([_is_hidden(one, z, eigenvalues) for z in values], bool)
+    return _roots(values[~hidden], moves[:, ~hidden], spread.known)
+
+
+def _channel(of: Dynamics, output: int, input: int, axis: int) -> Dynamics:
+    lead = (slice(None),) * axis
+    rows, columns = slice(output, output + 1), slice(input, input + 1)
+    return Dynamics(of.A, of.B[(*lead, slice(None), columns)], of.C[(*lead, rows)], of.D[(*lead, rows, columns)])
+
+
+def _is_hidden(one: Dynamics, z: complex, eigenvalues: np.ndarray) -> bool:
+    """Whether a zero is that of a state which the input does not move or the output does not show."""
+    if np.abs(eigenvalues - z).min(initial=np.inf) > 1e-6:
+        return False
+    N, n = one.A - z * np.eye(len(one.A)), len(one.A)
+    ranks = (np.linalg.matrix_rank(M, tol=1e-6) for M in (np.hstack([N, one.B]), np.vstack([N, one.C])))
+    return min(ranks) < n
+
+
+def _roots(values: np.ndarray, moves: np.ndarray, known: bool) -> Roots:
+    far = np.abs(values) > ORIGIN
+    values, moves = values[far], moves[:, far]
+    parts = np.stack([np.real(moves), np.imag(moves)], axis=-1)  # (r, k, 2)
+    Σ = np.einsum("rki,rkj->kij", parts, parts)
+    return Roots(values, Σ if known else np.full_like(Σ, np.nan))
+
+
+def frequency_response(fit: Fit, frequencies: Any = None) -> FrequencyResponse:
+    """The frequency response of a fit and how sure it is, to first order. `frequencies` (K,) in hertz; None: up to Nyquist's.
+
+    >>> u = np.random.default_rng(0).normal(size=400)
+    >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    >>> found = diagnostics.frequency_response(identify(OutputErrorML(1, 0), record), [0.0])
+    >>> abs(found.values).round(1).ravel().tolist(), bool(found.log_modulus_sigma < 0.01)
+    ([2.0], True)
+    """
+    spread = spread_of(fit)
+    dt = spread.model.dt
+    f = _frequencies(spread) if frequencies is None else np.atleast_1d(np.asarray(frequencies, float))
+    G, moves = kernel.frequency_moves(spread.dynamics, spread.tangents, np.exp(2j * np.pi * f * dt))
+    relative = moves / np.where(G == 0, np.nan, G)
+    logs, phases = (_size(part, spread.known) for part in (relative.real, relative.imag))
+    return FrequencyResponse(f, G, logs, phases)
+
+
+def _frequencies(spread: Spread) -> np.ndarray:
+    dt = spread.model.dt
+    moduli = np.abs(np.log(_slow(spread)))
+    lowest = max(float(moduli.min(initial=np.pi)) / 10**DECADES, np.pi * 1e-4)
+    return np.geomspace(lowest, np.pi, POINTS) / (2 * np.pi * dt)
+
+
+def _slow(spread: Spread) -> np.ndarray:
+    """The poles that are no delay and not at 1."""
+    λ = np.linalg.eigvals(spread.dynamics.A).astype(complex)
+    return λ[(np.abs(λ) > ORIGIN) & (np.abs(λ - 1) > ORIGIN)]
+
+
+def step_response(fit: Fit, steps: int | None = None) -> Response:
+    """The response to a step of each input, at times `at` in seconds, and how sure it is, to first order.
+
+    >>> u = np.random.default_rng(0).normal(size=400)
+    >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    >>> found = diagnostics.step_response(identify(OutputErrorML(1, 0), record), 2)
+    >>> found.values.ravel().round(1).tolist(), bool(found.sigma.max() < 0.02)
+    ([1.0, 1.5, 1.8], True)
+    """
+    spread = spread_of(fit)
+    steps = _length(spread) if steps is None else steps
+    M, dM = kernel.impulse_moves(spread.dynamics, spread.tangents, steps)
+    values, moves = np.cumsum(M, axis=0), np.cumsum(dM, axis=1)
+    return Response(spread.model.dt * np.arange(steps + 1), values, _size(moves, spread.known))
+
+
+def _length(spread: Spread) -> int:
+    slowest = float(np.abs(_slow(spread)).max(initial=0.0))
+    delays = len(spread.dynamics.A)
+    if not 0 < slowest < 1:
+        return FEWEST if slowest == 0 else 3 * FEWEST
+    return int(np.clip(delays + np.log(SETTLED) / np.log(slowest), FEWEST, MOST))
+
+
+def simulation_sigma(fit: Fit, u: Any, state: Any) -> np.ndarray:
+    """What the fit's covariance makes of the outputs that u (T, m) causes from a given state, in standard deviations (T, p)."""
+    spread = spread_of(fit)
+    moves = kernel.output_moves(spread.dynamics, spread.tangents, np.asarray(u, float), np.asarray(state, float))
+    return _size(moves, spread.known)
+
+
+def _size(moves: np.ndarray, known: bool) -> np.ndarray:
+    size = np.sqrt(np.sum(moves**2, axis=0))
+    return size if known else np.full_like(size, np.nan)
