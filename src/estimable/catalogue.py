@@ -159,6 +159,17 @@ def entry(name: str) -> Entry:
     return ENTRIES[names.index(name)]
 
 
+def name_of(algorithm: Any) -> str:
+    """The name of an algorithm's entry."""
+    return next(known.name for known in ENTRIES if known.cls is type(algorithm))
+
+
+def settings_of(cls: type) -> list[str]:
+    """The settings of an algorithm's own."""
+    fields = cls.__dataclass_fields__
+    return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
+
+
 def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     """The algorithm `name` on the model of a file, with the file's settings and then those given here.
 
@@ -173,7 +184,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     _check_settings(built, wraps, file, settings, faults)
     faults.finish()
     if wraps:
-        own = {key: settings.pop(key) for key in _settings(built) if key in settings}
+        own = {key: settings.pop(key) for key in settings_of(built.cls) if key in settings}
         return built.cls(build(wraps, file, **settings), **{**built.settings, **own})
     if isinstance(file.model, NonlinearModel):
         return _nonlinear(built, file, settings)
@@ -190,7 +201,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
 
 def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults) -> None:
     """Settings must be known, and what the file lacks must be in them."""
-    allowed = list(dict.fromkeys(_settings(built) + (_every_setting(entry(wraps), file) if wraps else [])))
+    allowed = list(dict.fromkeys(settings_of(built.cls) + (_every_setting(entry(wraps), file) if wraps else [])))
     for key in settings:
         if key not in allowed:
             faults.add(
@@ -214,22 +225,16 @@ def _default(wrapper: Entry, file: ModelFile) -> str:
     return "kalman" if file.gain is None and "kalman" in wrapper.wraps else wrapper.wraps[0]
 
 
-def _settings(built: Entry) -> list[str]:
-    """The settings of an entry's own."""
-    fields = built.cls.__dataclass_fields__
-    return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
-
-
 def _required(built: Entry) -> list[str]:
     """Its settings that neither the class nor the catalogue nor a model file has a value for."""
     fields = built.cls.__dataclass_fields__
-    return [name for name in _settings(built) if fields[name].default is MISSING and name not in built.settings]
+    return [name for name in settings_of(built.cls) if fields[name].default is MISSING and name not in built.settings]
 
 
 def _every_setting(built: Entry, file: ModelFile) -> list[str]:
     """The settings of an entry and of what it wraps by default."""
     inner = _every_setting(entry(_default(built, file)), file) if built.wraps else []
-    return [*_settings(built), *(name for name in inner if name not in _settings(built))]
+    return [*settings_of(built.cls), *(name for name in inner if name not in settings_of(built.cls))]
 
 
 def _nonlinear(built: Entry, file: ModelFile, settings: dict[str, Any]) -> Any:

@@ -132,7 +132,7 @@ def test_demo_for_people(run, width):
     assert "before 2.5 to 4.5 0.9" in words
     assert "after 10 to 12 0.4" in words
     assert "The gain fell from 0.9" in words
-    assert "at 4.51 s; that was seen 0.35 s later" in words
+    assert "at 4.51 ± 0.1 s; that was seen 0.35 s later" in words
     assert "Innovation check (NIS): 1.928, expected 2.000 (1.816 to 2.195): nothing speaks against" in words
     assert "░" in answer.stdout
     under_the_axis = next(i for i, line in enumerate(answer.stdout.splitlines()) if line.lstrip().startswith("s 0"))

@@ -24,6 +24,13 @@ def written(tmp_path):
 
 
 TEXTS = {
+    "a mark": (
+        GOOD + "2,-9999,5\n3,-9999,6\n",
+        (
+            "column 'y' holds -9999 in row 3 below the header and 1 more row, and else 1 to 3. Where it stands for what was "
+            "not measured, say na_values=[-9999] (--na -9999); where it was measured, na_values=[]."
+        ),
+    ),
     "empty": ("", "it is empty: it has no header and no row."),
     "blank": ("\n\n", "it is empty: it has no header and no row."),
     "header only": ("t,y,u\n", "there is no row below the header."),

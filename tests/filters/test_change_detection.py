@@ -101,7 +101,12 @@ def test_an_alarm_leaves_the_posterior_given_a_jump(cross):
     assert_allclose(result.gain_covariance[k], P[3:, 3:], rtol=1e-7)
     assert_allclose(result.extra["state_gain_covariance"][k], P[:3, 3:], rtol=1e-7, atol=1e-9)
     onsets = range(max(k - LENGTH + 1, 1), k + 1)
-    assert result.extra["onset"][k] == onsets[int(np.argmax(π.reshape(-1, 2).sum(axis=1)))]
+    by_onset = π.reshape(-1, 2).sum(axis=1)
+    likeliest = onsets[int(np.argmax(by_onset))]
+    assert result.extra["onset"][k] == likeliest
+    assert_allclose(result.extra["onset_sigma"][k] ** 2, by_onset @ (np.array(onsets) - likeliest) ** 2, rtol=1e-7)
+    [first, *_] = changes(result)
+    assert_allclose(first.onset_sigma_s, 0.5 * first.onset_sigma)  # a row lasts half a second
 
 
 def test_an_alarm_is_carried_on_with_the_cross_noise_of_its_sample():
@@ -255,10 +260,10 @@ def test_a_result_without_alarms_has_no_list_of_changes(refused):
 def test_a_change_says_itself_in_words():
     from estimable.diagnostics import Change
 
-    timed = Change("gain", 450, 458, 4.5, 4.58, 1.0, 0.5, 0.012)
-    assert timed.sentence == "gain went from 1 to 0.5 ± 0.012 at 4.5 s, seen at 4.58 s."
+    timed = Change("gain", 450, 458, 4.5, 4.58, 1.0, 0.5, 0.012, 1.5, 0.015)
+    assert timed.sentence == "gain went from 1 to 0.5 ± 0.012 at 4.5 ± 0.015 s, seen at 4.58 s."
     assert timed._replace(onset_s=None, detected_at_s=None).sentence == (
-        "gain went from 1 to 0.5 ± 0.012 at row 450, seen at row 458."
+        "gain went from 1 to 0.5 ± 0.012 at row 450 ± 1.5, seen at row 458."
     )
 
 

@@ -17,6 +17,7 @@ def estimate(
     hold: options.Hold = None,
     lost: options.Lost = None,
     arrived: options.Arrived = None,
+    na: options.Na = None,
     machine: options.Machine = False,
 ) -> None:
     """Estimate the states of a record.
@@ -30,7 +31,7 @@ def estimate(
       estimable estimate flight.csv --model aircraft.toml --filter unknown-input --unknown elevator
     """
     check_destination("--out", out, ".csv", kept=record)
-    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
+    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
     with show.working(f"Running {name}"):
         run = run_filter(name, record, model, settings=settings or (), unknown=unknown or (), reading=reading)
     written = None if out is None else estimate_report.write_table(run, out)

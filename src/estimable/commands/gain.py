@@ -21,6 +21,7 @@ def gain(
     hold: options.Hold = None,
     lost: options.Lost = None,
     arrived: options.Arrived = None,
+    na: options.Na = None,
     machine: options.Machine = False,
 ) -> None:
     """Find how much of an input's effect is left.
@@ -34,7 +35,7 @@ def gain(
       estimable gain flight.csv --model aircraft.toml --report report.html
       estimable gain flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --json
     """
-    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived}
+    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
     check_destination("--report", report, ".html", kept=record)
     with show.working("Estimating the gain"):
         run = run_filter(name, record, model, settings=settings or (), reading=reading)

@@ -42,18 +42,23 @@ class GainSummary(NamedTuple):
         """What the changes, or else the two windows, say of each gain, in words."""
         changed = {change.gain for change in self.changes}
         quiet = (self._finding(i) for i, name in enumerate(self.names) if name not in changed)
-        return (*(self._changed(change) for change in self.changes), *quiet)
+        return (*map(self._changed, range(len(self.changes))), *quiet)
 
     def _called(self, name: str) -> str:
         return "The gain" if len(self.names) == 1 else name
 
-    def _changed(self, change: Any) -> str:
+    def _changed(self, which: int) -> str:
+        change, last = self.changes[which], len(self.changes) - 1
+        i = self.names.index(change.gain)
+        before = self.before.mean[i] if which == 0 else change.before  # the table's numbers, where it has them
+        after = self.after.mean[i] if which == last else change.after
         digits = decimals(SIGMAS * change.sigma)
-        was, now, spread = (f"{value:.{digits}f}" for value in (change.before, change.after, SIGMAS * change.sigma))
-        when, seen = (f"sample {change.onset}", f"at sample {change.detected_at}")
+        was, now, spread = (f"{value:.{digits}f}" for value in (before, after, SIGMAS * change.sigma))
+        when, seen = f"sample {change.onset} ± {SIGMAS * change.onset_sigma:.2g}", f"at sample {change.detected_at}"
         if change.onset_s is not None:
-            when, seen = f"{change.onset_s:.4g} s", f"{change.detected_at_s - change.onset_s:.2g} s later"
-        verb = _verb(change.before, change.after)
+            when = f"{change.onset_s:.4g} ± {SIGMAS * change.onset_sigma_s:.1g} s"
+            seen = f"{change.detected_at_s - change.onset_s:.2g} s later"
+        verb = _verb(before, after)
         return f"{self._called(change.gain)} {verb} from {was} to {now} (2 sigma {spread}) at {when}; that was seen {seen}."
 
     def _finding(self, i: int) -> str:
@@ -76,7 +81,8 @@ def _verb(before: float, after: float) -> str:
 
 
 def gain_summary(result: Any) -> GainSummary:
-    """The gains over 2 s before the first change that was found, and over the last 2 s of a record.
+    """The gains over 2 s before the first change that was found, and over the last 2 s of a record, or since the last change
+    was seen.
 
     Where no change was found, or none was looked for, the first window ends at one third of the record. The mean is that
     of the estimates in the window, the standard deviation that of the last of them, which has seen every sample before it.
@@ -88,8 +94,9 @@ def gain_summary(result: Any) -> GainSummary:
     known = np.where(np.isfinite(sigma), result.gain, np.nan)
     changes = changes_of(result)
     before = float(t[max(changes[0].onset - 1, 0)]) if changes else float(t[0] + (t[-1] - t[0]) / 3)
+    begun = changes[-1].detected_at if changes else 0
     return GainSummary(
-        result.names.gains, _window(t, known, sigma, before), _window(t, known, sigma, t[-1]),
+        result.names.gains, _window(t, known, sigma, before), _window(t, known, sigma, t[-1], begun),
         overlap=bool(before > t[-1] - WINDOW) and not changes, changes=changes,
     )  # fmt: skip
 
@@ -101,14 +108,14 @@ def changes_of(result: Any) -> tuple[Any, ...]:
     return diagnostics.changes(result) if "alarm" in result.extra else ()
 
 
-def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float) -> GainWindow:
-    """The `WINDOW` seconds up to `end`."""
+def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, first: int = 0) -> GainWindow:
+    """The `WINDOW` seconds up to `end`, from row `first` on."""
     last = int(np.searchsorted(t, end, side="right")) - 1
-    rows = slice(min(int(np.searchsorted(t, end - WINDOW, side="right")), last), last + 1)
+    rows = slice(min(max(first, int(np.searchsorted(t, end - WINDOW, side="right"))), last), last + 1)
     seen = ~np.isnan(gain[rows])
     count = seen.sum(axis=0)
     mean = np.where(count, np.nansum(gain[rows], axis=0) / np.maximum(count, 1), np.nan)
-    start = min(max(t[0], end - WINDOW), t[last])
+    start = min(max(t[first], end - WINDOW), t[last])
     return GainWindow(float(start), float(end), mean, sigma[last])
 
 

@@ -67,8 +67,22 @@ def header(run: Run) -> list[str]:
     return [
         f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}; {outputs}{inputs}",
         f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
+        *_settings(run),
         *_unseen(run),
     ]
+
+
+def _settings(run: Run) -> Iterable[str]:
+    """What the filter ran with."""
+    from rich.markup import escape
+
+    settings = run_filter.settings_in_force(run.algorithm)
+    if settings:
+        yield escape(f"With {', '.join(f'{name}={_written(value)}' for name, value in settings.items())}.")
+
+
+def _written(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value).replace(" ", "")
 
 
 def _unseen(run: Run) -> Iterable[str]:
@@ -96,7 +110,7 @@ def command_of(run: Run, command: str, settings: Iterable[str], reading: dict[st
         words += ["--set", setting]
     for name, value in reading.items():
         for one in value if isinstance(value, list) else [value]:
-            words += [] if one is None else [f"--{name}", str(one)]
+            words += [] if one is None else [f"--{name.removesuffix('_values')}", str(one)]
     return f"estimable {command} {shlex.join(words)}"
 
 

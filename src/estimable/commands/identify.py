@@ -60,6 +60,7 @@ def identify(
     dt: options.Step = None,
     lost: options.Lost = None,
     arrived: options.Arrived = None,
+    na: options.Na = None,
     machine: options.Machine = False,
 ) -> None:
     """Identify a model from a record with gaps.
@@ -79,7 +80,7 @@ def identify(
       estimable identify run.csv --method recursive-output-error
       estimable identify run.csv --input valve --output level --dt 0.1 --set na=2 --set nb=1
     """
-    reading = {"time": time, "dt": dt, "lost": lost, "arrived": arrived}
+    reading = {"time": time, "dt": dt, "lost": lost, "arrived": arrived, "na_values": na or None}
     asked = Asked(record, output or ["y"], input or ["u"], reading, split, level, destinations(record, out, report))
     if method is None and not settings:
         with show.counted("Comparing methods") as progress:

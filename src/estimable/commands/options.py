@@ -29,6 +29,7 @@ STEP_HELP = "The step between samples, instead of the model file's time column."
 HOLD_HELP = "How the input moves between samples: zero_order or first_order."
 LOST_HELP = "What the actuator does when a packet is lost: zero or hold."
 ARRIVED_HELP = "A column that says whether the input arrived (1) or not (0). Repeat it for one an input."
+NA_HELP = "A number that stands for what was not measured, as -9999. May be repeated."
 OUT_HELP = "Write every sample's estimate to this .csv file."
 REPORT_HELP = "Write an interactive report to this .html file."
 JSON_HELP = "Write JSON to stdout, for machines."
@@ -47,6 +48,7 @@ Step = Annotated[float | None, _option("--dt", "SECONDS", STEP_HELP)]
 Hold = Annotated[str | None, _option("--hold", "HOW", HOLD_HELP)]
 Lost = Annotated[str | None, _option("--lost", "WHAT", LOST_HELP)]
 Arrived = Annotated[list[str] | None, _option("--arrived", "NAME", ARRIVED_HELP)]
+Na = Annotated[list[float] | None, _option("--na", "NUMBER", NA_HELP)]
 Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
 Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]

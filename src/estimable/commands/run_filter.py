@@ -12,7 +12,7 @@ from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..results import Estimate
 from .judging import estimate_between_changes
-from .settings import read_settings
+from .settings import read_settings, settings_in_force
 
 
 class Run(NamedTuple):
@@ -43,6 +43,7 @@ def as_data(run: Run) -> dict[str, Any]:
         "record": str(run.record_path),
         "model": str(run.model_path),
         "filter": run.filter,
+        "settings": settings_in_force(run.algorithm),
         "engine": result.engine,
         "samples": len(run.record),
         "seconds": run.record.seconds,
@@ -103,6 +104,11 @@ def run_filter(
     nowhere = algorithm.names.unknown_inputs
     if nowhere and "units" in options:
         options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
+    if not options.keys() & {"time", "dt"}:
+        checks.refuse(
+            f"the model is continuous, and nothing says when the samples of {record} were taken: give --time NAME (a column) "
+            "or --dt SECONDS, or either in section [record] of the model file."
+        )
     measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
     result = estimate(algorithm, measured, prior=file.prior)
     judged = result

@@ -6,7 +6,9 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from .. import checks
+import numpy as np
+
+from .. import catalogue, checks
 
 WORD = re.compile(r"[A-Za-z_][\w.-]*")
 
@@ -30,6 +32,29 @@ def read_settings(given: Iterable[str]) -> dict[str, Any]:
             settings[name] = _value(name, value, faults)
     faults.finish()
     return settings
+
+
+def settings_in_force(algorithm: Any) -> dict[str, Any]:
+    """What --set can change of an algorithm and of those it wraps, as it is: of two of a name, the outer one acts.
+
+    >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
+    >>> settings_in_force(MovingWindow(UnknownGain(model, Prior([1.0], [[0.3]]), walk=0.1), 5))
+    {'algorithm': 'unknown-gain', 'length': 5, 'walk': 0.1, 'forgetting': 1.0, 'directions': 'one'}
+    """
+    wrapped = getattr(algorithm, "algorithm", None)
+    outer = {} if wrapped is None else {"algorithm": catalogue.name_of(wrapped)}
+    outer |= {name: _plain(getattr(algorithm, name)) for name in catalogue.settings_of(type(algorithm))}
+    inner = {} if wrapped is None else settings_in_force(wrapped)
+    both = outer | {name: value for name, value in inner.items() if name not in outer}
+    return {name: value for name, value in both.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """A number, a word, or a list; the number of a multiple of the identity, and of numbers that are alike; else None."""
+    if isinstance(value, np.ndarray) and value.size:
+        alike = value.flat[0] * (np.eye(len(value)) if value.ndim == 2 else np.ones(value.shape))
+        return value.flat[0].item() if np.array_equal(value, alike) else value.tolist()
+    return value if isinstance(value, int | float | str) else None
 
 
 def _value(name: str, text: str, faults: checks.Faults) -> Any:

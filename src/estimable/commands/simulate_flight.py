@@ -3,7 +3,7 @@
 from typing import Any
 
 from .. import checks
-from .simulate_report import link
+from .simulate_report import check_links, link
 
 REST = {"rows": 1000, "lost": None, "settings": None, "out": None}  # options that are not of a flight
 
@@ -17,6 +17,7 @@ def flown(
     faults.number("--loss", loss, lower=0.0, upper=1.0)
     faults.whole("--runs", runs, 1)
     faults.whole("--seed", seed, 0)
+    check_links(arrivals, burst, faults)
     for name, value in rest.items():
         if value != REST[name]:
             option = "--set" if name == "settings" else f"--{name}"

@@ -29,11 +29,20 @@ def simulated(
     faults.whole("--seed", seed, 0)
     if unknown := sorted(given.keys() - PLANT.keys()):
         faults.add(f"output-error has no setting {checks.listed(unknown)}: it has {checks.listed(PLANT)}.")
+    check_links(arrivals, burst, faults)
     faults.finish()
     model = OutputError(**{**PLANT, **given})
     u = np.random.default_rng(seed).uniform(-UNIFORM, UNIFORM, (rows, model.m))
     input_link, output_link = (link(rate, burst) for rate in arrivals)
     return simulate(model, u, seed=seed, input_link=input_link, output_link=output_link, lost=lost)
+
+
+def check_links(arrivals: tuple[float, float], burst: float, faults: checks.Faults) -> None:
+    """The options of the links say what a link can be."""
+    for option, rate in zip(("--input-arrival", "--output-arrival"), arrivals, strict=True):
+        faults.number(option, rate, lower=0.0, upper=1.0)
+    if burst != 0:
+        faults.number("--burst", burst, lower=1.0)
 
 
 def link(rate: float, burst: float) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from .na_values import without_na
 from .record import REMEDY, Record
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
@@ -28,12 +29,15 @@ def read_record(
     lost: str = "zero",
     hold: str = "zero_order",
     units: Any = (),
+    na_values: Any = None,
 ) -> Record:
     """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
 
     `time` names the column of seconds or of timestamps (ISO 8601); without it give `dt` in seconds. An empty cell is
     NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector a channel, of one length.
-    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports.
+    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports. `na_values`: numbers that stand
+    for what was not measured, as -9999; where nothing is said, such a number far outside the others is refused, with its
+    row, and [] takes every number as measured.
 
     Raises `InputError` where the file is not there or not readable, a column is missing, or a cell is not a number.
     """
@@ -41,8 +45,9 @@ def read_record(
     try:
         frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
         return from_frame(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units
-        )
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units,
+            na_values=na_values,
+        )  # fmt: skip
     except checks.InputError as error:
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None
 
@@ -185,7 +190,7 @@ def _kind(value: Any) -> str:
     return words.get(value.dtype.kind, " × ".join(map(str, value.shape)))
 
 
-def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units) -> Record:
+def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units, na_values) -> Record:
     """See `Record.from_pandas`."""
     import pandas as pd
 
@@ -202,7 +207,10 @@ def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units) 
     columns = {name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals])}
     if len(frame) == 0:
         faults.add("there is no row below the header.")
+    marks = None if na_values is None else faults.array("na_values", np.atleast_1d(na_values), "marks")
     t = _time(frame, time, dt, outputs, faults)
+    faults.finish()
+    columns |= {name: without_na(columns[name], name, marks, faults) for name in (*outputs, *inputs)}
     faults.finish()
 
     def together(names):

@@ -72,20 +72,22 @@ class Record:
 
     @staticmethod
     def from_pandas(
-        frame, *, outputs, inputs=(), time=None, dt=None, arrived=None, lost="zero", hold="zero_order", units=()
-    ) -> "Record":
+        frame, *, outputs, inputs=(), time=None, dt=None, arrived=None, lost="zero", hold="zero_order", units=(),
+        na_values=None,
+    ) -> "Record":  # fmt: skip
         """A record of named columns of a DataFrame.
 
         `time`: a column of seconds or of timestamps, or None: then `dt`, or the index where it is a DatetimeIndex or
-        named "time". `arrived`: columns of 1 and 0, one an input, or one for all of them.
+        named "time". `arrived`: columns of 1 and 0, one an input, or one for all of them. `na_values`: as in `read_record`.
 
         Raises `InputError` where a column is not there, or holds what is not a number, with the row.
         """
         from .reading import from_frame
 
         return from_frame(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units
-        )
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units,
+            na_values=na_values,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"

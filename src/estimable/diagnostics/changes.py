@@ -10,7 +10,8 @@ from ..results import Estimate
 
 class Change(NamedTuple):
     """That a gain jumped: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
-    the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record."""
+    the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record;
+    and the standard deviation of the onset as known at the alarm, in rows and in seconds."""
 
     gain: str
     onset: int
@@ -20,11 +21,15 @@ class Change(NamedTuple):
     before: float
     after: float
     sigma: float
+    onset_sigma: float
+    onset_sigma_s: float | None
 
     @property
     def sentence(self) -> str:
         """The change in words."""
-        when = f"at row {self.onset}" if self.onset_s is None else f"at {self.onset_s:.6g} s"
+        when = f"at row {self.onset} ± {self.onset_sigma:.2g}"
+        if self.onset_s is not None:
+            when = f"at {self.onset_s:.6g} ± {self.onset_sigma_s:.2g} s"
         seen = f"row {self.detected_at}" if self.detected_at_s is None else f"{self.detected_at_s:.6g} s"
         return f"{self.gain} went from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, seen at {seen}."
 
@@ -58,7 +63,10 @@ def _change(result: Estimate, alarm: int, end: int) -> Change:
     moved = np.abs(result.gain[end] - result.gain[before])
     i = int(np.argmax(moved / np.where(sigma > 0, sigma, np.inf)))
     times = (None, None) if result.t is None else (float(result.t[onset]), float(result.t[alarm]))
+    apart = float(result.extra["onset_sigma"][alarm])
+    step = None if result.t is None else (result.t[alarm] - result.t[before]) / (alarm - before)
     return Change(
         result.names.gains[i], onset, alarm, *times,
         float(result.gain[before, i]), float(result.gain[end, i]), float(sigma[i]),
+        apart, None if step is None else float(apart * step),
     )  # fmt: skip

@@ -27,7 +27,7 @@ class Watch:
     The H = length × p possible jumps stand newest first, gain by gain: `response` (n+p, H), of the mean to a jump of 1;
     `score` and `information` (H,), of its size; `weight` (H,), the seconds it stands for, 0 where there is none.
     `drift_response`, between `correct` and `predict` of a model with cross noise: that of the drift. `row`: of the sample;
-    `onset` and `jump` (p,): row and size of the last change.
+    `onset`, `onset_sigma` and `jump` (p,): row of the last change, its standard deviation in rows, and its size.
     """
 
     belief: Belief
@@ -37,6 +37,7 @@ class Watch:
     weight: Any
     row: Any
     onset: Any
+    onset_sigma: Any
     jump: Any
     drift_response: Any = None
 
@@ -69,7 +70,8 @@ class ChangeDetection:
     which Q is multiplied (default 15; 1 where Q is white indeed).
 
     Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump
-    `onset` (row; -1 before the first) and `jump` (p,). `diagnostics.changes` lists them.
+    `onset` (the likeliest row; -1 before the first), `onset_sigma` (root mean square distance of the onset from it, in rows,
+    as known at the alarm) and `jump` (p,). `diagnostics.changes` lists them.
 
     Cost: three times that of `UnknownGain`, and about p length (2 (n + p)² + 40) multiplications.
 
@@ -154,8 +156,9 @@ class ChangeDetection:
         none = jnp.zeros(self.length * p)
         response = jnp.zeros((belief.mean.shape[0], self.length * p))
         return Watch(
-            belief, response, none, none, none, row=jnp.zeros((), int), onset=-jnp.ones((), int), jump=jnp.zeros(p)
-        )
+            belief, response, none, none, none,
+            row=jnp.zeros((), int), onset=-jnp.ones((), int), onset_sigma=jnp.zeros(()), jump=jnp.zeros(p),
+        )  # fmt: skip
 
     def correct(self, state: Watch, sample: Sample) -> tuple[Watch, Info]:
         """Learn from one sample, about the state, the gain, and every possible jump."""
@@ -202,18 +205,24 @@ class ChangeDetection:
                 drift_factor=jnp.concatenate([belief.drift_factor, wider[n:]], axis=1),
             )  # fmt: skip
         by_onset = (self.length, self.jump.shape[0])
-        likeliest = jnp.argmax(jnp.sum(verdict.probability.reshape(by_onset), axis=1))
+        by_age = jnp.sum(verdict.probability.reshape(by_onset), axis=1)
+        likeliest = jnp.argmax(by_age)
+        apart = jnp.sqrt(jnp.sum(by_age * (jnp.arange(self.length) - likeliest).astype(float) ** 2))
         size = jnp.sum((verdict.probability * verdict.ν).reshape(by_onset), axis=0)
         return replace(
             watch, belief=belief,
             onset=jnp.where(alarm, watch.row - likeliest, watch.onset), jump=jnp.where(alarm, size, watch.jump),
+            onset_sigma=jnp.where(alarm, apart, watch.onset_sigma),
             **{name: jnp.where(alarm, 0.0, getattr(watch, name)) for name in ("score", "information", "weight")},
         )  # fmt: skip
 
     def _tell(self, watch: Watch, info: Info, statistic) -> Info:
         """What the algorithm says of the belief that is held now."""
         told = self._ready.tell(watch.belief)
-        found = {"statistic": statistic, "alarm": statistic > 0, "onset": watch.onset, "jump": watch.jump}
+        found = {
+            "statistic": statistic, "alarm": statistic > 0,
+            "onset": watch.onset, "onset_sigma": watch.onset_sigma, "jump": watch.jump,
+        }  # fmt: skip
         return replace(
             info, mean=told.mean, covariance=told.covariance, gain=told.gain, gain_covariance=told.gain_covariance,
             extra={**told.extra, **found},

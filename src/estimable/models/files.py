@@ -21,7 +21,7 @@ KEYS = {
     "prior": ("mean", "covariance", "diffuse"),
     "operating_point": ("states", "inputs", "outputs"),
     "gain": ("mean", "covariance", "diffuse", "walk", "forgetting", "directions", "fixed", "feedthrough"),
-    "record": ("time", "dt", "hold", "lost", "units"),
+    "record": ("time", "dt", "hold", "lost", "units", "na_values"),
     "unknown": ("inputs",),
 }
 SETTINGS = KEYS["gain"][3:]
@@ -181,6 +181,8 @@ def _check_record(record: Any, faults: checks.Faults) -> None:
         faults.number("[record] dt", record["dt"], above=0.0, unit="seconds")
     if not isinstance(record.get("time", ""), str):
         faults.add(f"`[record] time` must be the name of a column. Got {checks.short(record['time'])}.")
+    if "na_values" in record:
+        faults.array("[record] na_values", record["na_values"], "marks")
     units = record.get("units", {})
     if not (isinstance(units, dict) and all(isinstance(unit, str) for unit in units.values())):
         faults.add(f'`[record] units` must hold name = "unit" of channels. Got {checks.short(units)}.')
