@@ -210,7 +210,7 @@ def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units, 
     marks = None if na_values is None else faults.array("na_values", np.atleast_1d(na_values), "marks")
     t = _time(frame, time, dt, outputs, faults)
     faults.finish()
-    columns |= {name: without_na(columns[name], name, marks, faults) for name in (*outputs, *inputs)}
+    columns |= {name: without_na(np.asarray(columns[name]), name, marks, faults) for name in (*outputs, *inputs)}
     faults.finish()
 
     def together(names):
