@@ -1,4 +1,6 @@
-"""Strict arithmetic for every test: no silent rank or dtype promotion."""
+"""Strict arithmetic for every test: no silent rank or dtype promotion; and nothing is compiled twice in a run."""
+
+import os
 
 import jax
 
@@ -6,3 +8,13 @@ import estimable  # noqa: F401  enables float64 before any array is made
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def pytest_configure(config):
+    """What one process has compiled the others read: workers, commands and examples inherit where it lies."""
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("compiled")))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update(
+        "jax_persistent_cache_min_compile_time_secs", float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
+    )
