@@ -17,12 +17,13 @@ wrong call, file or option; 1 for a run that failed. `gain` and `demo` tell
 
 | key | meaning |
 |---|---|
-| `gain_after`, `gain_after_sigma` | mean of the estimated gain over the last 2 s, and its standard deviation at the last row |
+| `gain_after`, `gain_after_sigma` | mean of the estimated gain over the last 2 s (or since the last change was seen), and its standard deviation at the last row |
 | `gain_before`, `gain_before_sigma` | the same over the 2 s before the first change, or up to a third of the record |
 | `failure_time_s`, `detected_at_s` | when the gain changed first, and when that was seen; null where no change was found |
-| `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma` |
+| `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |
 | `report` | the page that was written, or null |
 | `nis` | the normalised innovations (of the filter inside a detector), their band, and a sentence |
+| `settings` | what the filter ran with |
 | `samples`, `seconds` | of the record |
 
 With several gains the numbers are objects, {name: number}.

@@ -39,7 +39,7 @@ def settings_in_force(algorithm: Any) -> dict[str, Any]:
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> settings_in_force(MovingWindow(UnknownGain(model, Prior([1.0], [[0.3]]), walk=0.1), 5))
-    {'algorithm': 'unknown-gain', 'length': 5, 'walk': 0.1, 'forgetting': 1.0, 'directions': 'one'}
+    {'algorithm': 'unknown-gain', 'length': 5, 'directions': 'one', 'walk': 0.1, 'forgetting': 1.0}
     """
     wrapped = getattr(algorithm, "algorithm", None)
     outer = {} if wrapped is None else {"algorithm": catalogue.name_of(wrapped)}

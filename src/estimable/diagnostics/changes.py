@@ -45,7 +45,7 @@ def changes(result: Any) -> tuple[Change, ...]:
     >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0, length=10)
     >>> [change] = diagnostics.changes(estimate(watched, record, prior=Prior([0.0], [[0.0]])))
     >>> change.sentence
-    'gain went from 1 to 0.516 ± 0.057 at 3 s, seen at 4 s.'
+    'gain went from 1 to 0.516 ± 0.057 at 3 ± 0.15 s, seen at 4 s.'
     """
     if not isinstance(result, Estimate) or "alarm" not in result.extra:
         told = f"keep = {'all'!r}" if isinstance(result, Estimate) else "one result of the bank, as in changes(bank[0])"
