@@ -17,7 +17,7 @@ wrong call, file or option; 1 for a run that failed. `gain` and `demo` tell
 
 | key | meaning |
 |---|---|
-| `gain_after`, `gain_after_sigma` | mean of the estimated gain over the last 2 s (or since the last change was seen), and its standard deviation at the last row |
+| `gain_after`, `gain_after_sigma` | mean over the last 2 s (or since a change was seen), and standard deviation at the last row |
 | `gain_before`, `gain_before_sigma` | the same over the 2 s before the first change, or up to a third of the record |
 | `failure_time_s`, `detected_at_s` | when the gain changed first, and when that was seen; null where no change was found |
 | `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |

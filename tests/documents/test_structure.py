@@ -34,16 +34,12 @@ ROOMS = (
     ("commands",),
     ("__main__",),
 )
-<<<<<<< HEAD
 LAZY = {
     ("results", "figures"),
     ("analysis", "figures"),
     ("design", "figures"),
     ("run", "store"),
 }  # .plot() and online(...).save()
-=======
-LAZY = {("results", "figures"), ("analysis", "figures"), ("design", "figures"), ("run", "store")}  # .plot() and .save()
->>>>>>> 14c4b58 (Document what a run tells of its settings)
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 
 
