@@ -48,7 +48,7 @@ def test_bursts_and_other_plants(run):
     [
         (("simulate", "arx"), "MODEL"),
         (("simulate", "output-error", "--set", "c=1"), "no setting 'c'"),
-        (("simulate", "output-error", "--input-arrival", "2"), "probabilities"),
+        (("simulate", "output-error", "--input-arrival", "2"), "`--input-arrival` must be at most 1. Got 2."),
         (("identify", "run.csv", "--method", "arx"), "no identifier 'arx'"),
         (("identify", "none.csv"), "none.csv is not there"),
         (("identify", "run.csv", "--output", "z"), "z"),
