@@ -30,7 +30,7 @@ MODELS = pytest.mark.parametrize("model", [MASS, SAMPLED], ids=["continuous", "d
 
 @pytest.fixture(scope="module")
 def found():
-    return {model.dt: rho_synthesis(model, eta=ETA) for model in (MASS, SAMPLED)}
+    return {model.dt: rho_synthesis(model, eta=ETA, weights={"rho": 1.0}) for model in (MASS, SAMPLED)}
 
 
 def loop(model, K, F):
@@ -135,6 +135,7 @@ def test_weights_move_the_choice():
     ratio = cheap.criteria["rho"].max() / cheap.criteria["rho"]
     dear = cheap.criteria["control"] / cheap.criteria["control"].min()
     assert_allclose(cheap.composite, (ratio * dear**3) ** 0.25, rtol=1e-12)
+    assert rho_synthesis(MASS, eta=ETA).weights == {"rho": 1.0, "control": 1.0}
 
 
 @MODELS

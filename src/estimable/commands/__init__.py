@@ -18,6 +18,7 @@ from .gain import gain
 from .identify import identify
 from .reproduce import reproduce
 from .simulate import simulate
+from .tune import tune
 
 app = typer.Typer(
     name="estimable", cls=Edge, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -47,6 +48,7 @@ app.command("gain")(gain)
 app.command("estimate")(estimate)
 app.command("check")(check)
 app.command("identify")(identify)
+app.command("tune")(tune)
 app.command("simulate")(simulate)
 app.command("reproduce")(reproduce)
 

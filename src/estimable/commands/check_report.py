@@ -45,7 +45,7 @@ def checked(path: Path, *, dt: float | None = None, horizon: float | None = None
     seconds where the model stays continuous.
     """
     file = read_model(path)
-    model = _sampled(file, dt)
+    model = sampled(file, dt)
     steps = _horizon(model, horizon)
     steady = steps is None and not model.varying
     prior = None if steady or file.prior.diffuse is not None else file.prior
@@ -61,7 +61,8 @@ def checked(path: Path, *, dt: float | None = None, horizon: float | None = None
     )
 
 
-def _sampled(file: ModelFile, dt: float | None) -> StateSpace:
+def sampled(file: ModelFile, dt: float | None) -> StateSpace:
+    """The model, sampled where `dt` or the file's record gives a step."""
     if not file.model.is_continuous:
         if dt is not None:
             checks.refuse(f"--dt is for continuous models: this one has dt = {file.model.dt:g} s.")

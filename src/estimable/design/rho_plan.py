@@ -15,8 +15,9 @@ from .gains import kalman_gain
 from .loop_criteria import CRITERIA
 
 NUMBER = 200  # of designs
-RANGE = 30.0  # times and parts of the plant's own speed, between which η goes
+SLOWEST, TOP = 1 / 30, 300.0  # times the plant's own speed, between which η goes
 FASTEST = 4.0  # η dt, of discrete designs: e^-4 is left of a motion after a sample
+ALIKE = ("rho", "control")  # what counts where nothing is said: what is borne, and what it costs
 INDEFINITE = 1e-11  # of the largest entry: how far below zero rounding may leave an eigenvalue
 
 
@@ -35,7 +36,7 @@ def read_plan(model: Any, eta: Any, control: Any, filter: Any, weights: Any, sca
     faults = checks.Faults()
     _read_model(model, faults)
     n, m = model.n, model.m
-    eta = faults.array("eta", _default_eta(model) if eta is None else eta, "N")
+    eta = faults.array("eta", default_eta(model) if eta is None else eta, "N")
     if eta is not None and (len(eta) == 0 or np.any(eta <= 0) or np.any(np.diff(eta) <= 0)):
         faults.add("`eta` must be rates per second, greater than 0 and increasing.")
     control = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
@@ -92,7 +93,7 @@ def _without_noise(given: str, faults: checks.Faults) -> None:
 def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
     """Weights of known criteria, not all zero."""
     if given is None:
-        return {"rho": 1.0}
+        return dict.fromkeys(ALIKE, 1.0)
     if not isinstance(given, Mapping):
         faults.add(f"`weights` must be a mapping {{criterion: weight}}. Got {checks.short(given)}.")
         return {}
@@ -147,7 +148,7 @@ def _said(found: Any) -> str:
     return " ".join(found.sentences)
 
 
-def _default_eta(model: StateSpace) -> Any:
+def default_eta(model: StateSpace, number: int = NUMBER) -> Any:
     """Around the geometric mean of the plant's own speeds."""
     z = np.linalg.eigvals(model.A)
     if not model.is_continuous:
@@ -155,5 +156,5 @@ def _default_eta(model: StateSpace) -> Any:
     speeds = np.abs(z)
     speeds = speeds[speeds > 1e-6 * (speeds.max(initial=0.0) or 1.0)]
     middle = float(np.exp(np.log(speeds).mean())) if len(speeds) else (1.0 if model.is_continuous else 0.1 / model.dt)
-    top = RANGE * middle if model.is_continuous else min(RANGE * middle, FASTEST / model.dt)
-    return np.geomspace(top / RANGE**2, top, NUMBER)
+    top = TOP * middle if model.is_continuous else min(TOP * middle, FASTEST / model.dt)
+    return np.geomspace(min(SLOWEST * middle, top / 100), top, number)

@@ -106,7 +106,8 @@ def rho_synthesis(
 
     `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`,
     or fixed gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that of the
-    model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default {"rho": 1}. `scaling` (n,):
+    model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default rho and control alike, {"rho": 1}
+    for the largest margin. `scaling` (n,):
     the size of one unit of each state; None: the states as they are. All of it depends on them.
 
     Raises `InputError`, also for weights that are not positive semidefinite at some η; `AssumptionError` where the model is not
@@ -116,7 +117,7 @@ def rho_synthesis(
     Reference: R. W. Bass (2005), slides on rho synthesis; the default family and the composite are ours.
 
     >>> mass = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], dt=0)
-    >>> found = rho_synthesis(mass, eta=[0.5, 1.0, 2.0])
+    >>> found = rho_synthesis(mass, eta=[0.5, 1.0, 2.0], weights={"rho": 1})
     >>> found.chosen, found.feedback.round(6).tolist()
     (2, [[2.0, 3.0]])
     """

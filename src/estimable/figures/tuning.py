@@ -3,10 +3,17 @@
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from ..design.rho_synthesis import relative
 
+KINDS = (  # of disturbances, and the criteria that judge each
+    ("An impulse", ("response_time",)),
+    ("What is not modelled", ("rho", "sigma")),
+    ("A bounded force", ("external", "peak_gain")),
+    ("Noise", ("dispersion", "control")),
+    ("A constant force", ("static_error",)),
+    ("A harmonic force", ("resonance", "magnification")),
+)
 WORDS = {
     "response_time": ("response time", "s"),
     "rho": ("margin rho", ""),
@@ -39,8 +46,10 @@ def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
     return rows
 
 
-def plot_tuning(found: Any) -> go.Figure:
+def plot_tuning(found: Any) -> Any:
     """How many times worse than its own best each criterion is, over the bandwidth; its optimum is a mark, the choice a line."""
+    import plotly.graph_objects as go
+
     figure, ω = go.Figure(), np.where(np.isfinite(found.bandwidth), found.bandwidth, np.nan)
     for name, words, colour, dash, values, times in series(found):
         unit = f" {WORDS[name][1]}" if WORDS[name][1] else ""

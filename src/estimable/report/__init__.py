@@ -4,6 +4,7 @@ from .contents import Chart, Fact, Key, Report, Section, Verdict
 from .estimates import report_of
 from .identification import report_of_comparison
 from .page import page_of, write_report
+from .tuning import tuning_report
 
 __all__ = [
     "Chart",
@@ -15,5 +16,6 @@ __all__ = [
     "page_of",
     "report_of",
     "report_of_comparison",
+    "tuning_report",
     "write_report",
 ]

@@ -55,7 +55,7 @@ def _value(value: Any) -> str:
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         return type(value).__name__
-    return f"{float(array.ravel()[0]):.6g}" if array.size == 1 else _matrix(array)
+    return f"{float(array.ravel()[0]):.6g}" if array.size == 1 else matrix_text(array)
 
 
 def record_items(record: Record) -> Any:
@@ -104,15 +104,15 @@ def model_items(model: StateSpace) -> Any:
         matrix = getattr(model, letter)
         if matrix is None or (letter == "D" and not np.any(matrix)):
             continue
-        yield letter + (f", {meaning}" if meaning else ""), _matrix(np.asarray(matrix))
+        yield letter + (f", {meaning}" if meaning else ""), matrix_text(np.asarray(matrix))
     point = model.operating_point
     if point is not None and np.any(point.states != 0):
-        yield "Linear about", f"states {_matrix(point.states)}, inputs {_matrix(point.inputs)}"
+        yield "Linear about", f"states {matrix_text(point.states)}, inputs {matrix_text(point.inputs)}"
     elif point is not None and (np.any(point.inputs != 0) or np.any(point.outputs != 0)):
-        yield "Linear about", f"inputs {_matrix(point.inputs)}, outputs {_matrix(point.outputs)}"
+        yield "Linear about", f"inputs {matrix_text(point.inputs)}, outputs {matrix_text(point.outputs)}"
 
 
-def _matrix(matrix: np.ndarray) -> str:
+def matrix_text(matrix: np.ndarray) -> str:
     """Numbers in brackets; the size of what is too large to read."""
     if matrix.ndim > 2:
         return f"varies over {len(matrix):,} rows of time"

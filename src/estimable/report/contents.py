@@ -12,7 +12,8 @@ class Fact(NamedTuple):
 
 
 class Key(NamedTuple):
-    """One line of a legend: what it means, its colour, and how it is drawn: "line", "dash", "band" or "dots"."""
+    """One line of a legend: what it means, its colour, and how it is drawn: "line" or "solid", "dash", "dot", "dashdot",
+    "longdash", "band" or "dots"."""
 
     label: str
     colour: str
@@ -52,6 +53,7 @@ class Report(NamedTuple):
     """A page: title, what was found in sentences, facts, charts over `times`, verdicts, and what stands behind them.
 
     `commands`: (what it does, what to type) that reproduce it; `found`: sections that stand before the charts.
+    `times` may be another quantity, which `time_axis` names, on a logarithmic axis where `log_axis` says so.
     """
 
     title: str
@@ -64,3 +66,4 @@ class Report(NamedTuple):
     sections: tuple[Section, ...]
     commands: tuple[tuple[str, str], ...]
     found: tuple[Section, ...] = ()
+    log_axis: bool = False

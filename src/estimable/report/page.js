@@ -3,6 +3,7 @@
   const page = JSON.parse(document.getElementById("data").textContent);
   const times = Float64Array.from(atob(page.times), c => c.charCodeAt(0));
   const x = new Float64Array(Uint8Array.from(times).buffer);
+  const ends = [x[0], x[x.length - 1]].map(value => page.logAxis ? Math.log10(value) : value);
   const narrow = () => window.innerWidth < 620;
   const charts = page.charts.map((chart, i) => [document.getElementById("chart" + i), chart]);
 
@@ -12,7 +13,7 @@
     const size = narrow() ? 13 : 15;
     const font = { family: 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif', size: size, color: "#1a1a1a" };
     const y = Object.assign({}, axis, chart.layout.yaxis);
-    const time = { title: { text: page.timeAxis }, range: [x[0], x[x.length - 1]] };
+    const time = { type: page.logAxis ? "log" : "linear", title: { text: page.timeAxis }, range: ends.slice() };
     return Object.assign({ hovermode: "x unified" }, chart.layout, {
       autosize: true, font: font, showlegend: false, dragmode: "zoom",
       paper_bgcolor: "#fff", plot_bgcolor: "#fff", hoverlabel: { font: font },
@@ -32,7 +33,7 @@
       const from = change["xaxis.range[0]"], to = change["xaxis.range[1]"];
       if (linking || (from === undefined && !change["xaxis.autorange"])) return;
       linking = true;
-      const range = from === undefined ? [x[0], x[x.length - 1]] : [from, to];
+      const range = from === undefined ? ends.slice() : [from, to];
       Promise.all(charts.filter(other => other[0] !== place && !other[1].layout.xaxis).map(other => Plotly.relayout(other[0], { "xaxis.range": range.slice() })))
         .then(() => { linking = false; });
     });

@@ -15,6 +15,9 @@ HINT = "Drag over a diagram to zoom all that share its axis, double-click to go 
 WORDS = {True: ("met", "✓ consistent"), False: ("unmet", "✗ not consistent"), None: ("unjudged", "– no verdict")}
 SWATCHES = {
     "line": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5"/>',
+    "dot": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5" stroke-dasharray="2.5 3"/>',
+    "dashdot": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5" stroke-dasharray="8 3 2.5 3"/>',
+    "longdash": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5" stroke-dasharray="11 4"/>',
     "dash": '<line x1="0" y1="6" x2="26" y2="6" stroke="{0}" stroke-width="2.5" stroke-dasharray="6 4"/>',
     "band": '<rect x="0" y="1" width="26" height="10" fill="{0}" fill-opacity="0.25"/>',
     "dots": '<g fill="{0}"><circle cx="4" cy="7" r="2"/><circle cx="13" cy="4" r="2"/><circle cx="22" cy="8" r="2"/></g>',
@@ -33,7 +36,7 @@ def page_of(report: Report) -> str:
         '<div class="lead">' + "".join(f"<p>{escape(sentence)}</p>" for sentence in report.lead) + "</div>",
         _facts(report.facts),
         *map(_section, report.found),
-        *_charts(report.charts),
+        *_charts(report.charts, "time" if report.time_axis == "sample" else report.time_axis.split(" [")[0]),
         "<h2>Can it be trusted?</h2>",
         "<table><tbody>" + "".join(map(_verdict, report.verdicts)) + "</tbody></table>",
         "<h2>What was assumed</h2>",
@@ -43,6 +46,7 @@ def page_of(report: Report) -> str:
     data = {
         "times": base64.b64encode(np.asarray(report.times, "<f8").tobytes()).decode(),
         "timeAxis": report.time_axis,
+        "logAxis": report.log_axis,
         "charts": [{"traces": chart.traces, "layout": chart.layout} for chart in report.charts],
     }
     return "\n".join(
@@ -68,7 +72,7 @@ def _facts(facts: tuple[Fact, ...]) -> str:
     return f'<dl class="facts">{"".join(tiles)}</dl>'
 
 
-def _charts(charts: tuple[Chart, ...]) -> list[str]:
+def _charts(charts: tuple[Chart, ...], over: str) -> list[str]:
     """The diagrams, each part under its heading."""
     drawn, part = [], None
     for i, chart in enumerate(charts):
@@ -76,22 +80,22 @@ def _charts(charts: tuple[Chart, ...]) -> list[str]:
             drawn.append(f"<h2>{escape(chart.part)}</h2>")
             drawn += [f'<p class="hint screen">{HINT}</p>'] if part is None else []
         part = chart.part
-        drawn.append(_chart(i, chart))
+        drawn.append(_chart(i, chart, over))
     return drawn
 
 
-def _chart(i: int, chart: Chart) -> str:
+def _chart(i: int, chart: Chart, over: str) -> str:
     heading = f"<h3>{escape(chart.heading)}</h3>"
     keys = f'<ul class="keys">{"".join(map(_key, chart.keys))}</ul>'
     caption = f"<figcaption>{escape(chart.caption)}</figcaption>" if chart.caption else ""
     own = chart.layout.get("xaxis")
-    label = escape(f"{chart.heading} over {own['title']['text'] if own else 'time'}")
+    label = escape(f"{chart.heading} over {own['title']['text'] if own else over}")
     kind = "chart square" if "scaleanchor" in chart.layout.get("yaxis", {}) else "chart"
     return f'<figure>{heading}{keys}<div class="{kind}" id="chart{i}" role="img" aria-label="{label}"></div>{caption}</figure>'
 
 
 def _key(key: Key) -> str:
-    drawing = SWATCHES[key.drawn].format(escape(key.colour))
+    drawing = SWATCHES["line" if key.drawn == "solid" else key.drawn].format(escape(key.colour))
     return f'<li><svg width="26" height="12" aria-hidden="true">{drawing}</svg>{escape(key.label)}</li>'
 
 
