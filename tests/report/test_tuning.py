@@ -24,7 +24,7 @@ def numbers(packed):
 def test_every_criterion_has_its_curve_and_its_mark(found):
     made = report.tuning_report(found)
     first, *own = made.charts
-    assert len(first.traces) == 2 * (len(found.criteria) + 1)
+    assert len(first.traces) == 2 * len(found.criteria)  # without `external`, with the composite
     assert all(numbers(trace["y"]).min() == pytest.approx(1) for trace in first.traces[:-2:2])
     assert sum(len(chart.traces) for chart in own) == 2 * len(found.criteria)
     rho, mark, *_ = own[1].traces

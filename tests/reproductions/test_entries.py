@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
 from estimable import InputError, reproductions
@@ -75,3 +76,17 @@ def test_signal_to_noise_is_a_constant_from_the_table(results):
 def test_wrong_calls(name, draws, sentence):
     with pytest.raises(InputError, match=sentence):
         reproductions.reproduce(name, draws=draws)
+
+
+def test_the_cost_of_control_grows_as_bass_says(results):
+    rows = {row.quantity: row for row in results("bass-rho-bandwidth").rows}
+    for name in (
+        "power of the bandwidth in the control's rms, both gains driven",
+        "bandwidth over natural frequency, n = 2",
+    ):
+        assert rows[name].mean == pytest.approx(rows[name].published, rel=0.01)
+    largest, proven = rows["largest rho"].mean, rows["largest rho, proven bound"].mean
+    assert proven <= largest * 1.01
+    assert largest == pytest.approx(proven, rel=0.03)
+    assert rows["rho of the fastest design, of the largest"].mean < 1
+    assert rows["bandwidth over natural frequency, n = 3 (Butterworth, 2 rad/s)"].mean == pytest.approx(np.sqrt(2))

@@ -35,9 +35,10 @@ MOST = 10.0  # times worse than its best: what is shown at first
 
 def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
     """Of each criterion: name, words, colour, dash, values, and how many times worse than its best they are; the composite
-    last, where it is of more than one."""
+    last, where it is of more than one. `external` is left out: relative to its best, it is `rho`."""
     rows = []
-    names = [*found.criteria, "composite"] if len(found.weights) > 1 else list(found.criteria)
+    names = [name for name in found.criteria if name != "external"]
+    names += ["composite"] if len(found.weights) > 1 else []
     for i, name in enumerate(names):
         values = found.composite if name == "composite" else found.criteria[name]
         times = values if name == "composite" else relative(name, values)
@@ -66,8 +67,11 @@ def plot_tuning(found: Any) -> Any:
             showlegend=False,
             **{**how, "customdata": [values[at]]},
         )
-    chosen: Any = {"x": ω[found.chosen], "line": {"color": CHOSEN, "dash": "dash", "width": 2}}
-    figure.add_vline(**chosen, annotation_text="chosen", annotation_position="top")
+    place = ω[found.chosen]
+    if np.isfinite(place):
+        across = {"type": "line", "x0": place, "x1": place, "yref": "paper", "y0": 0, "y1": 1}
+        figure.add_shape(**across, line={"color": CHOSEN, "dash": "dash", "width": 2})
+        figure.add_annotation(x=np.log10(place), y=1, yref="paper", yanchor="bottom", text="chosen", showarrow=False)
     figure.update_layout(
         template="plotly_white", height=620, font={"size": 15, "color": INK}, margin={"l": 70, "r": 20, "t": 50, "b": 60},
         legend={"orientation": "h", "y": -0.18, "yanchor": "top", "x": 0.0, "font": {"size": 14}}, hovermode="closest",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..design.loop_criteria import BEST
-from ..figures.tuning import CHOSEN, KINDS, MOST, WORDS, series
+from ..figures.tuning import CHOSEN, INK, KINDS, MOST, WORDS, series
 from .assumptions import matrix_text, model_items
 from .charts import packed
 from .contents import Chart, Fact, Key, Report, Section, Verdict
@@ -66,7 +66,7 @@ def _relative(found: Any, rows: Any) -> Chart:
 
 def _own(found: Any, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
     """The criteria of one kind of disturbance, in their own units."""
-    drawn = {name: (colour, dash) for name, _, colour, dash, _, _ in series(found)}
+    drawn = {name: (colour, dash) for name, _, colour, dash, _, _ in series(found)} | {"external": (INK, "solid")}
     traces, keys = [], []
     for name in names:
         colour, dash = drawn[name]

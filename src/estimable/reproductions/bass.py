@@ -3,10 +3,10 @@
 import numpy as np
 
 from ..design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
+from .bass_bandwidth import rho_bandwidth
 from .entries import Reproduced, Reproduction, Row
 
 SOURCE = "Bass (2005)"
-ROBUST = "not yet: it needs the robust designs"
 
 CLAIM = (
     "The slides say that this tracker beats every Kalman filter in one component. With the right variances none can: at T = 1 s "
@@ -30,5 +30,5 @@ def alpha_beta(draws: int) -> Reproduced:
 
 ENTRIES = (
     Reproduction("bass-alpha-beta", SOURCE, "Trans-Kalman alpha-beta filters in numbers", alpha_beta),
-    Reproduction("bass-rho-bandwidth", SOURCE, "Stability margin rho over bandwidth", None, ROBUST),
+    Reproduction("bass-rho-bandwidth", SOURCE, "Stability margin rho over bandwidth", rho_bandwidth),
 )
