@@ -44,6 +44,7 @@ from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
+from .identifiers.phasor import Phasor
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.arx import ARX
@@ -151,6 +152,7 @@ __all__ = [
     "OutputErrorML",
     "PerfectLink",
     "Perturbed",
+    "Phasor",
     "Prior",
     "ProportionalIntegral",
     "Reachability",

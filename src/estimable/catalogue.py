@@ -23,6 +23,7 @@ from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
+from .identifiers.phasor import Phasor
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.files import ModelFile
@@ -124,6 +125,10 @@ IDENTIFIERS = (
     Entry(
         "output-error-ml", OutputErrorML, "identifier", "Ljung (1999) §7.4, §10.2; Fang (2009) (3.1)-(3.4)",
         "the orders are right; white noise on the outputs only",
+    ),
+    Entry(
+        "phasor", Phasor, "identifier", "Sillence (1999) §2.2",
+        "the plant is linear and has settled; the inputs are sinusoids of known frequencies",
     ),
     Entry(
         "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",
