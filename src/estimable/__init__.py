@@ -40,13 +40,16 @@ from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
+from .identifiers.instrumental_variables import InstrumentalVariables
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.phasor import Phasor
+from .identifiers.prediction_error import PredictionError
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
+from .models.armax import ARMAX
 from .models.arx import ARX
 from .models.controlled import Change, ControlledPlant, Failure
 from .models.files import GainSection, ModelFile, read_model, write_model
@@ -94,6 +97,7 @@ from .store import load, save
 __version__ = "0.1.0"
 
 __all__ = [
+    "ARMAX",
     "ARX",
     "AdaptiveIdentification",
     "ArrivalCovariance",
@@ -130,6 +134,7 @@ __all__ = [
     "HoKalman",
     "Info",
     "InputError",
+    "InstrumentalVariables",
     "Interval",
     "Kalman",
     "KalmanGain",
@@ -153,6 +158,7 @@ __all__ = [
     "PerfectLink",
     "Perturbed",
     "Phasor",
+    "PredictionError",
     "Prior",
     "ProportionalIntegral",
     "Reachability",

@@ -19,11 +19,13 @@ from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
+from .identifiers.instrumental_variables import InstrumentalVariables
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.phasor import Phasor
+from .identifiers.prediction_error import PredictionError
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.files import ModelFile
@@ -111,6 +113,10 @@ IDENTIFIERS = (
         "the impulse response has died out after `length` steps",
     ),
     Entry(
+        "instrumental-variables", InstrumentalVariables, "identifier", "Ljung (1999) §7.6, §15.3",
+        "the orders of A and B are right; inputs do not depend on the noise",
+    ),
+    Entry(
         "least-squares", LeastSquares, "identifier", "Ljung (1999) §4.2, §7.3; Sillence (1999) (22)-(23)",
         "the orders are right; the noise is white on the equation",
     ),
@@ -129,6 +135,10 @@ IDENTIFIERS = (
     Entry(
         "phasor", Phasor, "identifier", "Sillence (1999) §2.2",
         "the plant is linear and has settled; the inputs are sinusoids of known frequencies",
+    ),
+    Entry(
+        "prediction-error", PredictionError, "identifier", "Ljung (1999) §7.2, §10.2; Hannan & Rissanen (1982)",
+        "the orders are right; the noise is white but for a moving average and the plant's poles",
     ),
     Entry(
         "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",

@@ -21,6 +21,7 @@ from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
 from .identifiers.recursive_output_error import Recursion
 from .kernels.tangents import Dynamics
+from .models.armax import ARMAX
 from .models.arx import ARX
 from .models.controlled import Change, ControlledPlant, Failure
 from .models.operating_point import OperatingPoint
@@ -63,7 +64,7 @@ RECORDS = {
         StateSpace, OperatingPoint, Prior, Record,
         Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
-        DelayLink, Trace, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
+        DelayLink, Trace, ARMAX, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
         ClosedLoop, ClosedLoopBank,
     )
 }  # fmt: skip

@@ -77,10 +77,8 @@ class OutputErrorML:
         """The recursion whose answer is a second start."""
         noise = self.noise_variance
         if noise is None:
-            found = [
-                impulse_start.residual_variance(self.na, self.nb, self.delay, data) for data in _by_output(records)
-            ]
-            sizes = [np.mean(np.concatenate([one.y[one.seen] for one in data]) ** 2) for data in _by_output(records)]
+            found = [impulse_start.residual_variance(self.na, self.nb, self.delay, data) for data in by_output(records)]
+            sizes = [np.mean(np.concatenate([one.y[one.seen] for one in data]) ** 2) for data in by_output(records)]
             noise = np.maximum(found, np.maximum(LEAST_NOISE * np.array(sizes), np.finfo(float).tiny))
         return RecursiveOutputError(self.na, self.nb, delay=self.delay, noise_variance=noise)
 
@@ -95,7 +93,7 @@ class OutputErrorML:
         orders = Orders(self.na, self.nb, self.delay, past)
         d = self.na + len(first.inputs) * (self.nb + 1)
         ends = []
-        for i, data in enumerate(_by_output(records)):
+        for i, data in enumerate(by_output(records)):
             starts = [] if start is None else [np.asarray(start)[i * d : (i + 1) * d]]
             ends.append(fit_output(orders, data, starts, None if noises is None else float(noises[i])))
         return self._assembled(records, ends)
@@ -150,7 +148,7 @@ def block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     return np.asarray(block_diag(*blocks))
 
 
-def _by_output(records: Sequence[Record]) -> list[list[Datum]]:
+def by_output(records: Sequence[Record]) -> list[list[Datum]]:
     """The records of each output."""
     inputs = [np.asarray(record.applied()) for record in records]
     return [

@@ -185,7 +185,8 @@ class Phasor:
         ]
         extra = {
             "frequencies": seen[0].ω / (2 * np.pi), "in_phase": np.stack([np.real(one.H) for one in seen], axis=1),
-            "quadrature": np.stack([np.imag(one.H) for one in seen], axis=1), "coherence": np.array([one.coherence for one in seen]),
+            "quadrature": np.stack([np.imag(one.H) for one in seen], axis=1),
+            "coherence": np.array([one.coherence for one in seen]),
         }  # fmt: skip
         return Fit(
             model,

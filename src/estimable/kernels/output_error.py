@@ -8,24 +8,24 @@ import numpy as np
 
 def response(a: np.ndarray, b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
     """x (T,) of a (na,), b (m, nb+1), u (T, m); z (n,) enters at the first n samples (what the past still does)."""
-    return _over(a, _driven(b, delay, u, z))
+    return over(a, _driven(b, delay, u, z))
 
 
 def slopes(a: np.ndarray, b: np.ndarray, delay: int, u: np.ndarray, x: np.ndarray) -> np.ndarray:
     """ψ (T, d): dx/da_i = -z^-i x / A and dx/db_jl = z^-(delay+l) u_j / A. Cost: O(T d)."""
     T, (m, lags) = len(u), b.shape
-    x_filtered = _over(a, x)
-    columns = [-_delayed(x_filtered, i + 1) for i in range(len(a))]
+    x_filtered = over(a, x)
+    columns = [-delayed(x_filtered, i + 1) for i in range(len(a))]
     for j in range(m):
-        u_filtered = _over(a, u[:, j])
-        columns += [_delayed(u_filtered, delay + lag) for lag in range(lags)]
+        u_filtered = over(a, u[:, j])
+        columns += [delayed(u_filtered, delay + lag) for lag in range(lags)]
     return np.stack(columns, axis=1) if columns else np.zeros((T, 0))
 
 
 def initial_slopes(a: np.ndarray, rows: int, n: int) -> np.ndarray:
     """dx/dz (T, n): the impulse response of 1/A, from each of the first n samples on."""
-    impulse = _over(a, np.eye(1, rows)[0])
-    return np.stack([_delayed(impulse, j) for j in range(n)], axis=1) if n else np.zeros((rows, 0))
+    impulse = over(a, np.eye(1, rows)[0])
+    return np.stack([delayed(impulse, j) for j in range(n)], axis=1) if n else np.zeros((rows, 0))
 
 
 def information(ψ: np.ndarray, seen: np.ndarray, r: float) -> np.ndarray:
@@ -38,14 +38,14 @@ def _driven(b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None) -> n
     T = len(u)
     driven = np.zeros(T)
     for j, lag in np.ndindex(b.shape):
-        driven += b[j, lag] * _delayed(u[:, j], delay + lag)
+        driven += b[j, lag] * delayed(u[:, j], delay + lag)
     if z is not None:
         n = min(len(z), T)
         driven[:n] += z[:n]
     return driven
 
 
-def _over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
+def over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
     """x / A; an unstable A overflows to infinity and not to NaN."""
     from scipy.signal import lfilter
 
@@ -53,6 +53,6 @@ def _over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
         return np.nan_to_num(lfilter([1.0], np.append(1.0, a), x), nan=np.inf, posinf=np.inf, neginf=-np.inf)
 
 
-def _delayed(x: np.ndarray, steps: int) -> np.ndarray:
+def delayed(x: np.ndarray, steps: int) -> np.ndarray:
     """z^-steps x, from rest."""
     return np.concatenate([np.zeros(min(steps, len(x))), x[: max(len(x) - steps, 0)]])

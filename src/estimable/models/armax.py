@@ -1,0 +1,108 @@
+"""The ARMAX model: ARX with a moving average in the noise."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, set_field, static
+from . import polynomials
+from .output_error import OutputError, parameter_names
+from .state_space import StateSpace
+
+
+@frozen
+class ARMAX:
+    """A linear system by its polynomials, with noise of its own colour that goes through the plant's poles.
+
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k]; A_i = 1 + a_i1 z^-1 + .., C_i = 1 + c_i1 z^-1 + ..,
+    B_ij = z^-delay (b_ij0 + ..); e white, independent between outputs, each output with polynomials of its own.
+    The orders are degrees: Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here.
+
+    Settings: `a` (p, na), `b` (p, m, nb+1), `c` (p, nc), or (na,), (nb+1,), (nc,) of one output and input; `delay` in steps;
+    `noise_variance` of e: one number or (p,); `dt` in seconds, greater than 0; `inputs` and `outputs` name the channels.
+
+    Reference: L. Ljung, System Identification (1999), (4.14).
+
+    >>> ARMAX([-0.5], [1.0], [0.3], noise_variance=0.1, dt=1).parameter_names
+    ('a1', 'b0', 'c1')
+    """
+
+    a: Any
+    b: Any
+    c: Any
+    _: KW_ONLY
+    delay: int = static(default=0)
+    noise_variance: Any
+    dt: float = static()
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+
+    def __post_init__(self):
+        plant = self.plant
+        faults = checks.Faults()
+        faults.learn("p", plant.p, f"`a` has {checks.counted(plant.p, 'row')}")
+        c = faults.array("c", [self.c] if np.ndim(self.c) == 1 else self.c, "p nc")
+        faults.finish()
+        set_field(
+            self, a=plant.a, b=plant.b, c=c, noise_variance=plant.noise_variance, dt=plant.dt, inputs=plant.inputs,
+            outputs=plant.outputs,
+        )  # fmt: skip
+
+    @property
+    def plant(self) -> OutputError:
+        """B/A as an output-error model: the same response."""
+        return OutputError(
+            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
+            outputs=self.outputs,
+        )  # fmt: skip
+
+    @property
+    def na(self) -> int:
+        """Degree of A."""
+        return polynomials.degrees(self.a, self.b)[0]
+
+    @property
+    def nb(self) -> int:
+        """Degree of B without its delay."""
+        return polynomials.degrees(self.a, self.b)[1]
+
+    @property
+    def nc(self) -> int:
+        """Degree of C."""
+        return self.c.shape[-1]
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """θ: output by output, a, then b input by input, then c."""
+        return polynomials.joined(self.a, self.b, self.c)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of θ: a1, b0, c1, ..; with the channels where there are several."""
+        rows, alone = [], len(self.inputs) == len(self.outputs) == 1
+        for y in self.outputs:
+            rows += parameter_names(self.na, self.nb, self.inputs, (y,)) if not alone else []
+            rows += parameter_names(self.na, self.nb, self.inputs, self.outputs) if alone else []
+            rows += [f"c{i + 1}" + ("" if alone else f"_{y}") for i in range(self.nc)]
+        return tuple(rows)
+
+    def with_parameters(self, parameters) -> "ARMAX":
+        """The same model with another θ."""
+        a, b, c = polynomials.parted(parameters, (self.a, self.b, self.c))
+        return replace(self, a=a, b=b, c=c)
+
+    def to_state_space(self) -> StateSpace:
+        """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e.
+
+        >>> ARMAX([-0.5], [1.0], [0.3], noise_variance=0.1, dt=1).to_state_space().G.tolist()
+        [[0.8]]
+        """
+        A, B, C, D = polynomials.companion(self.a, self.b, self.delay, self.nc)
+        p = len(self.a)
+        n, K = len(A) // p, np.zeros((len(A), p))
+        for i in range(p):
+            K[i * n : (i + 1) * n, i] = np.pad(self.c[i], (0, n - self.nc)) - np.pad(self.a[i], (0, n - self.na))
+        Σ = np.diag(self.noise_variance)
+        return StateSpace(A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs)
