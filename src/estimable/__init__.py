@@ -46,7 +46,7 @@ from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.phasor import Phasor
-from .identifiers.prediction_error import PredictionError
+from .identifiers.prediction_errors import PredictionError
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.armax import ARMAX
