@@ -12,12 +12,17 @@ SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))  # n, m, p: few, so that li
 SHORT = {  # settings of the catalogue's for few rows, and those that have no default
     "moving-window": {"length": 3},
     "change-detection": {"length": 10},
+    "alpha-beta": {"alpha": 0.5, "beta": 0.2},
     "fixed-gain": {"filter": [[0.3, 0.1], [-0.1, 0.2]]},
 }
 
 
 def file_for(name, file):
-    """A model file as an entry takes it: the nonlinear filters refuse the [gain] of a linear model."""
+    """A model file as an entry takes it: the nonlinear filters refuse the [gain] of a linear model, a tracker needs a track."""
+    if name == "alpha-beta":
+        track = StateSpace([[0.0, 1.0], [0.0, 0.0]], C=[[1.0, 0.0]], G=[[0.0], [1.0]], Q=[[0.1]], R=[[9e-4]], dt=0,
+                           states=file.model.states, outputs=file.model.outputs[:1])  # fmt: skip
+        return file._replace(model=track if file.model.is_continuous else track.discretise(file.model.dt))
     return file._replace(gain=None) if name in catalogue.NONLINEAR else file
 
 

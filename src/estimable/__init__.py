@@ -18,7 +18,13 @@ from .controllers.state_feedback import StateFeedback
 from .data.reading import read_record
 from .data.record import Record
 from .data.trends import Trend
-from .design.alpha_beta import alpha_beta_covariance, alpha_beta_gains
+from .design.alpha_beta import (
+    TrackerChoices,
+    alpha_beta_choices,
+    alpha_beta_covariance,
+    alpha_beta_gains,
+    alpha_beta_gamma_gains,
+)
 from .design.disturbance_accommodation import DisturbanceAccommodation, disturbance_accommodation
 from .design.families import DesignFamily
 from .design.gains import FeedbackGain, KalmanGain, filter_covariance, kalman_gain, lqr_gain
@@ -26,6 +32,7 @@ from .design.rho_synthesis import RhoSynthesis, rho_synthesis
 from .design.trans_kalman import TransKalman, trans_kalman
 from .design.waveforms import Waveform
 from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
+from .filters.alpha_beta import AlphaBeta
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
 from .filters.extended_kalman import ExtendedKalman
@@ -100,6 +107,7 @@ __all__ = [
     "ARMAX",
     "ARX",
     "AdaptiveIdentification",
+    "AlphaBeta",
     "ArrivalCovariance",
     "AssumptionError",
     "BernoulliLink",
@@ -180,6 +188,7 @@ __all__ = [
     "StateSpace",
     "Subspace",
     "Trace",
+    "TrackerChoices",
     "TransKalman",
     "Trend",
     "UnknownGain",
@@ -188,8 +197,10 @@ __all__ = [
     "UnscentedKalman",
     "Validation",
     "Waveform",
+    "alpha_beta_choices",
     "alpha_beta_covariance",
     "alpha_beta_gains",
+    "alpha_beta_gamma_gains",
     "catalogue",
     "choose_orders",
     "close_loop",

@@ -5,6 +5,7 @@ from dataclasses import MISSING
 from typing import Any, NamedTuple
 
 from . import checks
+from .filters.alpha_beta import AlphaBeta
 from .filters.bounded import Bounded
 from .filters.change_detection import ChangeDetection
 from .filters.extended_kalman import ExtendedKalman
@@ -83,6 +84,10 @@ ENTRIES = (
     Entry(
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
         "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window", *NONLINEAR), {"probability": 0.999},
+    ),
+    Entry(
+        "alpha-beta", AlphaBeta, "filter", "Bass (2005); Kalata (1984)",
+        "a position, measured, and its derivatives; constant gains suit steps that do not change by large factors",
     ),
     Entry(
         "fixed-gain", FixedGain, "filter", "Bass (2005); Bucy & Joseph (1968) ch. XVI",
@@ -211,6 +216,8 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
             f"{built.name} estimates no gain of a linear model, and the model file has a section [gain]: take unknown-gain, "
             "which is exact, or leave the section out."
         )
+    if built.cls is AlphaBeta:
+        return AlphaBeta(**{"model": file.model, **settings})
     return built.cls(file.model, **settings)
 
 

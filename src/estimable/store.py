@@ -12,6 +12,7 @@ from .controllers.gain_reconfiguration import GainReconfiguration
 from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
 from .data.record import Record
+from .filters.alpha_beta import Track
 from .filters.belief import Belief
 from .filters.change_detection import Watch
 from .filters.fang import FangState
@@ -62,7 +63,7 @@ RECORDS = {
     for cls in (
         *(entry.cls for entry in catalogue.ENTRIES), *(one.cls for one in catalogue.IDENTIFIERS if not has_functions(one)),
         StateSpace, OperatingPoint, Prior, Record,
-        Average, Belief, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
+        Average, Belief, Track, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
         DelayLink, Trace, ARMAX, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
         ClosedLoop, ClosedLoopBank,

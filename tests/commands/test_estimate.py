@@ -82,3 +82,39 @@ def test_a_destination_that_fills_up(run, tmp_path):
     (tmp_path / "full.csv").symlink_to("/dev/full")
     answer = run(*CALL, "kalman", "--out", "full.csv")
     assert (answer.code, answer.stderr) == (2, "Error: --out full.csv could not be written: No space left on device.\n")
+
+
+TRACK = """[model]
+dt = 0.0
+states = ["range", "speed"]
+outputs = ["range_m"]
+A = [[0.0, 1.0], [0.0, 0.0]]
+C = [[1.0, 0.0]]
+Q = [[0.0, 0.0], [0.0, 0.1]]
+R = [[4.0]]
+
+[prior]
+mean = [10.0, 1.0]
+covariance = [[4.0, 0.0], [0.0, 1.0]]
+
+[record]
+time = "t"
+"""
+
+
+def test_constant_gains(run, tmp_path):
+    (tmp_path / "track.toml").write_text(TRACK)
+    (tmp_path / "track.csv").write_text("t,range_m\n0,10\n2,14\n3,\n5,17\n")
+    call = ("estimate", "track.csv", "--model", "track.toml", "--json", "--filter")
+    said = run(*call, "alpha-beta", "--set", "alpha=0.5", "--set", "beta=0.3").json
+    # by hand: r = 12 + .5 2 and v = 1 + .15 2 at 2 s; r = 13 + 3.9 + .5 .1 and v = 1.3 + .1 .1, three seconds later
+    assert said["mean"] == pytest.approx({"range": 16.95, "speed": 1.31})
+    assert run(*call, "alpha-beta", "--set", "alpha=kalata").code == 0
+    fixed = run(*call, "fixed-gain", "--set", "filter=[[0.5], [0.15]]").json
+    assert fixed["mean"]["speed"] == pytest.approx(1.315)
+    bare = run(*call, "alpha-beta")
+    assert bare.code == 2
+    assert (
+        "alpha-beta needs a value of 'alpha', which has no default: on the command line, --set alpha=.."
+        in bare.stderr + bare.stdout
+    )

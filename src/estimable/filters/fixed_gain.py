@@ -77,29 +77,33 @@ class FixedGain:
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        optimal, info = self._kalman.correct(state, sample)
-        after = self._moved(state, sample, optimal)
-        told = self._kalman.tell(after)
-        code = outcome_code(info.outcome == 2, after.mean, after.factor, after.diffuse)
-        return after, replace(
-            info, mean=told.mean, covariance=told.covariance, diffuse_covariance=told.diffuse_covariance, outcome=code
-        )
-
-    def _moved(self, state: Belief, sample: Sample, optimal: Belief) -> Belief:
-        """The belief after a sample; while something is diffuse, that of the Kalman filter."""
-        model, b = self._kalman.ready, state
-        assert model is not None
-        d = self._kalman.known_output(sample)
-        moved = kernel.correct(
-            b.mean, b.factor, b.diffuse, jnp.asarray(self.filter), model.C, d, model.V, model.Ω, sample.y, sample.seen
-        )
-        after = Belief(moved.m, moved.Z, moved.X, b.size, b.log_scale, moved.drift, moved.Z_drift)
-        if b.diffuse.shape[1] == 0:
-            return after
-        learning = jnp.any(b.diffuse != 0)
-        pairs = ((getattr(optimal, name), getattr(after, name)) for name in Belief.__dataclass_fields__)
-        return Belief(*(None if new is None else jnp.where(learning, old, new) for old, new in pairs))
+        return correct_by(self.filter, self._kalman, state, sample)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
         return self._kalman.predict(state, interval)
+
+
+def correct_by(K, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+    """What the gain K (n, p) learns from one sample, beside what `kalman` would."""
+    optimal, info = kalman.correct(state, sample)
+    after = _moved(jnp.asarray(K), kalman, state, sample, optimal)
+    told = kalman.tell(after)
+    code = outcome_code(info.outcome == 2, after.mean, after.factor, after.diffuse)
+    return after, replace(
+        info, mean=told.mean, covariance=told.covariance, diffuse_covariance=told.diffuse_covariance, outcome=code
+    )
+
+
+def _moved(K, kalman: Kalman, state: Belief, sample: Sample, optimal: Belief) -> Belief:
+    """The belief after a sample; while something is diffuse, that of the Kalman filter."""
+    model, b = kalman.ready, state
+    assert model is not None
+    d = kalman.known_output(sample)
+    moved = kernel.correct(b.mean, b.factor, b.diffuse, K, model.C, d, model.V, model.Ω, sample.y, sample.seen)
+    after = Belief(moved.m, moved.Z, moved.X, b.size, b.log_scale, moved.drift, moved.Z_drift)
+    if b.diffuse.shape[1] == 0:
+        return after
+    learning = jnp.any(b.diffuse != 0)
+    pairs = ((getattr(optimal, name), getattr(after, name)) for name in Belief.__dataclass_fields__)
+    return Belief(*(None if new is None else jnp.where(learning, old, new) for old, new in pairs))

@@ -1,0 +1,209 @@
+"""The α-β and α-β-γ trackers, over steps of any length."""
+
+from dataclasses import KW_ONLY, InitVar, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..frozen import frozen, replace, set_field, static
+from ..kernels import alpha_beta as kernel
+from ..models.discretisation import over
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Names, Sample
+from .belief import Belief
+from .fixed_gain import correct_by
+from .kalman import Kalman
+
+STATES = ("position", "velocity", "acceleration")
+INDEX = "kalata"
+
+
+@frozen
+class Track:
+    """What a tracker believes, and the seconds since its last sample (or its prior)."""
+
+    belief: Belief
+    elapsed: Any
+
+
+@frozen
+class AlphaBeta:
+    """A tracker of a position with two or three constant gains, over steps of any length, with the true covariance of its error.
+
+    Model: r' = v, v' = a white noise of density σ_a² (with `gamma`: v' = a, a' that noise); y[k] = r + noise. After a step of T
+    seconds since the last sample that was seen, r moves by α e, v by (β / T) e and the acceleration by (γ / T²) e, e = y - r.
+
+    Assumes that a target moves like that; the gains need no variances. At a constant T the error's poles do not depend on T;
+    where T changes by large factors from sample to sample, constant gains may be unstable (Bass's are at 1, 10, 1, 10, .. s):
+    then take alpha="kalata". The covariance needs σ_a² and the noise of the sensor, and is that of these gains.
+
+    Settings: `alpha`, `beta`, `gamma` (others divide it by 2), as from `alpha_beta_gains`; or alpha="kalata": α and β anew for
+    each step, of the index Λ = T² σ_w / σ_v, σ_w² = σ_a² / T: it leans on each sample as much as its T deserves. `sigma_a2`;
+    `sigma_s2`: density of a sensor that averages over T, whose samples have variance σ_s² / T (the first row, with no T before
+    it, is then not used). Neither: the means alone. Or `model`: a `StateSpace` of a position and its derivatives, whose Q counts
+    and whose R is the variance of every sample. `output`: the name of the measured channel.
+
+    A missing sample is as if its row were not there: the next T is longer. The first row, at the time of the prior, moves the
+    position only (an index of T = 0: nothing). A diffuse prior is learnt as `Kalman` learns it: two samples give r and v.
+
+    Cost: that of `Kalman` with 2 or 3 states. Reference: R. W. Bass (2005); P. R. Kalata, IEEE TAES 20 (1984) 174.
+
+    >>> tracker = AlphaBeta(0.5, 0.25, sigma_a2=0.1, sigma_s2=1.0)
+    >>> result = estimate(tracker, Record([0.0, 2.0], t=[0.0, 2.0]), prior=Prior([0.0, 0.0], np.eye(2)))
+    >>> result.mean[1].tolist()  # half of the innovation, and a quarter over 2 s
+    [1.0, 0.25]
+    """
+
+    alpha: Any
+    beta: Any = None
+    _: KW_ONLY
+    gamma: Any = None
+    sigma_a2: InitVar[Any] = None
+    sigma_s2: InitVar[Any] = None
+    output: InitVar[str | None] = None
+    model: StateSpace | None = None
+    averages: bool = static(default=False, init=False)
+    silent: bool = static(default=False, init=False)
+    ready: Kalman | None = field(default=None, init=False)
+    density: Any = field(default=None, init=False)
+
+    def __post_init__(self, sigma_a2, sigma_s2, output):
+        faults = checks.Faults()
+        _check_gains(self, faults)
+        order = 2 if self.gamma is None else 3
+        if self.model is None:
+            noises = _noises(sigma_a2, sigma_s2, self.alpha, faults)
+            faults.finish()
+            model = _chain(order, *noises, output)
+            set_field(self, model=model, averages=sigma_s2 is not None, silent=sigma_s2 is None)
+        else:
+            if any(one is not None for one in (sigma_a2, sigma_s2, output)):
+                faults.add("give `model`, or `sigma_a2`, `sigma_s2` and `output`, not both: the model has its own.")
+            if faults.instance("model", self.model, StateSpace):
+                _check_model(self.model, order, self.alpha, faults)
+            faults.finish()
+
+    @property
+    def _model(self) -> StateSpace:
+        assert self.model is not None
+        return self.model
+
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs and outputs."""
+        return Names(self._model.states, self._model.inputs, self._model.outputs)
+
+    def sampled(self, clock: Clock) -> "AlphaBeta":
+        """The same tracker with its model discretised for the steps of `clock` and its noises factored."""
+        if self.ready is not None:
+            return self
+        model = self._model
+        density = (
+            (model.G @ model.Q @ jnp.swapaxes(model.G, -1, -2))[..., -1, -1] if isinstance(self.alpha, str) else None
+        )
+        return replace(self, ready=Kalman(model).sampled(clock), density=density, model=None)
+
+    def at(self, k) -> "AlphaBeta":
+        """The tracker at row k of a record whose steps vary."""
+        return replace(self, ready=self._kalman.at(k))
+
+    @property
+    def _kalman(self) -> Kalman:
+        return Kalman(self._model).sampled(Clock.every(self._model.dt)) if self.ready is None else self.ready
+
+    def init(self, prior: Prior) -> Track:
+        """What is believed before y[0]."""
+        return Track(self._kalman.init(prior), jnp.zeros(()))
+
+    def correct(self, state: Track, sample: Sample) -> tuple[Track, Info]:
+        """Learn from one sample."""
+        kalman, T = self._kalman, state.elapsed
+        later = T > 0
+        rate = jnp.where(later, 1 / jnp.where(later, T, 1.0), 0.0)
+        seen = sample.seen
+        if self.averages:
+            assert kalman.ready is not None
+            seen = seen & later  # what has averaged over no time tells nothing
+            kalman = replace(kalman, ready=replace(kalman.ready, V=kalman.ready.V * jnp.sqrt(rate)))
+        K = self._gains(kalman, T) * jnp.stack([jnp.ones(()), rate, rate**2][: 2 if self.gamma is None else 3])
+        belief, info = correct_by(K[:, None], kalman, state.belief, replace(sample, seen=seen))
+        if self.silent:
+            info = Info(mean=info.mean, innovation=info.innovation, outcome=info.outcome)
+        return Track(belief, jnp.where(sample.seen[0], 0.0, T)), info
+
+    def _gains(self, kalman: Kalman, T):
+        """(α, β) or (α, β, γ)."""
+        if not isinstance(self.alpha, str):
+            gains = (self.alpha, self.beta) if self.gamma is None else (self.alpha, self.beta, self.gamma)
+            return jnp.stack([jnp.asarray(gain, float) for gain in gains])
+        assert kalman.ready is not None
+        variance = kalman.ready.V[0, 0] ** 2
+        known = variance > 0  # a sensor without noise: Λ is infinite
+        ratio = self.density * T**3 / jnp.where(known, variance, 1.0)
+        Λ = jnp.where(ratio > 0, jnp.sqrt(jnp.where(ratio > 0, ratio, 1.0)), 0.0)
+        α, β = kernel.kalata(Λ)
+        return jnp.where(known, jnp.stack([α, β]), jnp.array([1.0, 2.0]))
+
+    def predict(self, state: Track, interval: Interval) -> Track:
+        """Move to the next sample."""
+        return Track(self._kalman.predict(state.belief, interval), state.elapsed + interval.dt)
+
+
+def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:
+    """Numbers with which the error dies out at a constant step; or the word."""
+    if isinstance(tracker.alpha, str):
+        faults.choice("alpha", tracker.alpha, (INDEX,))
+        for name in ("beta", "gamma"):
+            if getattr(tracker, name) is not None:
+                faults.add(f"`{name}` must not be given where alpha = {INDEX!r} makes the gains.")
+        return
+    if tracker.beta is None:
+        faults.add("`beta` must be given beside `alpha`: α-β trackers have two gains, as alpha_beta_gains gives them.")
+        return
+    named = {"alpha": tracker.alpha, "beta": tracker.beta, "gamma": tracker.gamma}
+    gains = {name: faults.number(name, value, above=0.0) for name, value in named.items() if value is not None}
+    set_field(tracker, **gains)
+    if any(gain is None for gain in gains.values()) or checks.is_traced(*gains.values()):
+        return
+    if len(gains) == 2 and not kernel.stable(*gains.values()):
+        faults.add(kernel.UNSTABLE.format(*gains.values()))
+    elif (radius := np.abs(kernel.poles(*gains.values())).max()) >= 1:
+        faults.add(f"with these gains the error does not die out: its largest pole has modulus {radius:.6g}, not < 1.")
+
+
+def _noises(sigma_a2, sigma_s2, alpha, faults: checks.Faults) -> tuple[float, float]:
+    """Both densities, or neither."""
+    if sigma_a2 is None and sigma_s2 is None:
+        if isinstance(alpha, str):
+            faults.add(f"alpha = {alpha!r} needs `sigma_a2` and `sigma_s2`, or a `model`: the gains are made of them.")
+        return 0.0, 1.0
+    given = {"sigma_a2": sigma_a2, "sigma_s2": sigma_s2}
+    for name in (name for name, value in given.items() if value is None):
+        faults.add(f"`{name}` must be given with the other: the covariance needs both.")
+    return tuple(faults.number(name, value, lower=0.0) for name, value in given.items() if value is not None)  # type: ignore[return-value]
+
+
+def _chain(order: int, σ_a2: float, σ_s2: float, output: str | None) -> StateSpace:
+    """A position and its derivatives, the last driven by white noise."""
+    return StateSpace(
+        np.eye(order, k=1), C=np.eye(1, order), G=np.eye(order)[:, -1:], Q=[[σ_a2]], R=[[σ_s2]], dt=0,
+        states=STATES[:order], outputs=None if output is None else [output],
+    )  # fmt: skip
+
+
+def _check_model(model: StateSpace, order: int, alpha: Any, faults: checks.Faults) -> None:
+    """A position, which is measured, and its derivatives."""
+    shift = np.eye(order, k=1)
+    A = shift if model.is_continuous else over(shift, np.eye(order), shift, model.dt, hold="zero_order")[0]
+    alike = np.shape(model.A) == A.shape and np.shape(model.C) == (1, order)
+    if not alike or not (np.allclose(model.A, A, rtol=1e-9, atol=0) and np.array_equal(model.C, np.eye(1, order))):
+        faults.add(
+            f"`model` must be of a measured position and its derivatives: for {order} gains A = {A.tolist()}, "
+            f"C = {np.eye(1, order).tolist()}. Got A = {checks.short(np.asarray(model.A).tolist())}."
+        )
+    if isinstance(alpha, str) and not model.is_continuous:
+        faults.add(f"alpha = {alpha!r} needs a continuous `model` (dt = 0), whose Q is a density.")
