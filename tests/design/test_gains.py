@@ -95,6 +95,10 @@ ASSUMPTIONS = {
         StateSpace([[0.5]], C=[[1.0], [1.0]], Q=[[1.0]], R=np.zeros((2, 2)), dt=1)
     ),
     "unstable and not moved": lambda: lqr_gain(StateSpace(np.diag([1.2, 0.5]), [[0.0], [1.0]], dt=1), np.eye(2), [[1.0]]),
+    "marginal, continuous, and not excited": lambda: kalman_gain(
+        StateSpace([[0.0, 1.0, 0.0], [-1.0, -0.4, 1.0], [0.0, 0.0, 0.0]], C=[[1.0, 0.0, 0.0]], Q=np.diag([0.0, 1e-4, 0.0]),
+                   R=[[1e-6]], dt=0)
+    ),
     "marginal and free": lambda: lqr_gain(StateSpace([[0.0]], [[1.0]], dt=0), [[0.0]], [[1.0]]),
 }  # fmt: skip
 

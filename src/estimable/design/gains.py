@@ -5,11 +5,14 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..errors import AssumptionError
 from ..frozen import frozen
 from ..kernels.fixed_gain import stationary
-from ..kernels.riccati import care, dare
+from ..kernels.riccati import UNSETTLED, care, dare
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
+
+LIMIT = 3e-14  # of the fastest pole: nearer than this to the limit of stability, rounding decides
 
 
 @frozen
@@ -63,13 +66,21 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
     A, C, Q, R = model.A, model.C, model.G @ model.Q @ model.G.T, model.R
     if model.is_continuous:
         P, K, F = care(A.T, C.T, Q, R)
-        return KalmanGain(K.T, K.T, P, P, R, np.linalg.eigvals(F))
+        return KalmanGain(K.T, K.T, P, P, R, _poles(F, continuous=True))
     P, K, F = dare(A.T, C.T, Q, R, None if model.S is None else model.G @ model.S)
     S = C @ P @ C.T + R
     filter_gain = np.linalg.solve(S, C @ P).T
     J = np.eye(model.n) - filter_gain @ C
     P_filtered = J @ P @ J.T + filter_gain @ R @ filter_gain.T
-    return KalmanGain(filter_gain, K.T, (P_filtered + P_filtered.T) / 2, P, S, np.linalg.eigvals(F))
+    return KalmanGain(filter_gain, K.T, (P_filtered + P_filtered.T) / 2, P, S, _poles(F, continuous=False))
+
+
+def _poles(F: Any, *, continuous: bool) -> Any:
+    """The eigenvalues of a loop, none of them on the limit of stability."""
+    z = np.linalg.eigvals(F)
+    if np.max(z.real / (np.abs(z).max() or 1.0) if continuous else np.abs(z) - 1) > -LIMIT:
+        raise AssumptionError(UNSETTLED)
+    return z
 
 
 def filter_covariance(model: StateSpace, filter: Any) -> Any:
@@ -124,7 +135,7 @@ def lqr_gain(model: StateSpace, L: Any, M: Any, N: Any = None) -> FeedbackGain:
     faults.finish()
     assert weights is not None
     X, K, F = (care if model.is_continuous else dare)(model.A, model.B, *weights)
-    return FeedbackGain(K, X, np.linalg.eigvals(F))
+    return FeedbackGain(K, X, _poles(F, continuous=model.is_continuous))
 
 
 def _weights(model: StateSpace, L, M, N, faults: checks.Faults):

@@ -24,6 +24,10 @@ DOUBLINGS = 50        # 2^50 steps: a mode that has not died out then is at the 
 RESIDUAL = 1e-13      # of the size of the equation's terms, above which the second method is tried too
 SINGULAR = 1e13       # condition number from which R + B'X B tells no direction
 EPS = np.finfo(float).eps
+UNSETTLED = (
+    "the Riccati equation has no stabilising solution: a mode on or beyond the limit of stability is not reached, or is neither "
+    "seen nor excited."
+)
 
 Real = np.ndarray
 
@@ -174,10 +178,7 @@ def _best(methods: tuple[Callable, ...], newton: Callable, residual: Callable) -
         if least <= RESIDUAL:
             break
     if best is None:
-        raise AssumptionError(
-            "the Riccati equation has no stabilising solution: a mode on or beyond the limit of stability is not reached, "
-            "or is neither seen nor excited."
-        )
+        raise AssumptionError(UNSETTLED)
     return best
 
 
