@@ -147,6 +147,7 @@ THINGS = {
     "DelayLink": lambda: DelayLink([0.5, 0.2], late="use"),
     "Trace": lambda: Trace([0.0, np.inf, 2.0], late="use"),
     "LeastSquares": lambda: es.LeastSquares(1, 1, delay=1),
+    "FixedGain": lambda: es.FixedGain(DRIVEN, [[0.5]]),
     "MinimumVariance": lambda: es.MinimumVariance(1, 1),
     "MarkovParameters": lambda: es.MarkovParameters(4),
     "HoKalman": lambda: es.HoKalman(2),
