@@ -161,23 +161,23 @@ def _command(run: Tuned, path: Path) -> str:
 
 
 def _script(run: Tuned) -> str:
-    """The chosen design in Python, ready to fly."""
-    found = run.found
-    step = "" if run.file.model.is_continuous == found.model.is_continuous else f".discretise({found.model.dt:g})"
-    settings = "".join(
-        f", {name}={value!r}"
-        for name, value in (("filter", run.filter), ("weights", run.weights or None))
-        if value is not None
-    )
+    """The same design in Python, ready to fly."""
+    found, eta = run.found, run.found.eta
+    sampled = run.file.model.is_continuous and not found.model.is_continuous
+    given = {"filter": run.filter, "weights": run.weights or None}
+    settings = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    filter = "es.FixedGain(model, found.filter)"
+    if found.model.is_continuous:
+        filter = "es.FixedGain(model.discretise(0.01), found.filter_of_sample(0.01))"
     return "\n".join(
         [
             "import estimable as es",
-            f"model = es.read_model({run.path.name!r}).model{step}",
-            f"found = es.rho_synthesis(model{settings})",
+            "import numpy as np",
+            f"model = es.read_model({run.path.name!r}).model{f'.discretise({found.model.dt:g})' if sampled else ''}",
+            f"eta = np.geomspace({float(eta[0])!r}, {float(eta[-1])!r}, {len(eta)})",
+            f"found = es.rho_synthesis(model, eta=eta{settings})",
             "law = es.StateFeedback(found.feedback)",
-            "filter = es.FixedGain(model, filter=found.filter)"
-            if not found.model.is_continuous
-            else "filter = es.FixedGain(model.discretise(0.01), filter=found.filter_of_sample(0.01))",
+            f"filter = {filter}",
             "found.plot().show()",
         ]
     )
