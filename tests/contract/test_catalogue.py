@@ -87,7 +87,7 @@ def test_a_step_gives_back_a_state_of_the_same_shapes(name):
 @pytest.mark.parametrize("engine", ["xla", "native"])
 def test_new_numbers_do_not_compile_again(name, engine):
     def compiled():
-        return xla.scan._cache_size() if engine == "xla" else native._step.cache_info().misses
+        return xla.scan._cache_size() if engine == "xla" else native.compiled_step.cache_info().misses
 
     def scaled(factor):  # never by 1: with and without forgetting, windows are gathered differently
         return jax.tree_util.tree_map(lambda leaf: factor * leaf, build(name))

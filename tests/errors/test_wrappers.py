@@ -5,6 +5,7 @@ import pytest
 
 from cases import case
 from estimable import (
+    AlphaBeta,
     Bounded,
     ChangeDetection,
     Gated,
@@ -72,6 +73,8 @@ SENTENCES = [
         "`probability` must be below 1: a gate that every good sample passes leaves nothing out. Got 1.",
     ),
     (lambda: Gated(GAIN, 1.5), "`probability` must be below 1. Got 1.5."),
+    (lambda: Gated(AlphaBeta(0.5, 0.2), 0.9), "`algorithm` must tell the covariance of its innovations: give AlphaBeta `sigma_a2`"
+     " and `sigma_s2`."),
     (lambda: Gated(GAIN, 0), "`probability` must be greater than 0. Got 0."),
     (
         lambda: ChangeDetection(Kalman(C.model)),

@@ -90,3 +90,25 @@ def test_the_cost_of_control_grows_as_bass_says(results):
     assert largest == pytest.approx(proven, rel=0.03)
     assert rows["rho of the fastest design, of the largest"].mean < 1
     assert rows["bandwidth over natural frequency, n = 3 (Butterworth, 2 rad/s)"].mean == pytest.approx(np.sqrt(2))
+
+
+def test_the_numbers_of_bass_s_tracker_reproduce_and_his_claims_do_not(results):
+    rows = {row.quantity: row for row in results("bass-alpha-beta").rows}
+    names = (
+        "alpha",
+        "beta",
+        "phi",
+        "psi",
+        "P11 at T = 2 s, densities .6 and .8 (by the printed formula)",
+        "pole, modulus",
+    )
+    for name in names:
+        assert rows[name].mean == pytest.approx(rows[name].published, rel=3e-6), name
+    for name in ("pole, real part", "pole, imaginary part"):
+        assert rows[name].mean == pytest.approx(rows[name].published, abs=6e-4), name
+    worse = {name.split()[-1]: row.mean for name, row in rows.items() if name.startswith("P11 over")}
+    known = {"0.01": 2.46, "0.1": 1.62, "1": 1.18, "10": 1.054, "100": 1.72, "10000": 82}
+    assert worse == pytest.approx(known, rel=6e-3)
+    safest = rows["the least possible over all ratios from .01 to 1e4"].mean
+    assert 1 < safest < max(worse.values()) / 30
+    assert rows["norm of one update, T = 1 s (printed: at most)"].mean > 1.4

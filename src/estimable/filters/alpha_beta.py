@@ -68,7 +68,7 @@ class AlphaBeta:
     model: StateSpace | None = None
     averages: bool = static(default=False, init=False)
     silent: bool = static(default=False, init=False)
-    ready: Kalman | None = field(default=None, init=False)
+    kalman: Kalman | None = field(default=None, init=False)
     density: Any = field(default=None, init=False)
 
     def __post_init__(self, sigma_a2, sigma_s2, output):
@@ -99,29 +99,28 @@ class AlphaBeta:
 
     def sampled(self, clock: Clock) -> "AlphaBeta":
         """The same tracker with its model discretised for the steps of `clock` and its noises factored."""
-        if self.ready is not None:
-            return self
         model = self._model
         density = (
             (model.G @ model.Q @ jnp.swapaxes(model.G, -1, -2))[..., -1, -1] if isinstance(self.alpha, str) else None
         )
-        return replace(self, ready=Kalman(model).sampled(clock), density=density, model=None)
+        return replace(self, kalman=Kalman(model).sampled(clock), density=density, model=None)
 
     def at(self, k) -> "AlphaBeta":
         """The tracker at row k of a record whose steps vary."""
-        return replace(self, ready=self._kalman.at(k))
+        return replace(self, kalman=self._beside.at(k))
 
     @property
-    def _kalman(self) -> Kalman:
-        return Kalman(self._model).sampled(Clock.every(self._model.dt)) if self.ready is None else self.ready
+    def _beside(self) -> Kalman:
+        """The Kalman filter of the same model."""
+        return Kalman(self._model).sampled(Clock.every(self._model.dt)) if self.kalman is None else self.kalman
 
     def init(self, prior: Prior) -> Track:
         """What is believed before y[0]."""
-        return Track(self._kalman.init(prior), jnp.zeros(()))
+        return Track(self._beside.init(prior), jnp.zeros(()))
 
     def correct(self, state: Track, sample: Sample) -> tuple[Track, Info]:
         """Learn from one sample."""
-        kalman, T = self._kalman, state.elapsed
+        kalman, T = self._beside, state.elapsed
         later = T > 0
         rate = jnp.where(later, 1 / jnp.where(later, T, 1.0), 0.0)
         seen = sample.seen
@@ -150,7 +149,7 @@ class AlphaBeta:
 
     def predict(self, state: Track, interval: Interval) -> Track:
         """Move to the next sample."""
-        return Track(self._kalman.predict(state.belief, interval), state.elapsed + interval.dt)
+        return Track(self._beside.predict(state.belief, interval), state.elapsed + interval.dt)
 
 
 def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:

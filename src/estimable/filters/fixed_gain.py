@@ -44,7 +44,7 @@ class FixedGain:
 
     model: StateSpace
     filter: Any
-    ready: Kalman | None = field(default=None, init=False)
+    kalman: Kalman | None = field(default=None, init=False)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -61,27 +61,28 @@ class FixedGain:
 
     def sampled(self, clock: Clock) -> "FixedGain":
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
-        return replace(self, ready=Kalman(self.model).sampled(clock), model=None)
+        return replace(self, kalman=Kalman(self.model).sampled(clock), model=None)
 
     def at(self, k) -> "FixedGain":
         """The filter at row k of a time-varying model."""
-        return replace(self, ready=self._kalman.at(k))
+        return replace(self, kalman=self._beside.at(k))
 
     @property
-    def _kalman(self) -> Kalman:
-        return self.sampled(Clock.every(self.model.dt))._kalman if self.ready is None else self.ready
+    def _beside(self) -> Kalman:
+        """The Kalman filter of the same model."""
+        return Kalman(self.model).sampled(Clock.every(self.model.dt)) if self.kalman is None else self.kalman
 
     def init(self, prior: Prior) -> Belief:
         """What is believed about x[0], before y[0]."""
-        return self._kalman.init(prior)
+        return self._beside.init(prior)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        return correct_by(self.filter, self._kalman, state, sample)
+        return correct_by(self.filter, self._beside, state, sample)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        return self._kalman.predict(state, interval)
+        return self._beside.predict(state, interval)
 
 
 def correct_by(K, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief, Info]:

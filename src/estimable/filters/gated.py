@@ -49,6 +49,10 @@ class Gated:
     def __post_init__(self):
         faults = checks.Faults()
         wrapped.check_algorithm(self.algorithm, faults)
+        if not faults.sentences and getattr(wrapped.innermost(self.algorithm), "silent", False):
+            faults.add(
+                "`algorithm` must tell the covariance of its innovations: give AlphaBeta `sigma_a2` and `sigma_s2`."
+            )
         probability = faults.number("probability", self.probability, above=0.0)
         if probability is not None and not checks.is_traced(probability) and probability >= 1:
             hint = ": a gate that every good sample passes leaves nothing out" if probability == 1 else ""
