@@ -15,6 +15,7 @@ from .analysis.unknown_input import UnknownInputExistence, unknown_input_existen
 from .controllers.gain_reconfiguration import GainReconfiguration
 from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
+from .controllers.tracking import Tracking
 from .data.reading import read_record
 from .data.record import Record
 from .data.trends import Trend
@@ -48,6 +49,7 @@ from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.instrumental_variables import InstrumentalVariables
+from .identifiers.joint_output_error import JointOutputError
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
@@ -144,6 +146,7 @@ __all__ = [
     "InputError",
     "InstrumentalVariables",
     "Interval",
+    "JointOutputError",
     "Kalman",
     "KalmanGain",
     "LeastSquares",
@@ -189,6 +192,7 @@ __all__ = [
     "Subspace",
     "Trace",
     "TrackerChoices",
+    "Tracking",
     "TransKalman",
     "Trend",
     "UnknownGain",

@@ -21,6 +21,7 @@ from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.instrumental_variables import InstrumentalVariables
+from .identifiers.joint_output_error import JointOutputError
 from .identifiers.least_squares import LeastSquares
 from .identifiers.markov_parameters import MarkovParameters
 from .identifiers.minimum_variance import MinimumVariance
@@ -120,6 +121,10 @@ IDENTIFIERS = (
     Entry(
         "instrumental-variables", InstrumentalVariables, "identifier", "Ljung (1999) §7.6, §15.3",
         "the orders of A and B are right; inputs do not depend on the noise",
+    ),
+    Entry(
+        "joint-output-error", JointOutputError, "identifier", "Athans, Wishner & Bertolini (1968); Fang (2009) (3.1)-(3.5)",
+        "the orders and the noise variance are right; the plant starts at rest",
     ),
     Entry(
         "least-squares", LeastSquares, "identifier", "Ljung (1999) §4.2, §7.3; Sillence (1999) (22)-(23)",

@@ -11,6 +11,7 @@ from . import catalogue, checks
 from .controllers.gain_reconfiguration import GainReconfiguration
 from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
+from .controllers.tracking import Tracking
 from .data.record import Record
 from .filters.alpha_beta import Track
 from .filters.belief import Belief
@@ -20,6 +21,7 @@ from .filters.moving_window import Copies
 from .filters.smoothed import Average
 from .filters.unknown_layout import Layout
 from .frozen import leaf_fields, static_fields
+from .identifiers.joint_output_error import JointBelief
 from .identifiers.recursive_output_error import Recursion
 from .kernels.tangents import Dynamics
 from .models.armax import ARMAX
@@ -65,7 +67,8 @@ RECORDS = {
         StateSpace, OperatingPoint, Prior, Record,
         Average, Belief, Track, Copies, FangState, Watch, Info, Estimate, EstimateBank, Simulation, Stacked, Progress, Forecast,
         NoiseFit, Origin, SmoothedEstimate, OutputError, Recursion, Fit, PerfectLink, BernoulliLink, GilbertElliottLink,
-        DelayLink, Trace, ARMAX, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, Change, ControlledPlant, Failure,
+        DelayLink, Trace, ARMAX, ARX, StateFeedback, ProportionalIntegral, GainReconfiguration, JointBelief, Tracking,
+        Change, ControlledPlant, Failure,
         ClosedLoop, ClosedLoopBank,
     )
 }  # fmt: skip

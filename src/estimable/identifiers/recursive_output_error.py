@@ -1,25 +1,23 @@
 """The parameters of an output-error model, sample by sample, from incomplete data."""
 
 from dataclasses import KW_ONLY
-from math import comb
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from .. import checks
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import auxiliary_model as kernel
 from ..kernels.small import apply, factor, gram
-from ..models.output_error import OutputError, parameter_names, read_variance
+from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Names, Sample, outcome_code
+from . import orders
 from .channels import Channels
 
 METHODS = ("refined", "printed")
-VAGUE = 1e6  # prior variance of an entry of b where none is given, in squared units of output over input
 EARLY = 3.0  # α: while it learns, a sample that is i-th of n weighs (i/n)^α; without it one draw in three locks
 LEARNING = 40  # arrivals per parameter until α is zero, counted by how much signal is in them
 PSEUDOLINEAR = 10  # arrivals per parameter from which the gradient is that of the auxiliary model
@@ -99,63 +97,34 @@ class RecursiveOutputError:
 
     def __post_init__(self):
         faults = checks.Faults()
-        for name, lower in (("na", 0), ("nb", 0), ("delay", 0)):
-            faults.whole(name, getattr(self, name), lower)
         faults.choice("method", self.method, METHODS)
-        inputs, outputs = _names(self.inputs, "inputs", faults), _names(self.outputs, "outputs", faults)
-        if outputs is not None:
-            faults.learn("p", len(outputs), f"`outputs` holds {checks.counted(len(outputs), 'name')}")
-        noise = _read_noise(self.noise_variance, faults)
+        read = orders.read(self, faults)
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
         alarm = faults.number("alarm", self.alarm, above=0.0)
-        if self.prior is not None and faults.instance("prior", self.prior, Prior) and self.prior.diffuse is not None:
-            faults.add(
-                "`prior` must not have diffuse directions: leave it out where nothing is known of the parameters."
-            )
         faults.finish()
-        set_field(self, noise_variance=noise, forgetting=forgetting, alarm=alarm, inputs=inputs, outputs=outputs)
-        if self.prior is not None and (wrong := self._prior_fault()):
-            checks.refuse(wrong)
-
-    def _prior_fault(self) -> str:
-        channels = self.model
-        wanted = len(self.names.states)
-        if self.prior is None or np.shape(self.prior.mean)[-1] == wanted:
-            return ""
-        of = f"{checks.counted(channels.p, 'output')} and {checks.counted(channels.m, 'input')}"
-        orders = f"na = {self.na}, nb = {self.nb} with {of} have {checks.counted(wanted, 'parameter')}"
-        return f"`prior` must be of θ: {orders}. Got {np.shape(self.prior.mean)[-1]}."
+        set_field(self, forgetting=forgetting, alarm=alarm, **read)
+        orders.check_prior(self)
 
     @property
     def model(self) -> Channels:
         """The channels: all that is known of the model before there are data."""
-        default = tuple(f"y{i + 1}" for i in range(np.shape(self.noise_variance)[-1]))
-        return Channels(self.inputs or ("u1",), self.outputs or default, self.delay == 0)
+        return orders.channels(self)
 
     @property
     def names(self) -> Names:
         """Names of the parameters (as states), inputs and outputs."""
-        channels = self.model
-        return Names(
-            parameter_names(self.na, self.nb, channels.inputs, channels.outputs), channels.inputs, channels.outputs
-        )
+        return orders.names(self)
 
     def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> "RecursiveOutputError":
         """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
-        outputs, noise = self.outputs or outputs, np.ravel(self.noise_variance)
-        noise = np.broadcast_to(noise, (len(outputs),)) if len(noise) == 1 else noise
         return RecursiveOutputError(
-            self.na, self.nb, delay=self.delay, noise_variance=noise, prior=self.prior, forgetting=self.forgetting,
-            alarm=self.alarm, method=self.method, inputs=self.inputs or inputs, outputs=outputs,
+            self.na, self.nb, delay=self.delay, prior=self.prior, forgetting=self.forgetting, alarm=self.alarm,
+            method=self.method, **orders.for_channels(self, inputs, outputs),
         )  # fmt: skip
 
     def fitted(self, parameters: Any, dt: float) -> OutputError:
         """The model of a parameter vector."""
-        channels = self.model
-        return OutputError.of_parameters(
-            parameters, na=self.na, nb=self.nb, delay=self.delay, noise_variance=self.noise_variance, dt=dt,
-            inputs=channels.inputs, outputs=channels.outputs,
-        )  # fmt: skip
+        return orders.fitted(self, parameters, dt)
 
     def sampled(self, clock: Clock) -> "RecursiveOutputError":
         """The same: a sampled model has no other clock than its record's."""
@@ -167,23 +136,7 @@ class RecursiveOutputError:
 
     @property
     def _believed(self) -> tuple[Any, Any]:
-        """Mean (p, d) and covariance (p, d, d) of the prior; of a, no more than that A is stable."""
-        channels = self.model
-        d = self.na + channels.m * (self.nb + 1)
-        bounds = np.array([comb(self.na, i + 1) for i in range(self.na)] + [np.inf] * (d - self.na), float)
-        if self.prior is None:
-            variance = np.minimum(bounds**2, VAGUE)
-            return jnp.zeros((channels.p, d)), jnp.broadcast_to(np.diag(variance), (channels.p, d, d))
-        rows = [slice(i * d, (i + 1) * d) for i in range(channels.p)]
-        P = jnp.concatenate([jnp.asarray(self.prior.covariance)[row, row][None] for row in rows])
-        mean = jnp.asarray(self.prior.mean).reshape(channels.p, d)
-        if self.method == "printed":
-            return mean, P
-        variance = jnp.sum(P * jnp.eye(d)[None], axis=2)
-        scale = jnp.where(
-            variance > bounds[None] ** 2, bounds[None] / jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 1.0
-        )
-        return mean, P * scale[:, :, None] * scale[:, None, :]
+        return orders.believed(self, bounded=self.method != "printed")
 
     def init(self, prior: None) -> Recursion:
         """What is believed before the first sample; the plant is at rest."""
@@ -213,11 +166,18 @@ class RecursiveOutputError:
             lags=jnp.zeros_like(state.lags),
         )  # fmt: skip
 
+    def ahead(self, state: Recursion) -> Info:
+        """What is believed before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
+        return Info(
+            mean=state.parameters.ravel(), covariance=orders.block_diagonal(jax.vmap(gram)(state.error_factor)),
+            extra={"past_outputs": state.outputs, "past_inputs": state.lags},
+        )  # fmt: skip
+
     def correct(self, state: Recursion, sample: Sample) -> tuple[Recursion, Info]:
         """Learn from one sample, whose input the acknowledgement has told."""
         mean, P = self._believed
         variance = jnp.sum(P * jnp.eye(P.shape[-1])[None], axis=2)
-        lags = self._window(state.lags, sample.u)
+        lags = orders.window(state.lags, sample.u, self.delay)
         blank = replace(state, lags=None)
 
         def one(state, y, seen, r, mean, variance):
@@ -227,10 +187,6 @@ class RecursiveOutputError:
             blank, jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance), mean, variance
         )
         return replace(after, lags=state.lags), _informed(after, told, sample)
-
-    def _window(self, lags: Any, u: Any) -> Any:
-        """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb]."""
-        return jnp.concatenate([jnp.asarray(u)[:, None], lags], axis=1)[:, self.delay :].ravel()
 
     def _learn(self, state: Recursion, lags, y, seen, r, mean, variance):
         """One output: θ after its datum, and what was told of it."""
@@ -286,7 +242,7 @@ class RecursiveOutputError:
 
     def predict(self, state: Recursion, interval: Interval) -> Recursion:
         """Move to the next sample: the auxiliary model's output and its slope join those that are kept (3.16)."""
-        lags = self._window(state.lags, interval.u)
+        lags = orders.window(state.lags, interval.u, self.delay)
 
         def one(θ, outputs, slopes):
             φ = kernel.regressor(outputs, lags)
@@ -304,8 +260,7 @@ def _informed(state: Recursion, told, sample: Sample) -> Info:
     """What is said of all outputs together: independent noises leave their errors independent."""
     e, S, x, completed = told
     p, d = state.parameters.shape
-    blocks = jax.vmap(gram)(state.error_factor)
-    Σ = (jnp.eye(p)[:, None, :, None] * blocks[:, :, None, :]).reshape(p * d, p * d)
+    Σ = orders.block_diagonal(jax.vmap(gram)(state.error_factor))
     seen = jnp.asarray(sample.seen)
     likelihood = -0.5 * jnp.sum(jnp.where(seen, jnp.log(2 * jnp.pi * S) + e * e / S, 0.0))
     return Info(
@@ -314,17 +269,3 @@ def _informed(state: Recursion, told, sample: Sample) -> Info:
         outcome=outcome_code(jnp.asarray(False), state.parameters.ravel(), state.error_factor.reshape(p * d, d)),
         extra={"output": x, "completed": completed},
     )  # fmt: skip
-
-
-def _names(given: Any, argument: str, faults: checks.Faults) -> tuple[str, ...] | None:
-    return None if given is None else faults.names(argument, given, argument, argument[0])
-
-
-def _read_noise(value: Any, faults: checks.Faults) -> Any:
-    noise = read_variance("noise_variance", value, faults)
-    if noise is not None and not checks.is_traced(noise) and np.any(noise <= 0):
-        faults.add(
-            f"`noise_variance` must be greater than 0. Got {checks.short(value)}. For outputs without noise give a small one, "
-            "as 1e-6 of the mean square of y."
-        )
-    return noise

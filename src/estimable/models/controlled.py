@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, set_field, static
 from ..kernels.small import factors
-from .output_error import OutputError
+from .output_error import OutputError, past_states
 from .state_space import StateSpace
 
 
@@ -40,19 +40,22 @@ class Failure:
 class Change:
     """From `time` [s] on the plant moves as `model` says, from the state where it is.
 
+    An `OutputError` in the place of a `StateSpace` changes the parameters of one, from the outputs and inputs there were.
+
     >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
     [[0.5]]
     """
 
     time: Any
-    model: StateSpace
+    model: Any
 
     def __post_init__(self):
         faults = checks.Faults()
         time = faults.number("time", self.time, lower=0.0, unit="seconds")
-        faults.instance("model", self.model, StateSpace)
+        model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
+        faults.instance("model", model, StateSpace)
         faults.finish()
-        set_field(self, time=time)
+        set_field(self, time=time, model=model)
 
     def after(self, model: StateSpace) -> StateSpace:
         """The model after it."""
@@ -67,9 +70,9 @@ class ControlledPlant:
     follows its command by di/dt = `actuator` (command - i), is measured without error, and command and plant move
     together between samples (`held`: i is kept over each sample and jumps at the next).
 
-    Settings: `model`, a `StateSpace` (or an `OutputError`); `actuator`: 1/s, None or one number; `held`; `limits` (2,) or (2, m):
-    smallest and largest input; `rate`: largest change per second, one number; both act on the command, which holds the
-    input there too; `events`: `Failure`s and `Change`s, in any order.
+    Settings: `model`, a `StateSpace` (or an `OutputError`, whose states are past outputs and inputs); `actuator`: 1/s, None or
+    one number; `held`; `limits` (2,) or (2, m): smallest and largest input; `rate`: largest change per second, one number; both
+    act on the command, which holds the input there too; `events`: `Failure`s and `Change`s, in any order.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
     >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
@@ -87,7 +90,7 @@ class ControlledPlant:
 
     def __post_init__(self):
         faults = checks.Faults()
-        model = self.model.to_state_space() if isinstance(self.model, OutputError) else self.model
+        model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
         if faults.instance("model", model, StateSpace):
             _check_model(model, self, faults)
         actuator = None if self.actuator is None else faults.number("actuator", self.actuator, above=0.0)

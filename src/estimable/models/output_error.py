@@ -144,6 +144,32 @@ class OutputError:
         )  # fmt: skip
 
 
+def past_states(model: OutputError) -> StateSpace:
+    """The same system with past outputs x° and past inputs as its states, which parameters that jump leave as they are.
+
+    >>> past_states(OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1)).A.tolist()
+    [[-0.5, 2.0], [0.0, 0.0]]
+    """
+    p, m, na, lags = model.p, model.m, model.na, model.nb + model.delay
+    n = p * na + m * lags
+    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((p, n)), np.zeros((p, m))
+    for i in range(p):
+        C[i, i * na : (i + 1) * na] = -model.a[i]
+        for j in range(m):
+            b = np.pad(model.b[i, j], (model.delay, 0))
+            D[i, j], C[i, p * na + j * lags : p * na + (j + 1) * lags] = b[0], b[1:]
+        A[i * na + 1 : (i + 1) * na, i * na : (i + 1) * na - 1] = np.eye(max(na - 1, 0))
+        if na:
+            A[i * na], B[i * na] = C[i], D[i]
+    for j in range(m if lags else 0):
+        rows = slice(p * na + j * lags, p * na + (j + 1) * lags)
+        A[rows, rows], B[rows.start, j] = np.eye(lags, k=-1), 1.0
+    return StateSpace(
+        A, B, C, D, Q=np.zeros((n, n)), R=np.diag(model.noise_variance), dt=model.dt, inputs=model.inputs,
+        outputs=model.outputs,
+    )  # fmt: skip
+
+
 def parameter_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, ...]:
     """a1.., b0.. of one output and one input; with several, a1_y1.., b0_y1_u1..: output by output, input by input.
 

@@ -5,11 +5,11 @@ from typing import Any
 
 from . import fang_inputs as inputs
 from . import fang_lossy as lossy
+from . import fang_tracking as tracking
 from .entries import Reproduction
 
 SOURCE = "Fang (2009)"
 DRAWING = "a drawing, with nothing to compute"
-TRACKING = "not yet: it needs closed loops over lossy links"
 
 
 def _done(name: str, title: str, compute: Any) -> Reproduction:
@@ -45,10 +45,10 @@ ENTRIES = (
     _done("fig-3-11", "Example 3: output errors under two loss patterns", partial(lossy.patterns, "output")),
     _not_yet("fig-4-1", "A loop with randomly missing outputs", DRAWING),
     _not_yet("fig-4-2", "Adaptive control diagram", DRAWING),
-    _not_yet("fig-4-3", "Example 1: output response, 85 % arrive", TRACKING),
-    _not_yet("fig-4-4", "Relative parameter errors of Examples 1 and 2", TRACKING),
-    _not_yet("fig-4-5", "Example 1: estimated and true outputs", TRACKING),
-    _not_yet("fig-4-6", "Example 2: output response", TRACKING),
-    _not_yet("fig-4-7", "Example 2: estimated and true outputs, 65 % arrive", TRACKING),
-    _not_yet("fig-4-8", "Example 3: output response, parameters rise by half at k = 2500", TRACKING),
+    _done("fig-4-3", "Example 1: output response, 85 % arrive", partial(tracking.response, 1)),
+    _done("fig-4-4", "Relative parameter errors of Examples 1 and 2", tracking.parameters),
+    _done("fig-4-5", "Example 1: estimated and true outputs", partial(tracking.outputs, 1)),
+    _done("fig-4-6", "Example 2: output response", partial(tracking.response, 2)),
+    _done("fig-4-7", "Example 2: estimated and true outputs, 65 % arrive", partial(tracking.outputs, 2)),
+    _done("fig-4-8", "Example 3: output response, parameters rise by half at k = 2500", tracking.changed),
 )

@@ -43,6 +43,11 @@ def has_state_prior(algorithm: Any) -> bool:
     return getattr(algorithm, "has_state_prior", True)
 
 
+def takes_fates(algorithm: Any) -> bool:
+    """Whether an algorithm takes inputs of which nobody knows whether they arrived."""
+    return getattr(algorithm, "takes_fates", False)
+
+
 def bind(
     algorithm: Any, record: Record, prior: Prior | None, *, bank: Record | None = None, algorithms: Any = None
 ) -> Bound:
@@ -62,7 +67,8 @@ def bind(
     _check_time(model, record, faults)
     _check_lengths(algorithm, record, faults)
     faults.finish()
-    u = rows.applied()[..., inputs]
+    u, arrived = _fates(algorithm, record, rows, faults) if takes_fates(algorithm) else (rows.applied(), None)
+    u, arrived = u[..., inputs], None if arrived is None else arrived[..., inputs]
     check_known(u, names.inputs, faults)
     faults.finish()
     if isinstance(model, NonlinearModel) and prior is not None:
@@ -71,7 +77,7 @@ def bind(
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     y = rows.y[..., outputs]
-    samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u)
+    samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u, arrived)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
     ready = (algorithms or algorithm).sampled(clock)
@@ -79,6 +85,15 @@ def bind(
         ready = ready.complete
     names = names._replace(units=record.units, **getattr(ready, "told", {}))
     return Bound(ready, samples, intervals, names, rows.t)
+
+
+def _fates(algorithm: Any, record: Record, rows: Record, faults: checks.Faults) -> tuple[np.ndarray, np.ndarray]:
+    """What was sent, and what is known of whether it arrived."""
+    if record.lost != algorithm.lost:
+        faults.add(
+            f'`lost` of the record is "{record.lost}", that of {type(algorithm).__name__} "{algorithm.lost}": they must be equal.'
+        )
+    return rows.u, np.ones(rows.u.shape) if rows.arrived is None else rows.arrived
 
 
 def _check_lengths(algorithm: Any, record: Record, faults: checks.Faults) -> None:

@@ -85,8 +85,10 @@ def close_loop(
     """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
 
     At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on what the estimator
-    then says; the command is sent; the plant moves; the estimator predicts with what the actuators did. Where they are
-    measured (`ControlledPlant(actuator=...)`) it takes that, else the command that arrived, which the link must acknowledge.
+    then says; the command is sent; the plant moves; the estimator predicts with what the actuators did. A controller that
+    acts on what is predicted (`Tracking`) acts first, so that its input may enter y at once. Where actuators are measured
+    (`ControlledPlant(actuator=...)`) the estimator takes that, else the command that arrived, which the link must acknowledge
+    (but to an identifier that takes inputs of unknown fate).
 
     `plant`: a `ControlledPlant`, or a model whose inputs do what they are told; `dt` in seconds, of a continuous one; `start`
     (n,): its state at first (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's,
@@ -120,6 +122,8 @@ def close_loop_bank(
     """
     if isinstance(plant, StateSpace | OutputError):
         plant = ControlledPlant(plant)
+    if hasattr(estimator, "for_channels") and isinstance(plant, ControlledPlant) and not isinstance(estimator, type):
+        estimator = estimator.for_channels(plant.model.inputs, plant.model.outputs)
     links = Links(input_link, output_link)
     reference, step = _check_call(plant, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
@@ -269,8 +273,28 @@ def _check_blocks(
             "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
             "actuator, or delay the input by a sample."
         )
-    if plant.actuator is None and not getattr(links.input, "acknowledged", True):
+    if controller.acts_on == "predicted":
+        _check_first(plant, controller, estimator, faults)
+    if plant.actuator is None and not (
+        getattr(links.input, "acknowledged", True) or getattr(estimator, "takes_fates", False)
+    ):
         faults.add(
             "`input_link` never acknowledges, so that the estimator would not know what the actuators did: measure it "
-            "(ControlledPlant with an actuator), or give acknowledged=True."
+            "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
         )
+
+
+def _check_first(plant: ControlledPlant, controller, estimator, faults: checks.Faults) -> None:
+    """What a controller asks that acts before the sample is measured."""
+    if not hasattr(estimator, "ahead"):
+        faults.add(
+            "`controller` acts on what is predicted, and the estimator does not say it: use JointOutputError or "
+            f"RecursiveOutputError. Got {type(estimator).__name__}."
+        )
+    if plant.actuator is not None:
+        faults.add(
+            "`controller` acts on what is predicted, of a plant whose inputs do what they are told: leave out `actuator`."
+        )
+    for phase in plant.phases():
+        if hasattr(controller, "check_plant"):
+            controller.check_plant(phase, faults)

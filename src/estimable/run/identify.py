@@ -11,10 +11,10 @@ from ..data.record import UNIFORM, Record
 from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..frozen import frozen, replace
-from ..identifiers.validation import told, validated
-from ..results import Estimate, Fit, Outcome
+from ..identifiers.validation import stability_check, told, validated
+from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
-from .binding import bind, select
+from .binding import bind, select, takes_fates
 
 Records = Record | Sequence[Record]
 LONGEST = 100_000  # rows of which every one is kept
@@ -29,7 +29,8 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
 
     The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and
     the assumptions looked at, each with a sentence. `fit.undetermined` spans what the data tell nothing of. A recursive
-    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000).
+    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000). There is no
+    `validation` where inputs are of unknown fate, which `JointOutputError(..., arrival=)` takes.
 
     Raises `InputError` with every fault of the call.
 
@@ -125,14 +126,17 @@ def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
     method = method.for_channels(records[0].inputs, records[0].outputs)
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
-    model = method.fitted(θ, records[0].dt)
-    M = told(model, records)
-    free, printed = undetermined(M), getattr(method, "method", "") == "printed"
-    validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
+    model, validation, free = method.fitted(θ, records[0].dt), None, None
+    known = not (takes_fates(method) and any(np.isnan(one.applied()).any() for one in records))
+    if not model.is_stable:  # its response runs away, and tells nothing
+        validation = Validation((), np.full(model.p, np.nan), (stability_check(model),))
+    elif known:
+        M = told(model, records)
+        free, printed = undetermined(M), getattr(method, "method", "") == "printed"
+        validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
     return Fit(
-        model, θ, Σ, method.names.states, validation, estimate,
-        log_likelihood,
-        free if free.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
+        model, θ, Σ, method.names.states, validation, estimate, log_likelihood,
+        free if free is not None and free.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
     )  # fmt: skip
 
 

@@ -30,7 +30,8 @@ class Row:
 @frozen
 class LoopState:
     """The plant's state, what the estimator believes, what the controller and the links remember; `applied` (m,): the last
-    command of the actuators, `input`, `input_end`: what they do over the interval that follows."""
+    command of the actuators, `input`, `input_end`: what they do over the interval that follows. `last`: the outputs of the
+    last sample, completed, and 1 for those seen, for a controller that acts before a sample (else None)."""
 
     x: Any
     belief: Any
@@ -39,6 +40,7 @@ class LoopState:
     applied: Any
     input: Any
     input_end: Any
+    last: Any = None
 
 
 @frozen
@@ -64,18 +66,35 @@ class Loop:
         nothing = jnp.zeros(m)
         links = tuple(None if link is None else _begin(link, size) for link, size in
                       ((self.links.input, m), (self.links.output, self.plant.C.shape[-2])))  # fmt: skip
+        p = len(self.columns)
+        last = (jnp.zeros(p), jnp.zeros(p)) if self.acts_first else None
         return LoopState(
-            jnp.asarray(self.x0), self.estimator.init(prior), self.controller.init(), links, nothing, nothing, nothing
+            jnp.asarray(self.x0),
+            self.estimator.init(prior),
+            self.controller.init(),
+            links,
+            nothing,
+            nothing,
+            nothing,
+            last,
         )
 
+    @property
+    def acts_first(self) -> bool:
+        """Whether the controller acts on what is predicted, before the sample is measured."""
+        return self.controller.acts_on == "predicted"
+
     def correct(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
-        """Measure, learn, act, and let the plant move."""
+        """Measure, learn, act, and let the plant move; or act, measure, learn, where the controller does not wait."""
+        if self.acts_first:
+            return self._act_first(state, row)
         now = _phase(self.plant, row.phase)
         p, m = now.V.shape[0], now.B.shape[-1]
         n = len(state.x) - (0 if now.L is None else m)
         measured = apply(now.C, state.x) + apply(now.V, row.noise[:p])
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        belief, info = self._learn(state, measured, seen, row)
+        besides = None if row.begin is None else (row.begin, row.place)
+        belief, info = self._learn(state, measured, seen, jnp.zeros(m), besides)
         standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
         known = replace(info, extra={**(info.extra or {}), "input": standing})
         control, u, said = self.controller.act(state.control, known, row.reference)
@@ -91,16 +110,38 @@ class Loop:
         after = LoopState(x, belief, control, (carrier, sensors), applied, input, input_end)
         return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
 
+    def _act_first(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
+        """Act, measure, learn, and let the plant move."""
+        now = _phase(self.plant, row.phase)
+        p, m = now.V.shape[0], now.B.shape[-1]
+        believed, (completed, was_seen) = self.estimator.ahead(state.belief), state.last
+        known = replace(believed, extra={**believed.extra, "completed": completed, "seen": was_seen})
+        control, u, said = self.controller.act(state.control, known, row.reference)
+        arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
+        rest = state.applied if self.lost == "hold" else jnp.zeros(m)
+        applied = _within(now, jnp.where(came, arrived, rest), state.applied)
+        measured = apply(now.C, state.x) + apply(now.D, applied) + apply(now.V, row.noise[:p])
+        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        told = getattr(self.links.input, "acknowledged", True)
+        input = applied if told else u
+        belief, info = self._learn(state, measured, seen, input, None if told else jnp.full(m, jnp.nan))
+        x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
+        last = info.extra["completed"], jnp.where(entries(seen, list(self.columns)), 1.0, 0.0)
+        after = LoopState(x, belief, control, (carrier, sensors), applied, input, input, last)
+        told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
+                "state": state.x, "input": applied,
+                **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
+        return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
+
     def predict(self, state: LoopState, interval: Interval) -> LoopState:
         """What the estimator then expects, from what the actuators did."""
         seen = Interval(state.input, state.input_end, None, interval.dt)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
-    def _learn(self, state: LoopState, measured, seen, row: Row):
+    def _learn(self, state: LoopState, measured, seen, u, besides):
         columns = list(self.columns)
         y = jnp.where(seen, measured, 0.0)
-        besides = None if row.begin is None else (row.begin, row.place)
-        sample = Sample(entries(y, columns), entries(seen, columns), jnp.zeros(self.plant.B.shape[-1]), besides)
+        sample = Sample(entries(y, columns), entries(seen, columns), u, besides)
         return self.estimator.correct(state.belief, sample)
 
 

@@ -16,7 +16,7 @@ from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
-from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
+from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of, takes_fates
 from .quick import Quick
 
 
@@ -116,7 +116,10 @@ class Online:
         faults.finish()
         if quick is not None:
             return self._moved(quick.correct(y, applied)[0])
-        sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied)
+        fate = None
+        if takes_fates(self.algorithm):
+            fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
+        sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied, fate)
         state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
         self._settle(int(info.outcome))
@@ -203,6 +206,8 @@ class Online:
         if arrived is None or u is None:
             return u
         arrived = faults.array("arrived", arrived, "m", nan=True)
+        if takes_fates(self.algorithm):
+            return u
         if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
         return np.where(arrived == 1, u, self.progress.held if self.progress.lost == "hold" else 0.0)
@@ -239,6 +244,8 @@ class Online:
 
 def _quick(progress: Progress) -> Quick:
     """The run as machine code."""
+    if takes_fates(progress.algorithm):
+        checks.refuse('engine = "native" takes no inputs of unknown fate online. Use "auto" or "xla".')
     try:
         return Quick(progress)
     except UnsupportedError as reason:

@@ -1,0 +1,203 @@
+"""Follow a reference with a plant that is being identified."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..analysis.zeros import invariant_zeros
+from ..frozen import frozen, replace, set_field, static
+from ..kernels import tracking as kernel
+from ..kernels.auxiliary_model import stabilise
+from ..models.controlled import read_limits
+from ..models.state_space import StateSpace
+from ..results import Info, Names
+
+FEEDBACK = ("model", "filtered", "measured")
+LAWS = ("mirrored", "inverse")
+
+
+@frozen
+class Remembered:
+    """What the law remembers, (p, na) each: past outputs as measured, deviations from the model's with their covariances, and
+    δ; the largest reference so far, (p,)."""
+
+    measured: Any
+    deviation: Any
+    covariance: Any
+    offset: Any
+    largest: Any
+
+
+@frozen
+class Tracking:
+    """The input that brings the next output to its reference, by the parameters that an identifier believes now.
+
+    Model: A(z) x° = z^-delay B(z) u, y = x° + v, with A and B estimated; as many inputs as outputs (`size`). The input is
+    u[k] = (r[k] + Σ a_i x[k-i] - Σ b_i u[k-i]) / b0, so that the model's output is r; with `delay`, r[k] is reached at k + delay.
+    It acts before y[k] is measured, on an identifier that holds past outputs: `JointOutputError` (which starts and recovers
+    fast) or `RecursiveOutputError`.
+
+    Assumes that A is stable. `feedback` says which past outputs: "model", those of the identifier's model (the default: the
+    noise does not come back through the law, which reaches the least variance; nor are disturbances rejected);
+    "measured", y where it was seen, as the source prints it; "filtered", between them: the model's, and how the plant
+    deviates from it by a process noise of `noise_ratio` times the variance of v, by a Kalman filter. `law`: "inverse" cancels
+    the zeros of B, so that a plant with zeros outside the unit circle drives u away (refused by `close_loop`);
+    "mirrored" (the default, of one input) reflects those outside and keeps the static gain: the poles of the least-square law
+    of vanishing input weight, which accepts any zeros, and the same as "inverse" where all are inside. It also guards what
+    an estimate says for a while.
+
+    Settings: `na`, `nb`, `delay`, `size` as those of the identifier; `lower`: the smallest divisor |b0| that is believed, in
+    units of output over input (default 0; never below 1e-3 of Σ |b|, nor, in the mirrored law, half its standard deviation;
+    its sign is taken as estimated); `reach`: one input may be asked to move the output by this many times the largest
+    reference so far (default 3; without limit while the reference is zero); `limits` (2,): smallest and largest input
+    (default None).
+
+    Says `divisor` (p,), `minimum_phase` (p,) whether the estimated B has its zeros inside.
+
+    Cost: about 10 (na + nb) multiplications.
+
+    Reference: H. Fang (2009), (4.15) and Theorem 4.1; (4.15) feeds back z where (4.14) and the theorem mean x_b. The mirrored
+    law: K. J. Åström & B. Wittenmark, *Computer-Controlled Systems* (1997), §12.4.
+
+    >>> law = Tracking(1, 0)
+    >>> told = Info(mean=np.array([-0.5, 2.0]), covariance=np.zeros((2, 2)), extra={
+    ...     "past_outputs": np.array([[1.0]]), "past_inputs": np.zeros((1, 0)), "completed": np.zeros(1), "seen": np.ones(1)})
+    >>> law.act(law.init(), told, np.array([1.5]))[1].tolist()
+    [0.5]
+    """
+
+    na: int = static()
+    nb: int = static()
+    _: KW_ONLY
+    delay: int = static(default=0)
+    size: int = static(default=1)
+    feedback: str = static(default="model")
+    law: str = static(default="mirrored")
+    noise_ratio: Any = 0.01
+    lower: Any = 0.0
+    reach: Any = 3.0
+    limits: Any = None
+
+    acts_on = "predicted"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        for name, least in (("na", 0), ("nb", 0), ("delay", 0), ("size", 1)):
+            faults.whole(name, getattr(self, name), least)
+        faults.choice("feedback", self.feedback, FEEDBACK)
+        faults.choice("law", self.law, LAWS)
+        ratio = faults.number("noise_ratio", self.noise_ratio, lower=0.0)
+        lower = faults.number("lower", self.lower, lower=0.0)
+        reach = faults.number("reach", self.reach, above=0.0)
+        faults.learn("m", self.size, f"`size` is {self.size}")
+        limits = read_limits(self.limits, faults)
+        if self.law == "mirrored" and self.size != 1:
+            faults.add(
+                '`law` = "mirrored" is for one input and one output: with more give law="inverse", of plants whose zeros lie '
+                "inside the unit circle."
+            )
+        faults.finish()
+        set_field(self, noise_ratio=ratio, lower=lower, reach=reach, limits=limits)
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.size
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """What this asks of the identifier whose columns have these names."""
+        wanted = self.size * (self.na + self.size * (self.nb + 1))
+        if len(names.states) != wanted or len(names.outputs) != self.size:
+            faults.add(
+                f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} of "
+                f"{checks.counted(self.size, 'output')}. The estimator gives {len(names.states)} of {len(names.outputs)}: "
+                f"{checks.listed(names.states)}."
+            )
+
+    def check_plant(self, model: StateSpace, faults: checks.Faults) -> None:
+        """Whether the law can follow this plant."""
+        if self.law == "mirrored" or model.is_continuous:
+            return
+        zeros = invariant_zeros(model.A, model.B, model.C, model.D).values
+        outside = zeros[np.abs(zeros) > 1 + 1e-9]
+        if len(outside):
+            remedy = 'Give law="mirrored".' if self.size == 1 else "Choose other outputs or a slower step."
+            faults.add(
+                f'`law` = "inverse" cancels the zeros of the plant, and one lies at {outside[0]:.4g}, outside the unit '
+                f"circle: the input would grow without bound. {remedy}"
+            )
+
+    def init(self) -> Remembered:
+        """A plant at rest, and no reference yet."""
+        p, na = self.size, self.na
+        past = jnp.zeros((p, na))
+        return Remembered(past, past, jnp.zeros((p, na, na)), past, jnp.zeros(p))
+
+    def act(self, state: Remembered, estimate: Info, reference):
+        """The input (m,) for what is believed before the sample, and what was counted on."""
+        p, na, lags = self.size, self.na, self.nb + 1
+        θ = jnp.asarray(estimate.mean).reshape(p, na + p * lags)
+        a, b = θ[:, :na], θ[:, na:].reshape(p, p, lags)
+        u = jnp.asarray(estimate.extra["past_inputs"])
+        state, outputs = self._fed_back(state, estimate, a)
+        outputs = kernel.forecast(a, b, outputs, u, self.delay)
+        r = jnp.asarray(reference)
+        largest = jnp.maximum(state.largest, jnp.abs(r))
+        most = jnp.where(largest > 0, self.reach * largest, jnp.inf)
+        solve = self._one if p == 1 else self._several
+        command, offset, said = solve(state.offset, a, b, outputs, u[:, : self.nb], r, most, estimate)
+        return replace(state, offset=offset, largest=largest), command, said
+
+    def _fed_back(self, state: Remembered, estimate: Info, a):
+        """What is remembered after the last sample, and the past outputs (p, na) that count."""
+        modelled = jnp.asarray(estimate.extra["past_outputs"])
+        if self.feedback == "model" or self.na == 0:
+            return state, modelled
+        y, seen = (jnp.asarray(estimate.extra[name]) for name in ("completed", "seen"))
+        if self.feedback == "measured":
+            measured = jnp.concatenate([y[:, None], state.measured], axis=1)[:, : self.na]
+            return replace(state, measured=measured), measured
+        calm = jax.vmap(stabilise)(a)
+
+        def one(ε, P, a, e, seen):
+            return kernel.deviate(ε, P, a, e, seen, self.noise_ratio)
+
+        ε, P = jax.vmap(one)(state.deviation, state.covariance, calm, y - modelled[:, 0], seen)
+        return replace(state, deviation=ε, covariance=P), modelled + ε
+
+    def _one(self, δ, a, b, outputs, u, r, most, estimate: Info):
+        """One input and one output."""
+        a, b, δ = a[0], b[0, 0], δ[0]
+        P = jnp.asarray(estimate.covariance)[self.na :, self.na :]
+        numerator = (kernel.mirrored if self.law == "mirrored" else kernel.as_given)(b, P)
+        D = kernel.guarded(numerator.divisor, numerator.variance, b, self.lower)
+        b_used = numerator.coefficients
+        calm = stabilise(a)
+        moved = jnp.sum(b_used[1:] * u[0]) - jnp.sum(a * outputs[0]) - jnp.sum(calm * δ)
+        wanted = jnp.clip(r[0] - moved, -most[0], most[0])
+        command = jnp.where(D != 0, wanted / jnp.where(D != 0, D, 1.0), 0.0)
+        if self.limits is not None:
+            command = jnp.clip(command, self.limits[0][0], self.limits[1][0])
+        now = jnp.sum((b_used - b) * jnp.concatenate([command[None], u[0]])) - jnp.sum(calm * δ)
+        δ = jnp.concatenate([now[None], δ])[: self.na]
+        said = {"divisor": D[None], "minimum_phase": numerator.minimum_phase[None]}
+        return command[None], δ[None], said
+
+    def _several(self, δ, a, b, outputs, u, r, most, estimate: Info):
+        """As many inputs as outputs: b0 is a matrix."""
+        moved = jnp.sum(b[:, :, 1:] * u[None], axis=(1, 2)) - jnp.sum(a * outputs, axis=1)
+        wanted = jnp.clip(r - moved, -most, most)
+        first = b[:, :, 0]
+        size = jnp.sum(first * first)
+        command = kernel.least_squares(first, wanted, self.lower**2 + kernel.LEAST**2 * size)
+        if self.limits is not None:
+            command = jnp.clip(command, self.limits[0], self.limits[1])
+        return (
+            command,
+            δ,
+            {"divisor": jnp.sqrt(jnp.sum(first * first, axis=1)), "minimum_phase": jnp.ones(self.size, bool)},
+        )

@@ -1,0 +1,308 @@
+"""Outputs, parameters and inputs of unknown fate of an output-error model, as one Gaussian belief."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..data.record import LOST
+from ..frozen import frozen, replace, set_field, static
+from ..kernels import bilinear as kernel
+from ..kernels.small import factor, gram, triangularise
+from ..models.output_error import OutputError
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Names, Sample, outcome_code
+from . import orders
+from .channels import Channels
+
+WILD = 100.0  # times the largest that was seen of an output or expected of its inputs: how uncertain it may be
+
+
+@frozen
+class JointBelief:
+    """What is held, output by output: past outputs x° (p, nx), inputs of unknown fate (p, nv), θ (p, d), and a factor of the
+    covariance of all three (p, n, n).
+
+    `lags` (m, q) are the known inputs before this sample, `largest` (p,) the largest output so far.
+    """
+
+    outputs: Any
+    inputs: Any
+    parameters: Any
+    factor: Any
+    lags: Any
+    largest: Any
+
+
+@frozen
+class JointOutputError:
+    """The parameters of an output-error model and its outputs, as one belief: for data with gaps, fast starts and jumps.
+
+    Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
+    is their product, whose mean and variance are exact. So an estimate that is still wild is known to be wild, in
+    every direction, and nothing locks; no fading, no change of gradient.
+
+    Assumes a stable plant at rest before the first sample, orders and noise variance that are right, v white. The belief is
+    taken as Gaussian after every sample. With a noise variance that is too small it raises false alarms.
+
+    Settings: `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs` as in `RecursiveOutputError`. `alarm`: an
+    innovation of more than this many standard deviations (default 5) means that the plant jumped: then `jump` times the
+    prior's covariance is added to that of θ (default .1), and the past outputs are doubted by as much as the innovation.
+    For inputs whose fate nobody tells (UDP-like): `arrival`, the rate at which they arrive, one number or (m,) (default None:
+    every fate is known); then u is what was sent, it is estimated what came of it, and `lost` says what the actuator does
+    without ("zero" or "hold"). Of a fate that is known (`arrived` 0 or 1) nothing is guessed.
+
+    `Info.mean` is θ, `Info.extra["output"]` estimates x°[k] from y[0..k], `extra["completed"]` is y where it was seen, else
+    what was predicted; `extra["alarm"]` (p,). With `arrival`, `extra["applied"]` (p, m) is what the actuators probably did, as
+    each output tells it.
+
+    Cost: about n² (2 n + d) multiplications a sample and output, n = na + d (+ m (nb + delay + 1) with `arrival`).
+
+    Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses:
+    H. Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
+
+    >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
+    >>> record = simulate(plant, np.random.default_rng(1).normal(size=300), seed=1, output_link=BernoulliLink(0.5)).record
+    >>> fit = identify(JointOutputError(1, 0, noise_variance=0.01), record)
+    >>> bool(np.all(np.abs(fit.parameters - plant.parameters) < 4 * fit.sigma))
+    True
+    """
+
+    na: int = static()
+    nb: int = static()
+    _: KW_ONLY
+    delay: int = static(default=0)
+    noise_variance: Any
+    prior: Prior | None = None
+    alarm: Any = 5.0
+    jump: Any = 0.1
+    arrival: Any = None
+    lost: str = static(default="zero")
+    inputs: Any = static(default=None)
+    outputs: Any = static(default=None)
+
+    has_state_prior = False  # `prior` is a setting: the drivers take none
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        read = orders.read(self, faults)
+        alarm = faults.number("alarm", self.alarm, above=0.0)
+        jump = faults.number("jump", self.jump, lower=0.0)
+        faults.choice("lost", self.lost, LOST)
+        arrival = None if self.arrival is None else _read_arrival(self.arrival, faults)
+        faults.finish()
+        set_field(self, alarm=alarm, jump=jump, arrival=arrival, **read)
+        orders.check_prior(self)
+
+    @property
+    def model(self) -> Channels:
+        """The channels: all that is known of the model before there are data."""
+        return orders.channels(self)._replace(direct=self.delay == 0 or self.arrival is not None)
+
+    @property
+    def names(self) -> Names:
+        """Names of the parameters (as states), inputs and outputs."""
+        return orders.names(self)
+
+    @property
+    def takes_fates(self) -> bool:
+        """Whether it takes inputs of which nobody knows whether they arrived."""
+        return self.arrival is not None
+
+    def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> "JointOutputError":
+        """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
+        return JointOutputError(
+            self.na, self.nb, delay=self.delay, prior=self.prior, alarm=self.alarm, jump=self.jump, arrival=self.arrival,
+            lost=self.lost, **orders.for_channels(self, inputs, outputs),
+        )  # fmt: skip
+
+    def fitted(self, parameters: Any, dt: float) -> OutputError:
+        """The model of a parameter vector."""
+        return orders.fitted(self, parameters, dt)
+
+    def sampled(self, clock: Clock) -> "JointOutputError":
+        """The same: a sampled model has no other clock than its record's."""
+        return self
+
+    def at(self, k) -> "JointOutputError":
+        """The same at every row."""
+        return self
+
+    @property
+    def _sizes(self) -> tuple[int, int]:
+        """How many outputs, and inputs of unknown fate, the belief holds."""
+        return max(self.na, 1), 0 if self.arrival is None else self.model.m * (self.nb + self.delay + 1)
+
+    def init(self, prior: None) -> JointBelief:
+        """What is believed before the first sample; the plant is at rest."""
+        mean, P = orders.believed(self)
+        p, d = mean.shape
+        nx, nv = self._sizes
+        none = jnp.zeros((p, nx + nv, nx + nv + d))
+        factors = jnp.concatenate([jnp.zeros((p, d, nx + nv)), jax.vmap(factor)(P)], axis=2)
+        return JointBelief(
+            jnp.zeros((p, nx)), jnp.zeros((p, nv)), mean, jnp.concatenate([none, factors], axis=1),
+            jnp.zeros((self.model.m, self.nb + self.delay)), jnp.zeros(p),
+        )  # fmt: skip
+
+    def rested(self, state: JointBelief) -> JointBelief:
+        """What is believed when another record begins: the same of θ, and a plant at rest."""
+        nx, nv = self._sizes
+        Θ = state.factor[:, nx + nv :]
+        factors = jax.vmap(lambda one: triangularise(jnp.concatenate([jnp.zeros((nx + nv, one.shape[1])), one])))(Θ)
+        return replace(
+            state, outputs=jnp.zeros_like(state.outputs), inputs=jnp.zeros_like(state.inputs), factor=factors,
+            lags=jnp.zeros_like(state.lags),
+        )  # fmt: skip
+
+    def ahead(self, state: JointBelief) -> Info:
+        """What is believed before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
+        nx, nv = self._sizes
+        Θ = jax.vmap(gram)(state.factor[:, nx + nv :])
+        lags = state.lags
+        if nv:  # as the outputs tell it together: each has its own belief
+            lags = jnp.mean(state.inputs, axis=0).reshape(self.model.m, -1)[:, : self.nb + self.delay]
+        return Info(
+            mean=state.parameters.ravel(), covariance=orders.block_diagonal(Θ),
+            extra={"past_outputs": state.outputs[:, : self.na], "past_inputs": lags},
+        )  # fmt: skip
+
+    def correct(self, state: JointBelief, sample: Sample) -> tuple[JointBelief, Info]:
+        """Learn from one sample."""
+        _, P0 = orders.believed(self)
+        window = orders.window(state.lags, sample.u, self.delay)
+        fates = self._fates(sample)
+        jumped = jnp.sqrt(self.jump) * jax.vmap(factor)(P0)
+
+        def one(belief, y, seen, r, J):
+            return self._learn(belief, window, fates, y, seen, r, J)
+
+        after, told = jax.vmap(one)(
+            replace(state, lags=None), jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance),
+            jumped,
+        )  # fmt: skip
+        return replace(after, lags=state.lags), _informed(self, after, told, sample)
+
+    def _fates(self, sample: Sample):
+        """What was sent, and the probability that it came, (m,) each; None where every fate is known."""
+        if self.arrival is None:
+            return None
+        rate = jnp.broadcast_to(jnp.asarray(self.arrival), jnp.shape(sample.u))
+        if sample.arrived is None:
+            return jnp.asarray(sample.u), rate
+        arrived = jnp.asarray(sample.arrived)
+        return jnp.asarray(sample.u), jnp.where(arrived == arrived, arrived, rate)
+
+    def _learn(self, belief: JointBelief, window, fates, y, seen, r, J):
+        """One output: the belief after its datum, and what was told of it."""
+        nx, nv = self._sizes
+        v, Z = belief.inputs, belief.factor
+        X, V, Θ = Z[:nx], Z[nx : nx + nv], Z[nx + nv :]
+        if fates is not None:
+            v, V, noise = self._sent(v, V, *fates)
+            X, Θ = (jnp.concatenate([M, jnp.zeros((M.shape[0], noise.shape[1]))], axis=1) for M in (X, Θ))
+            V = jnp.concatenate([V, noise], axis=1)
+            window = orders.delayed(v, self.model.m, self.delay)
+        φ = jnp.concatenate([-belief.outputs[: self.na], window])
+        x, linear, rest = self._moments(belief.parameters, φ, Θ, X, V)
+        S, e = jnp.sum(linear * linear) + rest + r, y - x
+        alarmed = seen & (e * e > self.alarm**2 * S)
+        doubt = jnp.where(alarmed, jnp.sqrt(jnp.maximum(e * e - S, 0.0)), 0.0)
+        X, V, Θ = _widened(X, V, Θ, doubt * jnp.eye(nx), jnp.where(alarmed, J, 0.0))
+        x, linear, rest = self._moments(belief.parameters, φ, Θ, X, V)
+        largest = jnp.maximum(belief.largest, jnp.where(seen, jnp.abs(y), jnp.sqrt(r)))
+        largest = jnp.maximum(largest, _driven(belief.parameters, φ, Θ, self.na))
+        x, linear, rest = _tamed(x, linear, rest, WILD * largest)
+        rows = jnp.concatenate([linear[None], X[: nx - 1], V, Θ])
+        only_x = jnp.where(jnp.arange(rows.shape[0]) == 0, jnp.sqrt(rest), 0.0)
+        Z = triangularise(jnp.concatenate([rows, only_x[:, None]], axis=1))
+        m = jnp.concatenate([x[None], belief.outputs[: nx - 1], v, belief.parameters])
+        m_seen, Z_seen = kernel.observe(m, Z, y - x, r)
+        m, Z = jnp.where(seen, m_seen, m), jnp.where(seen, Z_seen, Z)
+        after = replace(
+            belief, outputs=m[:nx], inputs=m[nx : nx + nv], parameters=m[nx + nv :], factor=Z, largest=largest
+        )
+        return after, (e, S, jnp.where(seen, y, x), alarmed)
+
+    def _moments(self, θ, φ, Θ, X, V):
+        """Those of the product θ'φ; known inputs have no variance."""
+        if V.shape[0]:
+            inputs = orders.delayed(V, self.model.m, self.delay)
+            return kernel.product_moments(θ, φ, Θ, jnp.concatenate([-X[: self.na], inputs]))
+        x, linear, rest = kernel.product_moments(θ[: self.na], φ[: self.na], Θ[: self.na], -X[: self.na])
+        b, u = Θ[self.na :], φ[self.na :]
+        return x + jnp.sum(θ[self.na :] * u), linear + jnp.sum(u[:, None] * b, axis=0), rest
+
+    def _sent(self, v, V, u, probability):
+        """The inputs with what was sent just now, channel by channel, and the factor of what is not known of it."""
+        m = self.model.m
+        size = v.shape[0] // m
+        means, rows, noises = [], [], []
+        for j in range(m):
+            held = (v[j * size], V[j * size]) if self.lost == "hold" else (0.0 * v[0], 0.0 * V[0])
+            mean, row, variance = kernel.come(u[j], *held, probability[j])
+            kept = slice(j * size, (j + 1) * size - 1)
+            means += [mean[None], v[kept]]
+            rows += [row[None], V[kept]]
+            noise = jnp.where(jnp.arange(m) == j, jnp.sqrt(variance), 0.0)
+            noises += [noise[None], jnp.zeros((size - 1, m))]
+        return jnp.concatenate(means), jnp.concatenate(rows), jnp.concatenate(noises)
+
+    def predict(self, state: JointBelief, interval: Interval) -> JointBelief:
+        """Move to the next sample: the input joins those that are kept."""
+        kept = self.nb + self.delay
+        shifted = jnp.concatenate([jnp.asarray(interval.u)[:, None], state.lags], axis=1)[:, :kept]
+        return replace(state, lags=shifted)
+
+
+def _widened(X, V, Θ, doubt, J):
+    """Factors after a jump: of past outputs by `doubt`, of parameters by J."""
+    nx, d = X.shape[0], Θ.shape[0]
+    X = jnp.concatenate([X, doubt, jnp.zeros((nx, d))], axis=1)
+    V = jnp.concatenate([V, jnp.zeros((V.shape[0], nx + d))], axis=1)
+    return X, V, jnp.concatenate([Θ, jnp.zeros((d, nx)), J], axis=1)
+
+
+def _driven(θ, φ, Θ, na: int):
+    """The root mean square of what the inputs alone make of an output."""
+    b, u = θ[na:], φ[na:]
+    return jnp.sqrt(jnp.sum(b * u) ** 2 + jnp.sum(jnp.sum(u[:, None] * Θ[na:], axis=0) ** 2))
+
+
+def _tamed(x, linear, rest, most):
+    """An output of which nothing is known any more, as uncertain as `most`."""
+    sigma = jnp.sqrt(jnp.sum(linear * linear) + rest)
+    scale = jnp.where(sigma > most, most / jnp.where(sigma > 0, sigma, 1.0), 1.0)
+    return scale * x, scale * linear, scale * scale * rest
+
+
+def _informed(method: JointOutputError, state: JointBelief, told, sample: Sample) -> Info:
+    """What is said of all outputs together: independent noises leave their errors independent."""
+    e, S, completed, alarmed = told
+    p = state.parameters.shape[0]
+    nx, nv = method._sizes
+    seen = jnp.asarray(sample.seen)
+    extra = {"output": state.outputs[:, 0], "completed": completed, "alarm": alarmed}
+    if nv:
+        m = method.model.m
+        extra["applied"] = state.inputs.reshape(p, m, -1)[:, :, 0]
+    likelihood = -0.5 * jnp.sum(jnp.where(seen, jnp.log(2 * jnp.pi * S) + e * e / S, 0.0))
+    return Info(
+        mean=state.parameters.ravel(), covariance=orders.block_diagonal(jax.vmap(gram)(state.factor[:, nx + nv :])),
+        innovation=jnp.where(seen, e, jnp.nan), innovation_covariance=jnp.eye(p) * S[:, None], log_likelihood=likelihood,
+        outcome=outcome_code(jnp.asarray(False), state.parameters.ravel(), state.factor.reshape(-1, 1)), extra=extra,
+    )  # fmt: skip
+
+
+def _read_arrival(value: Any, faults: checks.Faults) -> Any:
+    """Arrival rates, one number or (m,), more than 0 and at most 1."""
+    if checks.is_traced(value):
+        return jnp.atleast_1d(value)
+    read = faults.array("arrival", np.atleast_1d(value), "channels")
+    if read is not None and np.any((read <= 0) | (read > 1)):
+        faults.add(f"`arrival` must be rates, more than 0 and at most 1. Got {checks.short(value)}.")
+    return read

@@ -1,0 +1,118 @@
+"""What recursive identifiers of output-error models share: orders, channels, and what is believed of θ at first."""
+
+from math import comb
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..models.output_error import OutputError, parameter_names, read_variance
+from ..models.prior import Prior
+from ..results import Names
+from .channels import Channels
+
+VAGUE = 1e6  # prior variance of an entry of b where none is given, in squared units of output over input
+
+
+def read(method: Any, faults: checks.Faults) -> dict[str, Any]:
+    """The noise variance and the names of the channels, checked with the orders and the prior."""
+    for name in ("na", "nb", "delay"):
+        faults.whole(name, getattr(method, name), 0)
+    inputs, outputs = _names(method.inputs, "inputs", faults), _names(method.outputs, "outputs", faults)
+    if outputs is not None:
+        faults.learn("p", len(outputs), f"`outputs` holds {checks.counted(len(outputs), 'name')}")
+    noise = _read_noise(method.noise_variance, faults)
+    if method.prior is not None and faults.instance("prior", method.prior, Prior) and method.prior.diffuse is not None:
+        faults.add("`prior` must not have diffuse directions: leave it out where nothing is known of the parameters.")
+    return {"noise_variance": noise, "inputs": inputs, "outputs": outputs}
+
+
+def check_prior(method: Any) -> None:
+    """The prior must be of θ; an `InputError` where it is not."""
+    wanted = len(method.names.states)
+    if method.prior is None or np.shape(method.prior.mean)[-1] == wanted:
+        return
+    known = channels(method)
+    of = f"{checks.counted(known.p, 'output')} and {checks.counted(known.m, 'input')}"
+    numbers = f"na = {method.na}, nb = {method.nb} with {of} have {checks.counted(wanted, 'parameter')}"
+    checks.refuse(f"`prior` must be of θ: {numbers}. Got {np.shape(method.prior.mean)[-1]}.")
+
+
+def channels(method: Any) -> Channels:
+    """The channels: those that are named, else one input, and an output for each noise variance."""
+    default = tuple(f"y{i + 1}" for i in range(np.shape(method.noise_variance)[-1]))
+    return Channels(method.inputs or ("u1",), method.outputs or default, method.delay == 0)
+
+
+def names(method: Any) -> Names:
+    """Names of the parameters (as states), inputs and outputs."""
+    known = channels(method)
+    return Names(parameter_names(method.na, method.nb, known.inputs, known.outputs), known.inputs, known.outputs)
+
+
+def for_channels(method: Any, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, Any]:
+    """The noise variance and the names for a record's channels, where the method has none of its own."""
+    outputs, noise = method.outputs or outputs, np.ravel(method.noise_variance)
+    noise = np.broadcast_to(noise, (len(outputs),)) if len(noise) == 1 else noise
+    return {"noise_variance": noise, "inputs": method.inputs or inputs, "outputs": outputs}
+
+
+def fitted(method: Any, parameters: Any, dt: float) -> OutputError:
+    """The model of a parameter vector."""
+    known = channels(method)
+    return OutputError.of_parameters(
+        parameters, na=method.na, nb=method.nb, delay=method.delay, noise_variance=method.noise_variance, dt=dt,
+        inputs=known.inputs, outputs=known.outputs,
+    )  # fmt: skip
+
+
+def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:
+    """Mean (p, d) and covariance (p, d, d) of the prior; of a, where `bounded`, no more than that A is stable."""
+    known = channels(method)
+    d = method.na + known.m * (method.nb + 1)
+    bounds = np.array([comb(method.na, i + 1) for i in range(method.na)] + [np.inf] * (d - method.na), float)
+    if method.prior is None:
+        variance = np.minimum(bounds**2, VAGUE)
+        return jnp.zeros((known.p, d)), jnp.broadcast_to(np.diag(variance), (known.p, d, d))
+    rows = [slice(i * d, (i + 1) * d) for i in range(known.p)]
+    P = jnp.concatenate([jnp.asarray(method.prior.covariance)[row, row][None] for row in rows])
+    mean = jnp.asarray(method.prior.mean).reshape(known.p, d)
+    if not bounded:
+        return mean, P
+    variance = jnp.sum(P * jnp.eye(d)[None], axis=2)
+    scale = jnp.where(
+        variance > bounds[None] ** 2, bounds[None] / jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 1.0
+    )
+    return mean, P * scale[:, :, None] * scale[:, None, :]
+
+
+def window(lags: Any, u: Any, delay: int) -> Any:
+    """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb], from those before (m, nb + delay) and u[k] (m,)."""
+    return jnp.concatenate([jnp.asarray(u)[:, None], lags], axis=1)[:, delay:].ravel()
+
+
+def delayed(values: Any, m: int, delay: int) -> Any:
+    """Of rows input by input, newest first, those that enter φ."""
+    size = values.shape[0] // m
+    return jnp.concatenate([values[j * size + delay : (j + 1) * size] for j in range(m)])
+
+
+def block_diagonal(blocks: Any) -> Any:
+    """The covariance (p d, p d) of all outputs' parameters, of one (p, d, d) each."""
+    p, d = blocks.shape[:2]
+    return (jnp.eye(p)[:, None, :, None] * blocks[:, :, None, :]).reshape(p * d, p * d)
+
+
+def _names(given: Any, argument: str, faults: checks.Faults) -> tuple[str, ...] | None:
+    return None if given is None else faults.names(argument, given, argument, argument[0])
+
+
+def _read_noise(value: Any, faults: checks.Faults) -> Any:
+    noise = read_variance("noise_variance", value, faults)
+    if noise is not None and not checks.is_traced(noise) and np.any(noise <= 0):
+        faults.add(
+            f"`noise_variance` must be greater than 0. Got {checks.short(value)}. For outputs without noise give a small one, "
+            "as 1e-6 of the mean square of y."
+        )
+    return noise
