@@ -84,7 +84,8 @@ ENTRIES = (
     ),
     Entry(
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
-        "the innovation covariance is right", ("unknown-gain", "kalman", "moving-window", *NONLINEAR), {"probability": 0.999},
+        "the innovation covariance is right",
+        ("unknown-gain", "kalman", "moving-window", "alpha-beta", "fixed-gain", *NONLINEAR), {"probability": 0.999},
     ),
     Entry(
         "alpha-beta", AlphaBeta, "filter", "Bass (2005); Kalata (1984)",

@@ -112,6 +112,8 @@ def test_constant_gains(run, tmp_path):
     assert run(*call, "alpha-beta", "--set", "alpha=kalata").code == 0
     fixed = run(*call, "fixed-gain", "--set", "filter=[[0.5], [0.15]]").json
     assert fixed["mean"]["speed"] == pytest.approx(1.315)
+    gated = run(*call, "gated", "--set", "algorithm=alpha-beta", "--set", "alpha=0.5", "--set", "beta=0.3").json
+    assert gated["mean"] == pytest.approx(said["mean"])
     bare = run(*call, "alpha-beta")
     assert bare.code == 2
     assert (

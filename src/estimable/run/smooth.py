@@ -83,9 +83,10 @@ def _check_call(algorithm: Any, lag: Any) -> None:
     if lag is not None:
         faults.whole("lag", lag, 0)
     if not isinstance(algorithm, type) and not (hasattr(algorithm, "instant") and hasattr(algorithm, "tell")):
+        hint = ": smooth what it wraps" if hasattr(algorithm, "algorithm") else ""
         faults.add(
             f"smooth needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
-            f"{type(algorithm).__name__} has none: smooth what it wraps."
+            f"{type(algorithm).__name__} has none{hint}."
         )
     forgetting = getattr(algorithm, "forgetting", 1.0)
     if forgetting != 1.0:
