@@ -46,6 +46,7 @@ class ExtendedKalman:
     walk_factor: Any = field(default=None, init=False)
 
     truncated = curved = False
+    between = "moments"
     expand = staticmethod(first_order)
 
     def __post_init__(self):

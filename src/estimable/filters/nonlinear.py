@@ -204,7 +204,7 @@ def predict(algorithm: Any, state: Belief, interval: Any) -> Belief:
     algorithm, b, expand = ready_of(algorithm), state, algorithm.expand
     ready, walk = algorithm.ready, walk_columns(algorithm, interval)
     if ready.continuous:
-        return flowed(ready, b, interval, walk, 2 if algorithm.curved else 1)
+        return (mapped if algorithm.between == "map" else flowed)(algorithm, b, interval, walk)
     L = triangularise(b.factor) if algorithm.curved else b.factor
     f = move_of(ready, interval)
     if ready.noise_input is None:
@@ -256,8 +256,9 @@ def augmented(ready: Any, b: Belief, interval: Any) -> tuple[Callable, Callable]
     return f, lambda z, t: padded(ready.noise(*split(z, n, ready.θ), interval.u), b)
 
 
-def flowed(ready: Any, b: Belief, interval: Any, walk: Any, order: int) -> Belief:
+def flowed(algorithm: Any, b: Belief, interval: Any, walk: Any) -> Belief:
     """The belief carried through time by the equations of its moments."""
+    ready, order = algorithm.ready, 2 if algorithm.curved else 1
     size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
     start = flow.Moments(b.mean, jnp.concatenate([L, b.diffuse], axis=1), jnp.zeros((size, size)))
     moments = flow.moment_derivative(*augmented(ready, b, interval), order, factor_columns=size)
@@ -265,3 +266,23 @@ def flowed(ready: Any, b: Belief, interval: Any, walk: Any, order: int) -> Belie
     Z = triangularise(jnp.concatenate([end.Y[:, :size], factor(end.N), walk], axis=1))
     mean = jnp.where(reached, end.m, jnp.nan)
     return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
+
+
+def mapped(algorithm: Any, b: Belief, interval: Any, walk: Any) -> Belief:
+    """The belief carried to the next sample by the expansion of the map from one sample to the next, as of a discrete model.
+
+    The noise that comes in meanwhile is carried by the tangents along the mean.
+    """
+    ready, size = algorithm.ready, b.mean.shape[0]
+    f, W = augmented(ready, b, interval)
+
+    def move(z):
+        return flow.integrate(lambda t, z: f(z, t), z, interval.dt, ready.substeps)[0]
+
+    L = triangularise(b.factor)
+    line = algorithm.expand(move, b.mean, L)
+    start = flow.Moments(b.mean, jnp.zeros((size, 0)), jnp.zeros((size, size)))
+    along, _ = flow.integrate(flow.moment_derivative(f, W, 1), start, interval.dt, ready.substeps)
+    c = line.mean - jnp.sum(line.slope * b.mean[None, :], axis=1)
+    noise = jnp.concatenate([factor(along.N), line.rest, walk], axis=1)
+    return Belief(*kalman.predict(b.mean, L, b.diffuse, None, None, line.slope, c, noise, b.size, b.log_scale))

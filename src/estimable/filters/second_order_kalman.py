@@ -10,6 +10,7 @@ from ..models.prior import Prior
 from . import nonlinear
 
 MOMENTS = ("gaussian", "bias_only", "truncated")
+BETWEEN = ("moments", "map")
 
 
 @frozen
@@ -26,7 +27,10 @@ class SecondOrderKalman:
     Settings: `model`, `parameters`, `walk`, `iterations` as in `ExtendedKalman` (beyond 1: h is expanded about the posterior,
     with its covariance); `moments`: "gaussian"; "bias_only" (the second-order mean with the first-order covariance);
     "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; it can stop being a covariance, and the run
-    then ends with outcome 4).
+    then ends with outcome 4); `between` samples of a continuous model: "moments" (the equations of Bass, Norum & Schwartz,
+    whose covariance is carried by the tangents), or "map": the map from one sample to the next is expanded as that of a
+    discrete model is, its curvature counted in the covariance too. That is better where samples are few, at the cost of
+    second derivatives through all `substeps`.
 
     Cost: that of `ExtendedKalman`, and n (n + 1) / 2 second derivatives of f and of h, with n counting estimated parameters.
 
@@ -45,6 +49,7 @@ class SecondOrderKalman:
     walk: Any = 0.0
     iterations: int = static(default=1)
     moments: str = static(default="gaussian")
+    between: str = static(default="moments")
     ready: Any = field(default=None, init=False)
     walk_factor: Any = field(default=None, init=False)
 
@@ -54,6 +59,15 @@ class SecondOrderKalman:
         faults = checks.Faults()
         faults.whole("iterations", self.iterations, 1)
         faults.choice("moments", self.moments, MOMENTS)
+        faults.choice("between", self.between, BETWEEN)
+        if (
+            self.between == "map"
+            and getattr(self.model, "is_continuous", False)
+            and not getattr(self.model, "substeps", 1)
+        ):
+            faults.add(
+                'between = "map" differentiates the path from one sample to the next: give the model `substeps`.'
+            )
         faults.finish()
         nonlinear.check(self)
 
