@@ -10,6 +10,7 @@ from pathlib import Path
 from .common import row
 from .equations import lyapunov, riccati
 from .filtering import bank, large, one_record, one_step
+from .nonlinear import nonlinear
 from .start import starts
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
@@ -28,6 +29,7 @@ def workloads(quick):
         *((solve, f"W7 {solve.__name__}, n={n}", n) for n in (4, 20, 100) for solve in (riccati, lyapunov)),
         (planned, "W8 10,000 closed loops of the F-16"),
         (starts, "W9 start"),
+        *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
     ]
 
 

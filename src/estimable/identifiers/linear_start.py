@@ -91,7 +91,8 @@ def matched(
 
     lags = compared_lags(linear, len(record))
     wanted = response(linear, lags, float(record.dt or 0.0), record.hold)
-    σ = accuracy * np.maximum(np.abs(wanted).max(axis=2, keepdims=True), 1e-3 * np.abs(wanted).max())
+    size = np.maximum(np.abs(wanted).max(axis=2, keepdims=True), 1e-3 * np.abs(wanted).max())
+    σ = accuracy * size * np.sqrt(len(lags))  # its errors are of a kind at all lags: they tell together what one would
     centre = model.parameters if prior is None else prior.mean
     scale = np.maximum(np.abs(centre), 1.0) if prior is None else np.sqrt(np.diagonal(prior.covariance))
     free = np.flatnonzero(scale > 0)
@@ -113,7 +114,7 @@ def matched(
     mean, covariance = centre.copy(), np.zeros((len(centre), len(centre)))
     mean[free] += scale[free] * found.x
     covariance[np.ix_(free, free)] = _inverse(J, scale[free], names)
-    misfit = float(np.sqrt(np.mean(residual(found.x)[: wanted.size] ** 2)) * accuracy)
+    misfit = float(np.sqrt(np.mean((residual(found.x)[: wanted.size].reshape(wanted.shape) * σ / size) ** 2)))
     told = (_response_check(misfit, accuracy), _rest_check(where["moves"], model.is_continuous))
     return Start(Prior(mean, covariance), linear, told)
 

@@ -1,0 +1,29 @@
+"""W10: the nonlinear filters beside the Kalman filter, at equal n and p; the first row is what the ratios are to."""
+
+import jax.numpy as jnp
+
+from estimable import ExtendedKalman, Kalman, NonlinearModel, SecondOrderKalman, UnscentedKalman, estimate
+
+from .common import best, problem, recorded, row
+
+FILTERS = {
+    "ExtendedKalman": ExtendedKalman,
+    "SecondOrderKalman": SecondOrderKalman,
+    "SecondOrderKalman, bias only": lambda model: SecondOrderKalman(model, moments="bias_only"),
+    "UnscentedKalman": UnscentedKalman,
+}
+
+
+def nonlinear(name, T, keep):
+    """n = 4, p = 2: a sine in f and a product in h, which every state and output has."""
+    linear, prior = problem(4, 2)
+    A, C = jnp.asarray(linear.A), jnp.asarray(linear.C)
+    model = NonlinearModel(
+        lambda x, u, θ: A @ x + 0.01 * jnp.sin(x), lambda x, u, θ: C @ x + 0.01 * jnp.cos(x[:2]) * x[2:], Q=linear.Q, R=linear.R,
+        dt=1,
+    )  # fmt: skip
+    record = recorded(linear, prior, T)
+    algorithms = {"Kalman": Kalman(linear)} | {n: make(model) for n, make in FILTERS.items()}
+    for contender, algorithm in algorithms.items():
+        seconds, first, result = best(lambda a=algorithm: estimate(a, record, prior=prior, keep=keep))
+        yield row(name, f"{contender}, {result.engine}", seconds, first)
