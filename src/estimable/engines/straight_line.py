@@ -75,13 +75,16 @@ FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce
          "reduce_or": "or"}  # fmt: skip
 
 
-def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any] | None = None) -> Program:
+def lower(
+    function: Callable, *arguments: Any, known: dict[tuple[int, int], Any] | None = None, most: int = MOST
+) -> Program:
     """The straight line of `function` at arguments of these shapes. Raises `UnsupportedError`.
 
     `known`: the values of input entries (array, entry) that are always the same, as the zeros of a triangular matrix.
+    `most`: the operations that it may have.
     """
     closed = jax.make_jaxpr(function)(*arguments)
-    line = _Line(known or {})
+    line = _Line(known or {}, most)
     names = [line.inputs(i, v.aval) for i, v in enumerate(closed.jaxpr.invars)]
     outputs = line.run(closed.jaxpr, closed.consts, names)
     return line.program(names, outputs)
@@ -90,8 +93,8 @@ def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any]
 class _Line:
     """The operations so far, each one once."""
 
-    def __init__(self, known: dict[tuple[int, int], Any]):
-        self.known = known
+    def __init__(self, known: dict[tuple[int, int], Any], most: int):
+        self.known, self.most = known, most
         self.operations: list[Operation] = []
         self.found: dict[tuple, int] = {}
 
@@ -100,8 +103,8 @@ class _Line:
         value = operation.value
         key = (operation.name, operation.arguments, repr(value), type(value))
         if key not in self.found:
-            if len(self.operations) >= MOST:
-                raise UnsupportedError(f"more than {MOST:,} operations")
+            if len(self.operations) >= self.most:
+                raise UnsupportedError(f"more than {self.most:,} operations")
             self.found[key] = len(self.operations)
             self.operations.append(operation)
         return self.found[key]
@@ -139,7 +142,7 @@ class _Line:
             if self.value(second) is not None:  # chosen after, not before: the choice is made while the division runs
                 branches = (self.scalar(name, *arguments[:-1], branch) for branch in (first, second))
                 return self.scalar("select", condition, *branches)
-        simpler = _simplify(name, arguments, values)
+        simpler = simplify(name, arguments, values)
         if simpler is not None:
             return simpler if isinstance(simpler, int) else self.add(Operation("constant", (), simpler[0]))
         return self.add(Operation(name, tuple(sorted(arguments)) if name in COMMUTE else arguments))
@@ -203,7 +206,7 @@ ABSORBING = {"mul": 0.0, "and": False, "or": True}  # 0 x is 0: a structural zer
 NEUTRAL_RIGHT = {"sub": 0.0, "div": 1.0}
 
 
-def _simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple | None:
+def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple | None:
     """A name that stands for the operation, or (constant,), or None."""
     if name in NEUTRAL:
         for known, other in ((values[0], arguments[1]), (values[1], arguments[0])):

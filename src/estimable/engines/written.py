@@ -7,7 +7,10 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from .lasting import lasting
 from .straight_line import Program, UnsupportedError, lower
+
+OPEN = 200_000  # operations of a step before it is known what of its state is constant
 
 
 class Carried(NamedTuple):
@@ -119,6 +122,8 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any) -> Written:
     counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
     fixed, states = counts[0] + counts[1], counts[2]
     known = _constants(start, fixed)
+    if known:
+        known = lasting(known, lower(step, *parts, most=OPEN), fixed)
     row = lower(step, *parts, known=known)
     while len(kept := _still_known(known, row, fixed, states)) < len(known):
         known = kept
