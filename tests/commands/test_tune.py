@@ -94,3 +94,13 @@ def test_what_is_wrong_is_said(run, tmp_path):
 
 def test_weights_are_read():
     assert read_weights(["rho=1", "control = 2"]) == {"rho": 1.0, "control": 2.0}
+
+
+def test_samples_slower_than_the_plant(run):
+    """A step of 10 s, by which the plant is at rest: the best loop lets it be, and its poles have no logarithm."""
+    said = run("tune", "model.toml", "--dt", "10", *FEW, "--json").json
+    assert said["chosen"]["margin"]["rho"] > 0.99
+    people = run("tune", "model.toml", "--dt", "10", *FEW, "--report", "slow.html").stdout
+    assert said["chosen"]["bandwidth_rad_s"] is None
+    assert "faster than samples show" in people
+    assert "none" in people

@@ -115,8 +115,11 @@ def sentences(run: Tuned) -> tuple[str, ...]:
     """The choice, in words."""
     found, i = run.found, run.found.chosen
     counted_by = " and ".join(f"{name} ({weight:g})" for name, weight in found.weights.items())
+    known = np.isfinite(found.bandwidth[i])
     slow = (
-        f"a bandwidth of {found.bandwidth[i]:.3g} rad/s" if np.isfinite(found.bandwidth[i]) else "beyond any bandwidth"
+        f"a bandwidth of {found.bandwidth[i]:.3g} rad/s"
+        if known
+        else "faster than samples show (a pole at or below zero)"
     )
     margin = found.margin
     return (
@@ -205,8 +208,12 @@ def _table(found: RhoSynthesis) -> Any:
         table.add_column(heading, justify="right", style="bold" if heading == "chosen" else None)
     for name, best in found.optima.items():
         value = float(_values(found, name)[found.chosen])
-        table.add_row(name, f"{best.value:.3g}", f"{best.bandwidth:.3g}", f"{value:.3g}")
+        table.add_row(name, f"{best.value:.3g}", _speed(best.bandwidth), f"{value:.3g}")
     return table
+
+
+def _speed(bandwidth: float) -> str:
+    return f"{bandwidth:.3g}" if np.isfinite(bandwidth) else "none"
 
 
 def _gains(found: RhoSynthesis) -> list[str]:

@@ -156,5 +156,5 @@ def default_eta(model: StateSpace, number: int = NUMBER) -> Any:
     speeds = np.abs(z)
     speeds = speeds[speeds > 1e-6 * (speeds.max(initial=0.0) or 1.0)]
     middle = float(np.exp(np.log(speeds).mean())) if len(speeds) else (1.0 if model.is_continuous else 0.1 / model.dt)
-    top = TOP * middle if model.is_continuous else min(TOP * middle, FASTEST / model.dt)
+    top = TOP * middle if model.is_continuous else min(TOP * middle, max(FASTEST / model.dt, 3 * middle))
     return np.geomspace(min(SLOWEST * middle, top / 100), top, number)

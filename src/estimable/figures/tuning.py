@@ -33,6 +33,15 @@ CHOSEN, INK = "#1A1A1A", "#222222"
 MOST = 10.0  # times worse than its best: what is shown at first
 
 
+def speed(bandwidth: float) -> str:
+    """A bandwidth in words.
+
+    >>> speed(4.5912), speed(float("inf"))
+    ('4.59 rad/s', 'no bandwidth')
+    """
+    return f"{bandwidth:.3g} rad/s" if np.isfinite(bandwidth) else "no bandwidth"
+
+
 def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
     """Of each criterion: name, words, colour, dash, values, and how many times worse than its best they are; the composite
     last, where it is of more than one. `external` is left out: relative to its best, it is `rho`."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..design.loop_criteria import BEST
-from ..figures.tuning import CHOSEN, INK, KINDS, MOST, WORDS, series
+from ..figures.tuning import CHOSEN, INK, KINDS, MOST, WORDS, series, speed
 from .assumptions import matrix_text, model_items
 from .charts import packed
 from .contents import Chart, Fact, Key, Report, Section, Verdict
@@ -33,7 +33,7 @@ def tuning_report(
 
 def _facts(found: Any) -> Any:
     i = found.chosen
-    yield Fact("Chosen bandwidth", f"{found.bandwidth[i]:.3g} rad/s", f"eta {found.eta[i]:.3g} per second")
+    yield Fact("Chosen bandwidth", speed(found.bandwidth[i]), f"eta {found.eta[i]:.3g} per second")
     yield Fact(
         "Margin rho", f"{found.margin.margin:.3g}", f"at most {found.criteria['rho'].max():.3g}, at {_at(found, 'rho')}"
     )
@@ -46,7 +46,7 @@ def _facts(found: Any) -> Any:
 
 
 def _at(found: Any, name: str) -> str:
-    return f"{found.optima[name].bandwidth:.3g} rad/s"
+    return speed(found.optima[name].bandwidth)
 
 
 def _relative(found: Any, rows: Any) -> Chart:
@@ -75,7 +75,7 @@ def _own(found: Any, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
         traces.append({"y": packed(values[rows]), **how, "hovertemplate": "%{y:.4g}"})
         traces.append(_mark(found, name, values, colour))
         best = found.optima[name]
-        keys.append(Key(f"{WORDS[name][0]}: {BEST[name]} {best.value:.3g} at {best.bandwidth:.3g} rad/s", colour, dash))
+        keys.append(Key(f"{WORDS[name][0]}: {BEST[name]} {best.value:.3g} at {speed(best.bandwidth)}", colour, dash))
     unit = WORDS[names[0]][1]
     layout = {
         "yaxis": {
