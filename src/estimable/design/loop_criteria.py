@@ -19,6 +19,7 @@ BEST = {
     "magnification": "smallest",
 }  # fmt: skip
 CRITERIA = tuple(BEST)
+ROOM = 4_000_000  # numbers, of the powers of all loops that are followed together
 RESONANCE = 1e-6  # relative, to which a peak is searched
 
 
@@ -37,8 +38,7 @@ def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[d
     """Every criterion of every loop, and of which noise `dispersion` and `control` are."""
     continuous, both = model.is_continuous, np.tile(scaling, 2)
     A = loops * (both / both[:, None])
-    course = kernel.courses(A, continuous)
-    ρ = kernel.margins(A, course, continuous)
+    settled, ρ, total, rows = _over_time(A, continuous)
     away = A if continuous else np.eye(A.shape[1]) - A
     static = 1 / np.linalg.svd(away, compute_uv=False)[:, -1]
     peak = 1 / np.array([nearest_instability(loop, continuous, RESONANCE)[0] for loop in A])
@@ -46,10 +46,21 @@ def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[d
     dispersion, control, noise = _stochastic(model, gains, loops, both)
     step = 1.0 if continuous else model.dt
     found = (
-        kernel.settling(course) * step, ρ, 1 / course.total, 1 / ρ, course.rows.max(axis=1), dispersion, control, static, peak,
+        settled * step, ρ, 1 / total, 1 / ρ, rows.max(axis=1), dispersion, control, static, peak,
         peak / static,
     )  # fmt: skip
     return dict(zip(CRITERIA, found, strict=True)), noise
+
+
+def _over_time(A: Any, continuous: bool) -> tuple[Any, ...]:
+    """Settling, ρ, the integral of the norm and those of the rows' norms, of so many loops at a time as the memory likes."""
+    size = max(1, ROOM // (kernel.LEVELS * A.shape[1] ** 2))
+    parts = []
+    for i in range(0, len(A), size):
+        some = A[i : i + size]
+        course = kernel.courses(some, continuous)
+        parts.append((kernel.settling(course), kernel.margins(some, course, continuous), course.total, course.rows))
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
 def _stochastic(model: StateSpace, gains: Any, loops: Any, both: Any) -> tuple[Any, Any, str]:
