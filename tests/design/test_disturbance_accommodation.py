@@ -160,6 +160,16 @@ def test_names_that_the_plant_has_are_left_to_it():
     assert design(taken, "constant", "absorption").model.states == ("z1", "speed", "disturbance1")
 
 
+def test_units_of_the_states_decide_nothing():
+    """Place in nanometres: what was outside the range of the input is so still, and what was inside too."""
+    T = np.diag([1e9, 1.0])
+    small = SPRING.in_basis(T)
+    assert not disturbance_accommodation(small, FORMS["ramp"], through=T @ SPRING.B, **WEIGHTS).left.any()
+    for model, F in ((small, T @ [[1e-9], [0.3]]), (SPRING, [[1e-9], [0.3]])):
+        with pytest.raises(AssumptionError, match="cannot be absorbed"):
+            disturbance_accommodation(model, FORMS["constant"], through=F, **WEIGHTS)
+
+
 def test_what_cannot_be_done():
     with pytest.raises(AssumptionError, match=r"cannot be absorbed: 95\.8 % of its effect is outside the range of `B`"):
         design(SPRING, "constant", "absorption", through=[[1.0], [0.3]])
@@ -171,6 +181,10 @@ def test_what_cannot_be_done():
         design(free, "constant", "absorption")
     with pytest.raises(AssumptionError, match="let all that lasts of the disturbance change, by `walk` > 0"):
         design(SPRING, "constant", "absorption", walk=0.0)
+    single = StateSpace([[-1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], dt=0)
+    pole = lqr_gain(single, [[3.0]], [[1.0]]).poles[0].real
+    with pytest.raises(AssumptionError, match="has the form of the loop's own motion"):
+        disturbance_accommodation(single, Waveform([[pole]], [[1.0]]), through=[[1.0]], L=[[3.0]], M=[[1.0]])
     growing = Waveform([[5.0]], [[1.0]])
     with pytest.raises(AssumptionError, match="grows faster than the loop forgets"):
         disturbance_accommodation(SPRING, growing, through=SPRING.B, mode="utilisation", **WEIGHTS)

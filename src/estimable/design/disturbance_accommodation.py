@@ -19,6 +19,7 @@ from .gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
 from .waveforms import Waveform
 
 MODES = ("absorption", "minimisation", "utilisation")
+SAME = 1e-12  # of the fastest: how near two eigenvalues are one
 OUTSIDE = 1e-9  # of F H: what may be left outside the range of B and still be rounding
 
 
@@ -224,8 +225,10 @@ def _check_told(model: StateSpace, plan: _Plan) -> None:
 
 def _absorbing(model: StateSpace, plan: _Plan) -> Any:
     """K_z with B K_z = F H."""
-    K_z = np.linalg.lstsq(model.B, plan.FH, rcond=None)[0]
-    outside = np.linalg.norm(plan.FH - model.B @ K_z) / np.linalg.norm(plan.FH) if plan.FH.any() else 0.0
+    size = np.abs(np.hstack([model.B, plan.FH])).max(axis=1, keepdims=True)  # the units of the states are of no account
+    B, FH = (M / np.where(size > 0, size, 1.0) for M in (model.B, plan.FH))
+    K_z = np.linalg.lstsq(B, FH, rcond=None)[0]
+    outside = np.linalg.norm(FH - B @ K_z) / np.linalg.norm(FH) if FH.any() else 0.0
     if outside > OUTSIDE:
         raise AssumptionError(
             f"the disturbance cannot be absorbed: {100 * outside:.3g} % of its effect is outside the range of `B`, where no "
@@ -238,7 +241,8 @@ def _steady(A: Any, plan: _Plan, E: Any) -> Any:
     """Π of Π D = A Π + E: the state x = Π z that goes with a z that enters by E."""
     n, q = E.shape
     T = np.kron(plan.D.T, np.eye(n)) - np.kron(np.eye(q), A)
-    if np.linalg.cond(T) > 1e13:
+    z, w = np.linalg.eigvals(A), np.linalg.eigvals(plan.D)
+    if np.abs(z[:, None] - w).min() < SAME * max(np.abs(z).max(), np.abs(w).max()):
         raise AssumptionError("the disturbance has the form of the loop's own motion: choose other weights `L`, `M`.")
     return np.linalg.solve(T, E.T.ravel()).reshape(q, n).T
 
