@@ -9,6 +9,7 @@ from ..filters.change_detection import ChangeDetection
 from ..filters.kalman import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..models.prior import Prior
+from ..models.state_space import StateSpace
 from ..run.close_loop import ClosedLoop, ClosedLoopBank, close_loop
 from ..run.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
@@ -71,12 +72,27 @@ def fly(gain_after: float, *, runs: int, seed: int, input_link: Any = None, outp
 
 def cases(gain_after: float, *, input_link: Any = None, output_link: Any = None) -> dict[str, LoopCase]:
     """The loops of `fly`, "fixed" and "adaptive", for `monte_carlo_loops`."""
-    watched = ChangeDetection(UnknownGain(f16.short_period(), Prior([1.0], [[0.0]])), jump=JUMP)
+    watched = detector(f16.short_period())
     plant = f16.controlled(gain_after, failure_time=FAILURE)
     return {
-        name: LoopCase(plant, law, watched, input_link=input_link, output_link=output_link, lost="hold", **_given())
-        for name, law in (("fixed", f16.law()), ("adaptive", GainReconfiguration(f16.law())))
+        name: case(plant, law, watched, input_link=input_link, output_link=output_link)
+        for name, law in (("fixed", f16.law()), ("adaptive", reconfigured()))
     }
+
+
+def detector(model: StateSpace, *, persistence: float = 15.0) -> ChangeDetection:
+    """What believes in a gain of 1 until it fails."""
+    return ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=JUMP, persistence=persistence)
+
+
+def reconfigured() -> GainReconfiguration:
+    """The law that is told how much of the elevator's effect is left."""
+    return GainReconfiguration(f16.law())
+
+
+def case(plant: Any, law: Any, estimator: Any, *, input_link: Any = None, output_link: Any = None) -> LoopCase:
+    """A loop along the doublets, from rest; what is lost on the way to the actuator leaves it where it was."""
+    return LoopCase(plant, law, estimator, input_link=input_link, output_link=output_link, lost="hold", **_given())
 
 
 def study(

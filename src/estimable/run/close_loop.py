@@ -16,7 +16,7 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Kept, Names, Outcome
-from . import window_loop
+from . import python_loop, window_loop
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
 from .loop import Loop, Row
 from .transmit import Links, check_links
@@ -90,7 +90,8 @@ def close_loop(
     (`ControlledPlant(actuator=...)`) the estimator takes that, else the command that arrived, which the link must acknowledge
     (but to an identifier that takes inputs of unknown fate).
 
-    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told; `dt` in seconds, of a continuous one; `start`
+    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told, or a simulator that says `traceable = False`, as
+    `plants.JsbsimF16`, whose loop is run in Python; `dt` in seconds, of a continuous one; `start`
     (n,): its state at first (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's,
     its outputs are matched by name. `input_link`, `output_link`, `lost` as in `simulate`; outputs that come late are
     not used. `seed`: of the noises and links. `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
@@ -122,9 +123,11 @@ def close_loop_bank(
     """
     if isinstance(plant, StateSpace | OutputError):
         plant = ControlledPlant(plant)
+    links, simulator = Links(input_link, output_link), None
+    if not getattr(plant, "traceable", True):
+        plant, simulator = plant.linear, plant
     if hasattr(estimator, "for_channels") and isinstance(plant, ControlledPlant) and not isinstance(estimator, type):
         estimator = estimator.for_channels(plant.model.inputs, plant.model.outputs)
-    links = Links(input_link, output_link)
     reference, step = _check_call(plant, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
@@ -136,7 +139,10 @@ def close_loop_bank(
     t = np.arange(T) * step
     rows = _rows(loop, plant.phase_rows(t), reference, seed, first + np.arange(runs))
     intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
-    used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
+    if simulator is not None:
+        used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
+    else:
+        used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     for i, outcome in enumerate(outcomes):

@@ -44,6 +44,18 @@ class LoopState:
 
 
 @frozen
+class Decided:
+    """What came of a sample before the plant moved: what is believed, what controller and links remember, what was applied."""
+
+    belief: Any
+    control: Any
+    links: Any
+    applied: Any
+    info: Info
+    told: Any
+
+
+@frozen
 class Loop:
     """A plant, an estimator and a controller, in a ring. `columns`: the plant's outputs that the estimator takes."""
 
@@ -89,26 +101,39 @@ class Loop:
         if self.acts_first:
             return self._act_first(state, row)
         now = _phase(self.plant, row.phase)
-        p, m = now.V.shape[0], now.B.shape[-1]
-        n = len(state.x) - (0 if now.L is None else m)
+        p = now.V.shape[0]
         measured = apply(now.C, state.x) + apply(now.V, row.noise[:p])
+        standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
+        decided = self.decide(state, measured, standing, row)
+        x = apply(now.A, state.x) + apply(now.B, decided.applied) + apply(now.W, row.noise[p:])
+        end = decided.applied if now.L is None else apply(jnp.asarray(now.L), x)
+        return self.go_on(state, decided, x, decided.applied if now.L is None else standing, end)
+
+    def decide(self, state: LoopState, measured, standing, row: Row) -> Decided:
+        """Learn from what comes of the outputs, act, and see what comes of the command."""
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
         besides = None if row.begin is None else (row.begin, row.place)
-        belief, info = self._learn(state, measured, seen, jnp.zeros(m), besides)
-        standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
+        belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), besides)
         known = replace(info, extra={**(info.extra or {}), "input": standing})
         control, u, said = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
-        rest = state.applied if self.lost == "hold" else jnp.zeros(m)
-        applied = _within(now, jnp.where(came, arrived, rest), standing)
-        x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
-        input, input_end = (applied, applied) if now.L is None else (standing, apply(jnp.asarray(now.L), x))
+        rest = state.applied if self.lost == "hold" else jnp.zeros(u.shape)
+        applied = _within(self.plant, jnp.where(came, arrived, rest), standing)
         told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
-                "state": state.x[:n], "input": input,
-                "interval": Interval(input, input_end, None, self.dt),
                 **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
-        after = LoopState(x, belief, control, (carrier, sensors), applied, input, input_end)
-        return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
+        return Decided(belief, control, (carrier, sensors), applied, info, told)
+
+    def go_on(self, state: LoopState, decided: Decided, x, input, input_end) -> tuple[LoopState, Info]:
+        """The state of the loop when the plant has moved to x, and all that is told of the sample."""
+        n = len(x) - (0 if self.plant.L is None else self.plant.B.shape[-1])
+        told = {
+            **decided.told,
+            "state": state.x[:n],
+            "input": input,
+            "interval": Interval(input, input_end, None, self.dt),
+        }
+        after = LoopState(x, decided.belief, decided.control, decided.links, decided.applied, input, input_end)
+        return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": told})
 
     def _act_first(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
         """Act, measure, learn, and let the plant move."""

@@ -1,11 +1,10 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import adapted, expanding, fixed_law, sampling, tables, window
+from . import adapted, expanding, fixed_law, many_draws, sampling, tables, window
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
-LOOP = "not yet: its fixed law is not flown over draws"
 K1 = (0.8, 0.6, 0.4, 0.2, 0.1)
 
 
@@ -25,12 +24,14 @@ ENTRIES = (
     _done("table-5", "Time to come within 20 % of the gain, moving window", window.table_5),
     _not_yet("fig-1", "Flight control system", DRAWING),
     _not_yet("fig-2", "Longitudinal parameters of an aircraft", DRAWING),
-    _not_yet("fig-3", "Pitch rate without alpha feedback, proportional law", LOOP),
-    _not_yet("fig-4", "Pitch rate with alpha feedback, proportional law", LOOP),
-    _not_yet("fig-5", "Pitch rate without alpha feedback, PI law", LOOP),
-    _not_yet("fig-6", "Pitch rate with alpha feedback, PI law", LOOP),
     *(
-        _not_yet(f"fig-{i}", f"{what} under a fixed law, K = 0.8, sensor sigma {sigma} deg", LOOP)
+        _done(f"fig-{i}", f"Pitch rate with{'' if alpha else 'out'} alpha feedback, {law} law",
+              many_draws.fixed_law(integral=law == "PI", alpha=alpha))
+        for i, alpha, law in ((3, False, "proportional"), (4, True, "proportional"), (5, False, "PI"), (6, True, "PI"))
+    ),
+    *(
+        _done(f"fig-{i}", f"{what} under a fixed law, K = 0.8, sigma of alpha {sigma} deg",
+              many_draws.fixed_law(integral=True, gain=0.8, noise={"sigma_alpha": sigma, "sigma_q": many_draws.SIGMA_Q}))
         for i, what, sigma in (
             (7, "Alpha", 0.03), (8, "Alpha", 0.3), (9, "Pitch rate", 0.03), (10, "Pitch rate", 0.3),
         )
@@ -70,4 +71,5 @@ ENTRIES = (
     _done("fig-45", "Pitch rate with bounded adaptation at 40 dB, K1 = 0.2", adapted.adapted(40.0, bounded=True)),
     _done("fig-46", "Pitch rate with adaptation at 53.286 dB, K1 = 0.2", adapted.adapted(53.286, bounded=False)),
     _done("fig-47", "Pitch rate with bounded adaptation at 60 dB, K1 = 0.2", adapted.adapted(60.0, bounded=True)),
+    _done("section-6-3", "Bands over draws: other failures, gusts", many_draws.bands),
 )  # fmt: skip

@@ -1,0 +1,206 @@
+"""The nonlinear F-16 of the flight simulator JSBSim, with an elevator that loses part of its effect.
+
+JSBSim and its aircraft come with the extra `flight`. The aircraft is read from there and changed in a temporary folder: the
+elevator that the air sees becomes r + K (δ - r), with K the effect that is left and r the deflection about which it is lost.
+"""
+
+import contextlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..models.controlled import ControlledPlant
+from ..models.state_space import StateSpace
+from . import f16
+
+AIRCRAFT, ELEVATOR = "f16", "estimable/elevator-rad"
+FULL = np.degrees(0.436)  # [deg]: the elevator at a command of -1 or 1
+MOST = (-FULL, 0.44 * FULL)  # [deg], within which commands are followed
+STEPS_A_SECOND = 200  # of the simulator, at least
+NUDGE = 0.05  # [deg], [deg/s]: the steps of the linearisation
+COLUMN = '<independentVar lookup="column">{}</independentVar>'
+PLACE = '<summer name="fcs/dht-left-pos-rad">'  # the first that reads the elevator's position, once that is known
+HEAD = '<flight_control name="F-16 FC">'
+SEEN_BY_THE_AIR = f"""<fcs_function name="estimable/effective"><function><sum>
+ <property>estimable/about-rad</property> <property>estimable/nudge-rad</property>
+ <product><property>estimable/effect</property>
+  <difference><property>fcs/elevator-pos-rad</property><property>estimable/about-rad</property></difference></product>
+</sum></function><output>{ELEVATOR}</output></fcs_function>
+"""
+PROPERTIES = {"estimable/effect": 1.0, "estimable/about-rad": 0.0, "estimable/nudge-rad": 0.0, ELEVATOR: 0.0}
+
+
+class JsbsimF16:
+    """The F-16 of JSBSim at a trimmed, level flight, for `close_loop`; all six degrees of freedom fly.
+
+    Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim; the elevator
+    follows its command by 20 / (s + 20), its flight control computer is overridden. `model` is linearised at the trim, `linear` that
+    model behind its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about its trimmed
+    position (`about="trim"`), or of the whole deflection (`about="zero"`), so that the loss upsets the trim too.
+
+    Needs the extra `flight`. The simulator is no part of the law: numbers change with its version, by little.
+
+    Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: of the sensors; `Q` (2, 2): the density that stands for what the
+    linear model leaves out (default 1e-3, .1: measured on this aircraft).
+    """
+
+    traceable = False
+
+    def __init__(
+        self, gain_after: float = 1.0, *, failure_time: float = 4.5, about: str = "trim", mach: float = 0.9,
+        altitude_ft: float = 20_000.0, sigma_alpha: float = f16.SIGMA_ALPHA, sigma_q: float = f16.SIGMA_Q, Q: Any = None,
+    ):  # fmt: skip
+        faults = checks.Faults()
+        self.gain_after = faults.number("gain_after", gain_after)
+        self.failure_time = faults.number("failure_time", failure_time, lower=0.0, unit="seconds")
+        self.mach = faults.number("mach", mach, above=0.0)
+        self.altitude_ft = faults.number("altitude_ft", altitude_ft, lower=0.0, unit="feet")
+        faults.choice("about", about, ("trim", "zero"))
+        faults.finish()
+        self.about = about
+        simulator = _Simulator(self.mach, self.altitude_ft)
+        self.trim = simulator.trim
+        A, B = simulator.linearised()
+        R = np.diag([sigma_alpha**2, sigma_q**2])
+        Q = np.diag([1e-3, 0.1]) if Q is None else Q
+        names = {"states": f16.STATES, "inputs": f16.INPUTS, "outputs": f16.OUTPUTS}
+        self.model = StateSpace(A, B, Q=Q, R=R, dt=0, **names)
+        limits = [np.array([limit - self.trim["elevator_deg"]]) for limit in MOST]
+        self.linear = ControlledPlant(self.model, actuator=f16.ACTUATOR, limits=np.stack(limits))
+
+    def __repr__(self) -> str:
+        return f"JsbsimF16(gain_after={self.gain_after:g}, about={self.about!r}, mach={self.mach:g})"
+
+    def begin(self, dt: float) -> "_Flight":
+        """A flight from the trim, in samples of dt seconds."""
+        return _Flight(self, dt)
+
+
+class _Flight:
+    """One flight, at its present sample."""
+
+    def __init__(self, aircraft: JsbsimF16, dt: float):
+        self.aircraft, self.dt = aircraft, dt
+        self.simulator = _Simulator(aircraft.mach, aircraft.altitude_ft)
+        self.steps = int(np.ceil(dt * STEPS_A_SECOND - 1e-9))
+        self.samples, self.position = 0, 0.0
+        self.simulator.fdm.set_dt(dt / self.steps)
+
+    @property
+    def state(self) -> np.ndarray:
+        """Alpha and pitch rate about the trim."""
+        fdm, trim = self.simulator.fdm, self.aircraft.trim
+        return np.array([fdm["aero/alpha-deg"] - trim["alpha_deg"], np.degrees(fdm["velocities/q-rad_sec"])])
+
+    @property
+    def input(self) -> np.ndarray:
+        """The elevator about the trim."""
+        return np.array([self.position])
+
+    def move(self, command: np.ndarray) -> None:
+        """Fly a sample under a command (1,) that is held."""
+        fdm, trim = self.simulator.fdm, self.aircraft.trim["elevator_deg"]
+        if self.samples * self.dt >= self.aircraft.failure_time - 1e-9:
+            fdm["estimable/effect"] = self.aircraft.gain_after
+            fdm["estimable/about-rad"] = np.radians(trim) if self.aircraft.about == "trim" else 0.0
+        each = self.dt / self.steps
+        for _ in range(self.steps):
+            before = self.position
+            self.position = command[0] + (before - command[0]) * np.exp(-f16.ACTUATOR * each)
+            fdm["fcs/elevator-cmd-norm"] = ((before + self.position) / 2 + trim) / FULL  # its mean over the step
+            fdm.run()
+        self.samples += 1
+
+
+class _Simulator:
+    """JSBSim with the changed aircraft, trimmed."""
+
+    def __init__(self, mach: float, altitude_ft: float):
+        with tempfile.TemporaryDirectory() as folder, _silence():
+            self.fdm = _load(Path(folder))
+        self.mach, self.altitude_ft = mach, altitude_ft
+        self._place()
+        self.fdm["fcs/fbw-override"] = 1
+        self.fdm["gear/gear-cmd-norm"] = self.fdm["gear/gear-pos-norm"] = 0
+        with _silence():
+            self.fdm.run_ic()
+            self.fdm["propulsion/set-running"] = -1
+            try:
+                self.fdm["simulation/do_simple_trim"] = 1
+            except Exception as reason:  # the simulator's own kind
+                checks.refuse(
+                    f"the F-16 cannot be trimmed in level flight at Mach {mach:g} and {altitude_ft:g} ft ({reason})."
+                )
+        self.trim = {
+            "alpha_deg": self.fdm["aero/alpha-deg"], "elevator_deg": self.fdm["fcs/elevator-pos-deg"],
+            "throttle": self.fdm["fcs/throttle-cmd-norm"],
+        }  # fmt: skip
+        self.fdm["fcs/pitch-trim-cmd-norm"] = 0.0
+        self.fdm["fcs/elevator-cmd-norm"] = self.trim["elevator_deg"] / FULL
+
+    def _place(self, alpha_deg: float | None = None, q_deg_s: float = 0.0) -> None:
+        self.fdm["ic/mach"], self.fdm["ic/h-sl-ft"] = self.mach, self.altitude_ft
+        if alpha_deg is None:
+            self.fdm["ic/gamma-deg"] = 0.0
+            return
+        self.fdm["ic/theta-deg"], self.fdm["ic/alpha-deg"] = self.trim["alpha_deg"], alpha_deg
+        self.fdm["ic/q-rad_sec"] = np.radians(q_deg_s)
+
+    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+        """A and B at the trim, by central differences. The flight cannot go on afterwards."""
+        columns = [(self._rates(step) - self._rates(-step)) / (2 * NUDGE) for step in NUDGE * np.eye(3)]
+        return np.stack(columns[:2], axis=1), columns[2][:, None]
+
+    def _rates(self, away: np.ndarray) -> np.ndarray:
+        """d(alpha, q)/dt [deg/s], [deg/s²] so far from the trim in alpha, q and the elevator."""
+        self._place(self.trim["alpha_deg"] + away[0], away[1])
+        self.fdm["estimable/nudge-rad"] = np.radians(away[2])
+        with _silence():
+            self.fdm.run_ic()
+        return np.degrees([self.fdm["aero/alphadot-rad_sec"], self.fdm["accelerations/qdot-rad_sec2"]])
+
+
+def _load(folder: Path) -> Any:
+    """The simulator with its F-16, changed in a folder of its own."""
+    try:
+        import jsbsim
+    except ImportError:
+        checks.refuse("JSBSim is not installed: pip install 'estimable[flight]'.")
+    root = Path(jsbsim.get_default_root_dir())
+    shutil.copytree(root / "aircraft" / AIRCRAFT, folder / AIRCRAFT)
+    path = folder / AIRCRAFT / f"{AIRCRAFT}.xml"
+    path.write_text(_changed(path.read_text()))
+    jsbsim.FGJSBBase().debug_lvl = 0
+    fdm = jsbsim.FGFDMExec(str(root))
+    fdm.set_debug_level(0)
+    fdm.set_aircraft_path(str(folder))
+    fdm.load_model(AIRCRAFT)
+    return fdm
+
+
+def _changed(text: str) -> str:
+    """The aircraft whose air sees another elevator than the position."""
+    position = COLUMN.format("fcs/elevator-pos-rad")
+    if not (position in text and text.count(PLACE) == text.count(HEAD) == 1):
+        checks.refuse("JSBSim's F-16 is not the one that this version knows how to change: use jsbsim 1.2 or 1.3.")
+    given = "".join(f'<property value="{value}">{name}</property>' for name, value in PROPERTIES.items())
+    text = text.replace(position, COLUMN.format(ELEVATOR))
+    return text.replace(PLACE, SEEN_BY_THE_AIR + PLACE).replace(HEAD, HEAD + given)
+
+
+@contextlib.contextmanager
+def _silence() -> Any:
+    """No word of the simulator on stdout, whatever its version says there."""
+    with open(os.devnull, "w") as nowhere:
+        kept = os.dup(1)
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 1)
+            os.close(kept)

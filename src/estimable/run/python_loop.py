@@ -1,0 +1,60 @@
+"""Loops whose plant is a simulator that no engine can run: the same blocks, sample by sample in Python.
+
+A simulator says `traceable = False`, has `linear` (a `ControlledPlant`: its model, names, noises, limits), and `begin(dt)`, which
+gives a run with `state` (n,), `input` (m,) and `move(command)`, in deviations from where `linear` is about.
+"""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..engines import xla
+from ..frozen import replace
+from ..results import Info, Interval
+from .loop import Decided, Loop, LoopState, Row
+
+
+def scan_bank(simulator: Any, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
+    """What `xla.scan_bank` leaves, of loops that differ in their rows."""
+    infos = [
+        _fly(simulator.begin(float(loop.dt)), loop, prior, *_of_run((rows, intervals), i), select)
+        for i in range(len(rows.seen))
+    ]
+    info = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
+    codes = np.asarray(info.outcome)
+    failed_at = np.argmax(codes != 0, axis=1)
+    return xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
+
+
+def _of_run(part: Any, i: int) -> Any:
+    return jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[i], part)
+
+
+def _fly(flight: Any, loop: Loop, prior: Any, rows: Row, intervals: Interval, select: Any) -> Info:
+    """One run, its infos in rows."""
+    state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
+    C, V = np.asarray(loop.plant.C[0])[:, : len(flight.state)], np.asarray(loop.plant.V)
+    told = []
+    for k in range(len(rows.seen)):
+        row, interval = _of_run((rows, intervals), k)
+        measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
+        decided = _decide(loop, state, measured, standing, row)
+        flight.move(np.asarray(decided.applied))
+        x = np.append(flight.state, flight.input)
+        state, info = _go_on(loop, state, decided, x, standing, flight.input, interval)
+        told.append(select(info, "all"))
+    return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *told)
+
+
+@jax.jit
+def _decide(loop: Loop, state: LoopState, measured, standing, row: Row) -> Decided:
+    return loop.decide(state, measured, standing, row)
+
+
+@jax.jit
+def _go_on(
+    loop: Loop, state: LoopState, decided: Decided, x, standing, end, interval: Interval
+) -> tuple[LoopState, Info]:
+    state, info = loop.go_on(state, decided, x, standing, end)
+    return loop.predict(state, interval), info
