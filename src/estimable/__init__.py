@@ -12,6 +12,7 @@ from .analysis.reduction import Reduction, reduce
 from .analysis.regulability import Regulability, regulability
 from .analysis.rho import Perturbed, RhoMargin, StabilityRadius, rho_margin, stability_radius
 from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
+from .controllers.dither import Dither
 from .controllers.gain_reconfiguration import GainReconfiguration
 from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
@@ -125,6 +126,7 @@ __all__ = [
     "Delivery",
     "DesignFamily",
     "DisturbanceAccommodation",
+    "Dither",
     "Estimability",
     "EstimableError",
     "EstimableWarning",

@@ -94,3 +94,48 @@ def test_gains_that_are_not_one_an_input_are_refused():
     gains = es.UnknownGain(both, es.Prior([1.0, 1.0], np.eye(2)), directions=np.ones((2, 1, 3)))
     with pytest.raises(es.InputError, match=r"one gain, or one for each of 3 inputs\. The estimator gives 2"):
         fly(both, law, gains, np.zeros((5, 0)))
+
+
+def test_a_dither_starts_when_the_variance_asks_for_it_and_ends_when_it_is_content():
+    law = es.Dither(LAW, amplitude=0.2, period=4, sigma=0.1)
+    state, added = law.init(), []
+    for variance in (0.009, 0.011, 0.009, 0.006, 0.005, 0.004, 0.009, 0.02):
+        believed = es.Info(mean=np.zeros(1), gain=np.ones(1), gain_covariance=np.array([[variance]]))
+        state, u, said = law.act(state, believed, np.ones(1))
+        added.append(float(said["dither"][0]))
+        assert_allclose(u, 0.5 + said["dither"])
+    assert_allclose(added, [0, 0.2, 0.2, -0.2, -0.2, 0, 0, 0.2])
+
+
+def test_a_dither_sized_for_a_variance_reaches_it_in_level_flight():
+    """Nothing is asked of the plant; a walk makes the gain less and less sure, and the dither keeps it as sure as wanted."""
+    law = es.Dither.sized(LAW, MODEL, sigma=0.1, seconds=20.0, period=4, dt=1.0)
+    sure, unsure = es.Prior([1.0], [[0.0]]), es.Prior([1.0], [[4.0]])
+    told = fly(MODEL, law, es.UnknownGain(MODEL, unsure), np.zeros(40))
+    assert 0.7 * 0.1 < np.sqrt(told.info.gain_covariance[20, 0, 0]) < 1.1 * 0.1
+    assert_allclose(np.abs(told.control["dither"][0]), law.amplitude)
+    walking = es.UnknownGain(MODEL, sure, walk=2e-4)
+    kept, left = (fly(MODEL, one, walking, np.zeros(200)) for one in (law, LAW))
+    assert np.sqrt(kept.info.gain_covariance[100:].max()) < 0.12
+    assert np.sqrt(left.info.gain_covariance[-1, 0, 0]) > 0.19
+    assert 0 < np.mean(kept.control["dither"] != 0) < 0.9  # and no more than it takes
+    assert_allclose(kept.control["dither"][:8], 0.0)
+
+
+def test_a_dither_goes_inside_a_reconfiguration():
+    law = es.GainReconfiguration(es.Dither(LAW, amplitude=0.2, period=2, sigma=0.1), caution=0.0)
+    believed = es.Info(mean=np.zeros(1), gain=np.array([0.5]), gain_covariance=np.array([[1.0]]))
+    assert_allclose(law.act(law.init(), believed, np.ones(1))[1], 0.5 / 0.5 + 0.2)
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({"controller": 3}, "`controller` must be a controller"),
+    ({"amplitude": [1.0, 2.0]}, r"`amplitude` must be \(m,\) = \(1,\): the controller makes 1 input"),
+    ({"period": 3}, "`period` must be even"),
+    ({"sigma": 0.0}, "`sigma` must be greater than 0"),
+])  # fmt: skip
+def test_a_wrong_dither_is_refused(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        es.Dither(**{"controller": LAW, "amplitude": 0.1, "period": 4, "sigma": 0.1, **given})
+    with pytest.raises(es.InputError, match="dithers until a gain is known, and the estimator gives none"):
+        fly(MODEL, es.Dither(LAW, amplitude=0.1, period=4, sigma=0.1), es.Kalman(MODEL), np.zeros(3))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from .. import checks
 from ..frozen import frozen, set_field
 from ..results import Info, Names
+from .state_feedback import check_inner
 
 
 @frozen
@@ -45,12 +46,7 @@ class GainReconfiguration:
 
     def __post_init__(self):
         faults = checks.Faults()
-        if isinstance(self.controller, type) or not all(
-            hasattr(self.controller, part) for part in ("act", "references")
-        ):
-            faults.add(
-                f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(self.controller)}."
-            )
+        check_inner(self.controller, faults)
         lower = faults.number("lower", self.lower, above=0.0)
         caution = faults.number("caution", self.caution, lower=0.0)
         faults.finish()

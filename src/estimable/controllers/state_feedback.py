@@ -75,6 +75,12 @@ def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
     return read
 
 
+def check_inner(controller: Any, faults: checks.Faults) -> None:
+    """What a controller is put in is a controller."""
+    if isinstance(controller, type) or not all(hasattr(controller, part) for part in ("act", "references")):
+        faults.add(f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(controller)}.")
+
+
 def check_law(law: Any, names: Names, faults: checks.Faults) -> None:
     """The feedback must have a column for each estimated state."""
     n = law.feedback.shape[-1]

@@ -39,8 +39,8 @@ class JsbsimF16:
     """The F-16 of JSBSim at a trimmed, level flight, for `close_loop`; all six degrees of freedom fly.
 
     Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim; the elevator
-    follows its command by 20 / (s + 20), its flight control computer is overridden. `model` is linearised at the trim, `linear` that
-    model behind its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about its trimmed
+    follows its command by 20 / (s + 20), its flight control computer is overridden. `model` is linearised at the trim, `linear`
+    that model behind its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about its trimmed
     position (`about="trim"`), or of the whole deflection (`about="zero"`), so that the loss upsets the trim too.
 
     Needs the extra `flight`. The simulator is no part of the law: numbers change with its version, by little.

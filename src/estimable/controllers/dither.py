@@ -1,0 +1,127 @@
+"""A small movement of the inputs, for as long as a gain is not known well enough."""
+
+from dataclasses import KW_ONLY
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..analysis.gain_information import gain_information
+from ..frozen import frozen, set_field, static
+from ..models.state_space import StateSpace
+from ..results import Info, Names
+from .state_feedback import check_inner
+
+RELEASE = 0.7  # of the wanted sigma, below which the dither ends: it does not start again with the next sample
+
+
+@frozen
+class Dither:
+    """A controller that moves its inputs a little while the gain is less well known than it should be.
+
+    Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It goes on when the standard deviation
+    of any gain exceeds `sigma`, and off when all are below .7 `sigma`. In straight and level flight nothing tells of a gain; its
+    variance grows with its walk, and with it the time for a dither comes.
+
+    Assumes that the estimator's variance grows where nothing is told: `UnknownGain(..., walk=...)`, not one that believes a gain
+    for ever as `ChangeDetection` without a walk does. What is known before the dither starts costs it nothing.
+
+    Settings: `controller`, as `StateFeedback`; `amplitude` (m,) or one number, in units of the input (see `Dither.sized`);
+    `period`, in samples, even: near the natural frequency of the plant it tells most for its size; `sigma`, wanted of each
+    gain. Inside `GainReconfiguration` it is not divided by the gain: what a dither tells does not depend on the gain.
+
+    Says `dither` (m,), what was added. Cost: a comparison a gain.
+
+    Reference: A. G. Sillence (1999), §6.3, asks for it; the rule is ours.
+
+    >>> law = Dither(StateFeedback([[0.0]]), amplitude=0.5, period=4, sigma=0.1)
+    >>> unsure = Info(mean=np.array([0.0]), gain=np.array([1.0]), gain_covariance=np.array([[0.04]]))
+    >>> state, u, _ = law.act(law.init(), unsure, np.zeros(0))
+    >>> u.tolist()
+    [0.5]
+    """
+
+    controller: Any
+    _: KW_ONLY
+    amplitude: Any
+    period: int = static()
+    sigma: Any
+
+    acts_on = "filtered"
+
+    def __post_init__(self):
+        faults = checks.Faults()
+        check_inner(self.controller, faults)
+        faults.finish()
+        m = self.controller.size
+        faults.learn("m", m, f"the controller makes {checks.counted(m, 'input')}")
+        given = [self.amplitude] * m if np.ndim(self.amplitude) == 0 else self.amplitude
+        amplitude = faults.array("amplitude", given, "m")
+        faults.whole("period", self.period, 2)
+        if isinstance(self.period, int) and self.period % 2:
+            faults.add(f"`period` must be even, in samples: half of it up, half of it down. Got {self.period}.")
+        sigma = faults.number("sigma", self.sigma, above=0.0)
+        faults.finish()
+        set_field(self, amplitude=amplitude, sigma=sigma)
+
+    @staticmethod
+    def sized(
+        controller: Any, model: StateSpace, *, sigma: float, seconds: float, period: int, dt: float, directions: Any = None,
+        each: Any = None,
+    ) -> "Dither":  # fmt: skip
+        """The dither that brings every gain to `sigma` within `seconds`, in level flight and from knowing nothing of it.
+
+        `model`, `directions`: as the `UnknownGain` has them, constant gains; the inputs do what they are told: behind an actuator
+        of bandwidth ω, multiply the amplitude by what it takes away, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,): relative sizes
+        of the inputs (default: all alike). Raises `AssumptionError` where no amplitude is enough.
+
+        >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=0.1)
+        >>> law = Dither.sized(StateFeedback([[0.0]]), model, sigma=0.05, seconds=5.0, period=4, dt=0.1)
+        >>> 0.1 < float(law.amplitude[0]) < 0.5
+        True
+        """
+        faults = checks.Faults()
+        check_inner(controller, faults)
+        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+        seconds = faults.number("seconds", seconds, above=0.0, unit="seconds")
+        faults.whole("period", period, 2)
+        faults.finish()
+        rows = max(2, round(seconds / dt))
+        shape = np.ones(controller.size) if each is None else np.asarray(each, float)
+        wave = np.where(np.arange(rows) % period < period / 2, 1.0, -1.0)[:, None] * shape
+        found = gain_information(
+            model, np.zeros_like(wave), directions=directions, dither=wave, dt=dt if model.is_continuous else None
+        )
+        return Dither(controller, amplitude=found.amplitude_for(sigma) * shape, period=period, sigma=sigma)
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.controller.references
+
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.controller.size
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """What this asks of the estimator whose columns have these names."""
+        self.controller.check(names, faults)
+        if not names.gains:
+            faults.add("`controller` dithers until a gain is known, and the estimator gives none: use UnknownGain.")
+
+    def init(self):
+        """The controller's own state, whether the dither is on, and how many samples it has been."""
+        return self.controller.init(), jnp.zeros((), bool), jnp.zeros((), int)
+
+    def act(self, state, estimate: Info, reference, effect=1.0):
+        """The input (m,), with the part that passes through the plant divided by `effect`; and the `dither` in it."""
+        inner, on, count = state
+        P = jnp.asarray(estimate.gain_covariance)
+        worst = jnp.max(jnp.sum(P * jnp.eye(P.shape[0]), axis=0))
+        on = (worst > self.sigma**2) | (on & (worst > (RELEASE * self.sigma) ** 2))
+        inner, u, said = self.controller.act(inner, estimate, reference, effect)
+        added = jnp.where(on, jnp.where(count < self.period // 2, 1.0, -1.0), 0.0) * self.amplitude
+        count = jnp.where(on, jnp.where(count + 1 < self.period, count + 1, 0), 0)
+        return (inner, on, count), u + added, {**said, "dither": added}
