@@ -52,6 +52,52 @@ def test_each_actuator_is_divided_by_its_own_gain():
     assert_allclose(law.act(law.init(), believed, np.zeros(0))[1], [2.0 - 1.0, 4.0 - 2.0])
 
 
+def told(K, P=0.0, n=1):
+    K = np.atleast_1d(K)
+    return es.Info(mean=np.ones(n), gain=K, gain_covariance=P * np.eye(len(K)))
+
+
+def test_the_work_of_a_lost_actuator_goes_to_the_others():
+    """Three inputs, two things that matter: what is asked of both is done, with the least effort, with whatever is left."""
+    M = np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 2.0]])
+    F = np.array([[0.3], [-0.2], [0.5]])
+    law = es.GainReconfiguration(es.StateFeedback(F), allocation=M, caution=0.0)
+    for K in ([1.0, 1.0, 1.0], [0.5, 1.0, 0.3], [0.0, 0.8, 1.0], [1.0, 0.6, -0.2]):
+        _, u, said = law.act(law.init(), told(K), np.zeros(0))
+        left = np.where(np.array(K) > 0.05, K, 0.0)
+        assert_allclose(u, np.linalg.pinv(M * left) @ M @ -F[:, 0], atol=1e-12)
+        assert_allclose((M * left) @ u, M @ -F[:, 0], atol=1e-12)
+        assert_allclose(said["effect"], np.maximum(K, 0.05))
+    _, u, _ = law.act(law.init(), told([0.0, 0.0, 0.0]), np.zeros(0))
+    assert_allclose(u, 0.0)
+
+
+def test_one_actuator_that_is_allocated_is_divided():
+    law, plain = (es.GainReconfiguration(LAW, **given) for given in ({"allocation": [[-3.0]]}, {}))
+    for K, P in ((0.5, 0.0), (0.3, 0.01)):
+        assert_allclose(*(one.act(one.init(), told(K, P), np.ones(1))[1] for one in (law, plain)), rtol=1e-12)
+
+
+def test_a_divisor_moves_no_faster_than_it_may():
+    law = es.GainReconfiguration(LAW, rate=0.25, caution=0.0)
+    state, inverses = law.init(), []
+    for K in (1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.8):
+        state, u, said = law.act(state, told(K), np.ones(1))
+        inverses.append(1 / float(said["effect"][0]))
+        assert_allclose(u, 0.2 * inverses[-1])
+    assert_allclose(inverses, [1.0, 1.25, 1.5, 1.75, 2.0, 2.0, 1.75])
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({"allocation": np.ones((1, 2))}, "`allocation` must have a column for each of 1 input"),
+    ({"allocation": np.zeros((1, 1))}, "`allocation` must have independent rows"),
+    ({"rate": 0.0}, "`rate` must be greater than 0"),
+])  # fmt: skip
+def test_wrong_guards_are_refused(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        es.GainReconfiguration(LAW, **given)
+
+
 def integral(**given):
     return es.ProportionalIntegral([[0.3]], reference_gain=[[0.3]], integral=[[-0.1]], tracked=[[1.0]], dt=1, **given)
 

@@ -96,6 +96,14 @@ def test_actuators_stay_within_their_limits_and_rates():
     assert_allclose(closed.mean, told.mean, atol=1e-12)
 
 
+def test_commands_and_outputs_are_rounded_to_what_can_be_told_apart():
+    closed = run(es.ControlledPlant(MODEL, quantum=0.05, resolution=[0.1, 0.25]))
+    assert_allclose(closed.applied / 0.05, np.round(closed.command / 0.05), atol=1e-9)
+    assert_allclose(closed.output / [0.1, 0.25], np.round(closed.output / [0.1, 0.25]), atol=1e-9)
+    assert len(np.unique(closed.applied)) > 3
+    assert_allclose(closed.mean, offline(closed, es.Kalman(MODEL)).mean, atol=1e-12)
+
+
 def test_events_follow_one_another():
     other = es.StateSpace(0.5 * MODEL.A, MODEL.B, Q=MODEL.Q, R=MODEL.R, dt=0.5, **NAMES)
     plant = es.ControlledPlant(MODEL, events=[es.Failure(12.0, 0.0), es.Change(5.0, other), es.Failure(8.0, 0.5)])
@@ -167,6 +175,8 @@ def test_a_continuous_plant_needs_a_step():
     ({"actuator": 20.0}, r"`model` must be continuous \(dt = 0\) to move together"),
     ({"limits": (1.0, -1.0)}, "the first below the second"),
     ({"rate": 0.0}, "`rate` must be greater than 0"),
+    ({"quantum": 0.0}, "`quantum` must be greater than 0"),
+    ({"resolution": [0.1]}, r"`resolution` must be \(p,\) = \(2,\): the model has 2 outputs"),
     ({"events": [3.0]}, "`events` must be a list of Failure"),
     ({"events": [es.Failure(1.0, [0.5, 0.5])]}, "a Failure has 2 gains"),
     ({"events": [es.Change(1.0, es.StateSpace([[1.0]], [[1.0]], dt=0.5))]}, "as many states"),

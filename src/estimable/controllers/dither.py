@@ -73,8 +73,8 @@ class Dither:
         """The dither that brings every gain to `sigma` within `seconds`, in level flight and from knowing nothing of it.
 
         `model`, `directions`: as the `UnknownGain` has them, constant gains; the inputs do what they are told: behind an actuator
-        of bandwidth ω, multiply the amplitude by what it takes away, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,): relative sizes
-        of the inputs (default: all alike). Raises `AssumptionError` where no amplitude is enough.
+        of bandwidth ω, multiply the amplitude by what it takes away, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,): relative
+        sizes of the inputs (default: all alike). Raises `AssumptionError` where no amplitude is enough.
 
         >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=0.1)
         >>> law = Dither.sized(StateFeedback([[0.0]]), model, sigma=0.05, seconds=5.0, period=4, dt=0.1)

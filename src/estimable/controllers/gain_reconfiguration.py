@@ -4,9 +4,11 @@ from dataclasses import KW_ONLY
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from .. import checks
 from ..frozen import frozen, set_field
+from ..kernels.small import factor, gram, product, solve_lower
 from ..results import Info, Names
 from .state_feedback import check_inner
 
@@ -24,11 +26,18 @@ class GainReconfiguration:
     jump=0.25)` leaves K~ at 1 until a jump is certain; for a window take `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`.
     The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
 
-    Settings: `controller`, as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1).
+    Reallocation: with `allocation` M (r, m), what each input does to the r things that matter (rows of B), the inputs become
+    u = G' (G G')^-1 M v for the demand v of the law, G = M diag(K~): M diag(K~) u is then M v with the least effort, and
+    an input whose gain is at its `lower` bound counts as lost, its work going to the others. Without it each input is divided
+    by its own gain, and the work of a lost one is lost.
 
-    Says `effect` (m,) or (1,), the divisor K~. Cost: five operations a gain.
+    Settings: `controller`, as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1);
+    `allocation` (r, m) of rank r (default None); `rate`: how much 1 / K~ may change in a sample (default None: at will), so
+    that a wrong alarm does not kick.
 
-    Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower` and `caution` are ours.
+    Says `effect` (m,) or (1,), the divisor K~. Cost: five operations a gain, and r² (m + r) with an allocation.
+
+    Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower`, `caution`, `rate` and the allocation (a pseudo-inverse) are ours.
 
     >>> law = GainReconfiguration(StateFeedback([[1.0]]))
     >>> believed = Info(mean=np.array([-1.0]), gain=np.array([0.5]), gain_covariance=np.array([[0.0]]))
@@ -41,6 +50,8 @@ class GainReconfiguration:
     _: KW_ONLY
     lower: Any = 0.05
     caution: Any = 1.0
+    allocation: Any = None
+    rate: Any = None
 
     acts_on = "filtered"
 
@@ -49,8 +60,23 @@ class GainReconfiguration:
         check_inner(self.controller, faults)
         lower = faults.number("lower", self.lower, above=0.0)
         caution = faults.number("caution", self.caution, lower=0.0)
+        allocation = None if self.allocation is None else faults.array("allocation", self.allocation, "r m")
+        rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
+        if allocation is not None and not checks.is_traced(allocation):
+            self._check_allocation(allocation, faults)
         faults.finish()
-        set_field(self, lower=lower, caution=caution)
+        set_field(self, lower=lower, caution=caution, allocation=allocation, rate=rate)
+
+    def _check_allocation(self, M: np.ndarray, faults: checks.Faults) -> None:
+        if M.shape[1] != self.size:
+            faults.add(
+                f"`allocation` must have a column for each of {checks.counted(self.size, 'input')}. Got {M.shape[1]}."
+            )
+        elif np.linalg.matrix_rank(M) < len(M):
+            faults.add(
+                f"`allocation` must have independent rows: {len(M)} things cannot be moved independently by these inputs. Give "
+                "the rows of B that the inputs can tell apart."
+            )
 
     @property
     def references(self) -> int:
@@ -76,13 +102,29 @@ class GainReconfiguration:
             )
 
     def init(self):
-        """The controller's own state."""
-        return self.controller.init()
+        """The controller's own state; under a `rate` also 1 / K~ of each input, of which nothing is lost."""
+        return self.controller.init() if self.rate is None else (self.controller.init(), jnp.ones(self.size))
 
     def act(self, state, estimate: Info, reference):
         """The input (m,), and the `effect` that was counted on."""
         K = jnp.maximum(jnp.asarray(estimate.gain), self.lower)
         variance = jnp.sum(jnp.asarray(estimate.gain_covariance) * jnp.eye(K.shape[0]), axis=0)
         effect = K + self.caution * variance / K
-        state, u, said = self.controller.act(state, estimate, reference, effect)
-        return state, u, {**said, "effect": effect}
+        if self.rate is None:
+            state, u, said = self.controller.act(state, estimate, reference, self._share(effect, K))
+            return state, u, {**said, "effect": effect}
+        state, inverse = state
+        inverse = jnp.clip(1 / effect, inverse - self.rate, inverse + self.rate)
+        state, u, said = self.controller.act(state, estimate, reference, self._share(1 / inverse, K))
+        return (state, inverse), u, {**said, "effect": 1 / inverse}
+
+    def _share(self, effect, K) -> Any:
+        """What the law divides by, or multiplies with where the inputs stand in for one another."""
+        if self.allocation is None:
+            return effect
+        M = jnp.asarray(self.allocation)
+        left = jnp.where(self.lower < K, effect, 0.0)
+        G = M * left[None, :]
+        L = factor(gram(G))
+        wanted = solve_lower(L, solve_lower(L, M), transpose=True)  # (G G')^-1 M
+        return product(G.T, wanted)

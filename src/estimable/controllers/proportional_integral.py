@@ -10,7 +10,7 @@ from ..frozen import frozen, set_field
 from ..kernels.small import apply
 from ..models.controlled import read_limits
 from ..results import Info, Names
-from .state_feedback import check_law, demand, of_input, read_law
+from .state_feedback import check_law, demand, of_input, read_law, shared
 
 
 @frozen
@@ -69,9 +69,9 @@ class ProportionalIntegral:
         return jnp.zeros(self.references)
 
     def act(self, state, estimate: Info, reference, effect=1.0):
-        """The input (m,), with the part that passes through the plant divided by `effect` (m,) or one number."""
+        """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
         J = jnp.asarray(self.integral)
-        u = (demand(self, estimate, reference) - apply(J, state)) / effect - of_input(self, estimate)
+        u = shared(demand(self, estimate, reference) - apply(J, state), effect) - of_input(self, estimate)
         error = jnp.asarray(reference) - apply(jnp.asarray(self.tracked), jnp.asarray(estimate.mean))
         if self.limits is None:
             return state + self.dt * error, u, {}

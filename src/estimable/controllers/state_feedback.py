@@ -60,8 +60,8 @@ class StateFeedback:
         return ()
 
     def act(self, state, estimate: Info, reference, effect=1.0):
-        """The input (m,), with the part that passes through the plant divided by `effect` (m,) or one number."""
-        return state, demand(self, estimate, reference) / effect - of_input(self, estimate), {}
+        """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
+        return state, shared(demand(self, estimate, reference), effect) - of_input(self, estimate), {}
 
 
 def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
@@ -95,6 +95,11 @@ def demand(law: Any, estimate: Info, reference) -> Any:
     """N r - F x^: what is asked of the plant."""
     wanted = apply(jnp.asarray(law.reference_gain), jnp.asarray(reference)) if law.references else 0.0
     return wanted - apply(jnp.asarray(law.feedback), jnp.asarray(estimate.mean))
+
+
+def shared(wanted, effect) -> Any:
+    """What is asked of the plant, divided by `effect`, one number or (m,); or times it, where it is a matrix (m, m)."""
+    return apply(effect, wanted) if jnp.ndim(effect) == 2 else wanted / effect
 
 
 def of_input(law: Any, estimate: Info) -> Any:

@@ -72,7 +72,8 @@ class ControlledPlant:
 
     Settings: `model`, a `StateSpace` (or an `OutputError`, whose states are past outputs and inputs); `actuator`: 1/s, None or
     one number; `held`; `limits` (2,) or (2, m): smallest and largest input; `rate`: largest change per second, one number; both
-    act on the command, which holds the input there too; `events`: `Failure`s and `Change`s, in any order.
+    act on the command, which holds the input there too; `quantum`: commands are rounded to whole multiples of it, (m,) or one
+    number; `resolution`: outputs too, (p,) or one number; `events`: `Failure`s and `Change`s, in any order.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
     >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
@@ -86,6 +87,8 @@ class ControlledPlant:
     held: bool = static(default=False)
     limits: Any = None
     rate: Any = None
+    quantum: Any = None
+    resolution: Any = None
     events: Any = ()
 
     def __post_init__(self):
@@ -96,8 +99,13 @@ class ControlledPlant:
         actuator = None if self.actuator is None else faults.number("actuator", self.actuator, above=0.0)
         rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
         limits, events = read_limits(self.limits, faults), _read_events(self.events, model, faults)
+        quantum, resolution = (_read_steps(name, getattr(self, name), size, faults) for name, size in
+                               (("quantum", "m"), ("resolution", "p")))  # fmt: skip
         faults.finish()
-        set_field(self, model=model, actuator=actuator, rate=rate, limits=limits, events=events)
+        set_field(
+            self, model=model, actuator=actuator, rate=rate, limits=limits, quantum=quantum, resolution=resolution,
+            events=events,
+        )  # fmt: skip
 
     @property
     def hold(self) -> str:
@@ -127,14 +135,15 @@ class ControlledPlant:
         m, n = self.model.m, self.model.n
         return Steps(
             A, B, C, np.stack([model.D for model in self.phases()]), W, np.asarray(factors(self.model.R)),
-            None if self.actuator is None else np.eye(m, n + m, n), self.limits, _reach(self, dt),
+            None if self.actuator is None else np.eye(m, n + m, n), self.limits, _reach(self, dt), self.quantum,
+            self.resolution,
         )  # fmt: skip
 
 
 @frozen
 class Steps:
     """x+ = A x + B c + W e', y = C x + D c + V e, i = L x (None: i = c), phase by phase; c within `limits`, and from i not
-    farther than `reach`."""
+    farther than `reach`; c rounded to `quantum`, y to `resolution`."""
 
     A: Any
     B: Any
@@ -145,6 +154,8 @@ class Steps:
     L: Any
     limits: Any
     reach: Any
+    quantum: Any
+    resolution: Any
 
 
 def _reach(plant: ControlledPlant, dt: float) -> float | None:
@@ -187,6 +198,7 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
     if plant.actuator is not None and not model.is_continuous:
         faults.add("`model` must be continuous (dt = 0) to move together with its `actuator`.")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
+    faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
 
 
 def read_limits(limits: Any, faults: checks.Faults) -> Any:
@@ -198,6 +210,17 @@ def read_limits(limits: Any, faults: checks.Faults) -> Any:
     if read is not None and np.any(read[0] >= read[1]):
         faults.add(f"`limits` must be (smallest, largest), the first below the second. Got {checks.short(limits)}.")
     return read
+
+
+def _read_steps(name: str, given: Any, size: str, faults: checks.Faults) -> Any:
+    """The steps that something is rounded to, of one number or one each."""
+    if given is None or checks.is_traced(given):
+        return given
+    count = faults.sizes.get(size, 1)
+    steps = faults.array(name, [given] * count if np.ndim(given) == 0 else given, size)
+    if steps is not None and np.any(steps <= 0):
+        faults.add(f"`{name}` must be greater than 0. Got {checks.short(given)}.")
+    return steps
 
 
 def _read_events(events: Any, model: Any, faults: checks.Faults) -> tuple:

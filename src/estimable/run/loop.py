@@ -111,6 +111,7 @@ class Loop:
 
     def decide(self, state: LoopState, measured, standing, row: Row) -> Decided:
         """Learn from what comes of the outputs, act, and see what comes of the command."""
+        measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
         besides = None if row.begin is None else (row.begin, row.place)
         belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), besides)
@@ -146,6 +147,7 @@ class Loop:
         rest = state.applied if self.lost == "hold" else jnp.zeros(m)
         applied = _within(now, jnp.where(came, arrived, rest), state.applied)
         measured = apply(now.C, state.x) + apply(now.D, applied) + apply(now.V, row.noise[:p])
+        measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
         told = getattr(self.links.input, "acknowledged", True)
         input = applied if told else u
@@ -211,8 +213,14 @@ def _command(link: Any, state: Any, u, draw):
     return jnp.where(came, delivery.value, 0.0), came, state
 
 
+def _rounded(values, step):
+    """Whole multiples of a step."""
+    return values if step is None else jnp.round(values / step) * step
+
+
 def _within(plant: Steps, command, standing):
     """The command as far as the actuators can follow."""
+    command = _rounded(command, plant.quantum)
     if plant.limits is not None:
         command = jnp.clip(command, plant.limits[0], plant.limits[1])
     return command if plant.reach is None else jnp.clip(command, standing - plant.reach, standing + plant.reach)
