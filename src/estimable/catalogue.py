@@ -176,8 +176,15 @@ def identifier(name: str) -> Entry:
 
 
 def entry(name: str) -> Entry:
-    """The entry of a name; an `InputError` with the names there are."""
+    """The entry of a name, or of the words that it alone begins with; an `InputError` with the names there are.
+
+    >>> entry("second-order").cls.__name__
+    'SecondOrderKalman'
+    """
     names = [known.name for known in ENTRIES]
+    begun = [known for known in names if known.startswith(f"{name}-")]
+    if name not in names and len(begun) == 1:
+        name = begun[0]
     if name not in names:
         checks.refuse(
             f"there is no algorithm {name!r}. There are {checks.listed(names)}.{checks.suggestion(name, names)}"

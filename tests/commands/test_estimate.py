@@ -1,5 +1,7 @@
 """`estimable estimate`."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -120,3 +122,39 @@ def test_constant_gains(run, tmp_path):
         "alpha-beta needs a value of 'alpha', which has no default: on the command line, --set alpha=.."
         in bare.stderr + bare.stdout
     )
+
+
+NONLINEAR = """
+import jax.numpy as jnp
+import numpy as np
+
+import estimable as es
+
+
+def drain(x, u, θ):
+    return x + θ[1] * u - θ[0] * jnp.sqrt(jnp.maximum(x, 1e-6))
+
+
+model = es.NonlinearModel(drain, lambda x, u, θ: x, Q=[[1e-6]], R=[[1e-4]], dt=1, inputs=["pump"], outputs=["level"],
+                          parameters={"outflow": 0.2, "inflow": 0.5})
+prior = es.Prior([1.5], [[0.1]])
+gain = es.GainSection(es.Prior([0.25, 0.6], np.diag([0.01, 0.04])))
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "whole"), [("second-order", "second-order-kalman"), ("change-detection", "change-detection")]
+)
+def test_a_nonlinear_model_and_its_parameters(run, name, whole):
+    Path("tank.py").write_text(NONLINEAR)
+    rng, x, rows = np.random.default_rng(0), 1.5, []
+    for _ in range(60):
+        u = 0.5 + 0.3 * rng.uniform(-1, 1)
+        rows.append((x + 0.01 * rng.normal(), u))
+        x = x + 0.5 * u - 0.2 * np.sqrt(x)
+    pd.DataFrame(rows, columns=["level", "pump"]).to_csv("tank.csv", index=False)
+    settings = ("--set", "length=5") if name == "change-detection" else ()
+    said = run("estimate", "tank.csv", "--model", "tank.py", "--filter", name, *settings, "--json").json
+    assert said["filter"] == whole
+    for gain, true in (("outflow", 0.2), ("inflow", 0.5)):
+        assert abs(said["gain"][gain] - true) < 4 * said["gain_sigma"][gain] < 0.1

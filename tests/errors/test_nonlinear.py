@@ -109,6 +109,13 @@ def test_a_function_that_is_not_finite_at_the_prior_mean_is_named_with_its_value
             lambda: es.estimate(es.ExtendedKalman(undefined), record, prior=prior))  # fmt: skip
 
 
+def test_a_noise_input_that_is_not_finite_at_the_prior_mean_is_named():
+    undefined = model(G=lambda x, u, θ: jnp.diag(jnp.sqrt(x)), states=["a", "b"])
+    record, prior = es.Record(np.ones((2, 2)), dt=1), es.Prior([-1.0, 1.0], np.eye(2))
+    refused("`G` is not finite at the prior mean: G([-1, 1], [], []) = [nan, 0, 0, 1].",
+            lambda: es.estimate(es.ExtendedKalman(undefined), record, prior=prior))  # fmt: skip
+
+
 def test_a_prior_of_another_size_is_told_the_states():
     record = es.Record(np.ones((2, 2)), dt=1)
     refused("`prior` must describe n = 2 states: the model has 'x1', 'x2'. Got 1.",

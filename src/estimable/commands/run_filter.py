@@ -89,9 +89,12 @@ def run_filter(
     from ..models.files import read_model
     from ..run.estimate import estimate
 
-    if name is not None and catalogue.entry(name).kind != "filter":
-        filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
-        checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
+    if name is not None:
+        asked = catalogue.entry(name)
+        name = asked.name
+        if asked.kind != "filter":
+            filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
+            checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
     chosen = read_settings(settings)
     if unknown:
         chosen["unknown"] = tuple(unknown)

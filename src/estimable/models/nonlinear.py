@@ -130,15 +130,17 @@ class NonlinearModel:
         """Whether dt = 0."""
         return self.dt == 0
 
+    varying = False
     steps = None  # it does not vary in time but through its functions
     B_end = S = None
     operating_point = None
 
     def check_at(self, x: np.ndarray, u: np.ndarray, faults: checks.Faults) -> None:
-        """f and h must be finite at the prior mean x (n,) and the first input u (m,); traced ones are not looked at."""
+        """f, h and G must be finite at the prior mean x (n,) and the first input u (m,); traced ones are not looked at."""
         if checks.is_traced(x, u, self.parameters):
             return
-        for name, function in (("f", self.f), ("h", self.h)):
+        functions = {"f": self.f, "h": self.h} | ({} if self.noise_input is None else {"G": self.noise_input})
+        for name, function in functions.items():
             value = np.asarray(function(*map(jax.numpy.asarray, (x, u, self.parameters))))
             if not np.all(np.isfinite(value)):
                 faults.add(
