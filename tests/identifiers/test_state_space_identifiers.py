@@ -10,6 +10,8 @@ from estimable import HoKalman, InputError, MarkovParameters, OutputError, Recor
 from estimable.frozen import replace
 from estimable.kernels.banded import whitened
 from estimable.kernels.realisation import ho_kalman, markov
+from estimable.kernels.subspace import factor
+from estimable.kernels.subspace_spread import products_factor
 
 HAIR_DRYER = Path(__file__).parents[3] / "shared" / "data" / "hair-dryer.csv"
 SINGULAR_VALUES = [69.8841, 14.9963, 3.6675, 1.9677, 0.3, 0.2078, 0.1651, 0.1373, 0.1133, 0.1059]  # SLICOT's IB01AD
@@ -178,6 +180,32 @@ def test_the_covariance_of_ho_kalman_is_that_of_its_errors():
     assert np.all(np.abs(ratio - 1) < 4.5 * np.sqrt(2 / 60)), ratio
 
 
+@pytest.mark.parametrize("weighting", ["moesp", "cva"])
+def test_the_covariance_of_subspace_is_that_of_its_errors(weighting):
+    true = (np.array([[0.8, 0.2], [-0.3, 0.6]]), np.array([[1.0], [0.5]]), np.array([[1.0, 0.0]]), np.array([[0.3]]))
+    records = [record_of(true, 300, noise=0.2, process=0.1, seed=seed) for seed in range(50)]
+    found = [response(Subspace(2, weighting=weighting).model([one])[0], 4).ravel() for one in records]
+    claimed = [np.diag(Subspace(2, weighting=weighting, draws=60).fit([one]).covariance) for one in records[:4]]
+    ratio = np.mean(claimed, axis=0) / np.mean(np.square(found - markov(*true, 4).ravel()), axis=0)
+    spread = np.sqrt(2 / 50 + 2 / 240)
+    assert np.all(np.abs(ratio - 1) < 3.5 * spread), ratio
+
+
+def test_a_draw_of_the_spread_has_the_factor_of_the_estimate():
+    records = [record_of(plant(2, 2, 1), rows, noise=0.3) for rows in (90, 50)]
+    data = [(record.u, record.y) for record in records]
+    slow, quick = factor(data, 5), products_factor(data, 5)
+    assert_allclose(quick.L @ quick.L.T, slow.L @ slow.L.T, rtol=1e-9, atol=1e-9)
+    assert quick.N == slow.N
+
+
+def test_a_fit_says_the_same_in_every_call_and_nothing_where_it_cannot():
+    record = record_of(plant(2, 1, 1), 200, noise=0.1)
+    first, again = (identify(Subspace(2, draws=6), record).covariance for _ in range(2))
+    assert first.tolist() == again.tolist()
+    assert identify(Subspace(2, draws=0), record).covariance is None
+
+
 STILL, SHORT = Record(np.arange(90.0), np.ones(90), dt=1), Record(np.arange(9.0), np.arange(9.0) ** 2, dt=1)
 UNKNOWN = Record(np.arange(90.0), [np.nan, *range(89)], dt=1)
 UNSEEN = Record(np.full(90, np.nan), np.arange(90.0) ** 2, dt=1)
@@ -190,6 +218,7 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
         (lambda: Subspace(0), "`order` must be a whole number, at least 1. Got 0."),
         (lambda: Subspace(2, weighting="moep"), "Did you mean 'moesp'?"),
         (lambda: Subspace(2, horizon=1), "`horizon` must be a whole number, at least 2. Got 1."),
+        (lambda: Subspace(2, draws=1), "`draws` must be 0, or at least 2: one draw has no spread."),
         (lambda: Subspace(2, feedthrough=0), "`feedthrough` must be True or False. Got 0."),
         (lambda: identify(Subspace(4, horizon=2), UNSEEN), "output 'y1' was never seen"),
         (lambda: identify(Subspace(1), STILL), "input 'u1' never moves: its effect cannot be told from a level"),

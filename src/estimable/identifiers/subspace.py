@@ -11,6 +11,8 @@ from ..data.record import Record
 from ..frozen import frozen, static
 from ..kernels import subspace as kernel
 from ..kernels.innovations_form import System, response
+from ..kernels.subspace_spread import Drawn, spread
+from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.state_space import StateSpace
 from ..results import Fit
 from .least_squares import LeastSquares
@@ -42,17 +44,20 @@ class Subspace:
     record much longer than 2 (m + p) horizon rows. Needs no start and no search; `OutputErrorML` is usually a little better.
 
     Settings: `order` n; `weighting`: "moesp", "n4sid" or "cva" (with white inputs nearly alike; CVA weighs by the noise);
-    `horizon` s in block rows (None: 15, or order + 2, or what the record bears); `feedthrough`: whether D is fitted.
+    `horizon` s in block rows (None: 15, or order + 2, or what the record bears); `feedthrough`: whether D is fitted;
+    `draws`: how many records are drawn to work out the covariance (0: none is).
 
     A and C come from the shift of the observability matrix, B and D from a regression of the outputs on the simulation
     (of the predictions, where A is not stable), K from the stationary Kalman filter of the residuals. Outputs not seen are
     filled in by an impulse response and then by the model's own simulation, three times, for A, C and K; they are left out
     for B and D. Inputs must be known.
 
-    `fit.parameters` are the Markov parameters M_0 .. M_2n, which fix the model whatever its states. There is no covariance
-    of them (`fit.covariance` is None). `fit.extra["singular_values"]` tell the order: look for the gap.
+    `fit.parameters` are the Markov parameters M_0 .. M_2n, which fix the model whatever its states. Their covariance is the
+    scatter of the same estimate on `draws` records that the fitted model draws under the same inputs (a parametric
+    bootstrap, B and D to first order; the same numbers in every call): standard deviations are sure to 1 / sqrt(2 draws), 11 %.
+    It is None of a model that is not stable. `fit.extra["singular_values"]` tell the order: look for the gap.
 
-    Cost: 2 T (2 s (m + p))²: 0.2 s at T = 20,000, two inputs and outputs, n = 10.
+    Cost: 2 T (2 s (m + p))² and the draws.
 
     Reference: P. Van Overschee, B. De Moor (1996), Table 4.1, Figs 4.6-4.8; M. Verhaegen, P. Dewilde (1992).
 
@@ -68,6 +73,7 @@ class Subspace:
     weighting: str = static(default="moesp")
     horizon: int | None = static(default=None)
     feedthrough: bool = static(default=True)
+    draws: int = static(default=40)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -76,16 +82,37 @@ class Subspace:
         whole("horizon", self.horizon, 2, faults)
         if not isinstance(self.feedthrough, bool):
             faults.add(f"`feedthrough` must be True or False. Got {checks.short(self.feedthrough)}.")
+        faults.whole("draws", self.draws, 0)
+        if self.draws == 1:
+            faults.add("`draws` must be 0, or at least 2: one draw has no spread.")
         faults.finish()
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step. Raises `InputError` where they do not bear the order."""
         model, values = self.model(records)
         first, length = records[0], 2 * self.order
+        extra: dict[str, Any] = {"singular_values": values}
+        Σ, moves = None, self._spread(model, records)
+        if moves is not None:
+            base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
+            columns = np.moveaxis(impulse_moves(base, moves, length)[1], 1, -1).reshape(self.draws, -1)
+            extra["tangents"], Σ = moves, columns.T @ columns
         return Fit(
-            model, impulse(model, length), None, impulse_names(length, first.inputs, first.outputs),
-            validation_of(model, records), method=type(self).__name__, extra={"singular_values": values},
+            model, impulse(model, length), Σ, impulse_names(length, first.inputs, first.outputs),
+            validation_of(model, records), method=type(self).__name__, extra=extra,
         )  # fmt: skip
+
+    def _spread(self, model: StateSpace, records: Sequence[Record]) -> Dynamics | None:
+        """Tangents of the estimate; None of a model that is not stable, or of outputs without noise."""
+        if not self.draws or np.abs(np.linalg.eigvals(model.A)).max() >= 1:
+            return None
+        base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
+        how = Drawn(self._check(records), self.order, self.weighting, self.feedthrough)
+        data = [(record.applied(), record.y) for record in records]
+        try:
+            return spread(base, np.asarray(model.G), np.asarray(model.R), data, how, self.draws)
+        except np.linalg.LinAlgError:
+            return None
 
     def model(self, records: Sequence[Record]) -> tuple[StateSpace, np.ndarray]:
         """The model of the fit alone, and the singular values."""

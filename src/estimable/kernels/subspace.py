@@ -49,9 +49,19 @@ def factor(data: Sequence[tuple[np.ndarray, np.ndarray]], s: int) -> Factor:
     return Factor(R.T, s, m, p, total)
 
 
-def dynamics(found: Factor, n: int, weighting: str) -> Dynamics:
-    """A, C and the noise of a model with n states."""
-    L, s, m, p, N = found
+class Shift(NamedTuple):
+    """A (n, n), C (p, n), Γ (s p, n), the singular values, and O in the columns of L."""
+
+    A: np.ndarray
+    C: np.ndarray
+    Γ: np.ndarray
+    singular_values: np.ndarray
+    told: np.ndarray
+
+
+def shift(found: Factor, n: int, weighting: str) -> Shift:
+    """A and C of a model with n states: of what of Y_f the past tells, A maps Γ without its last block to Γ without its first."""
+    L, s, m, p, _ = found
     f, k = s * m, s * (2 * m + p)
     U_f, W_p, Y_f = L[:f], L[f:k], L[k:]
     told = _oblique(Y_f, U_f, W_p)  # O
@@ -62,7 +72,15 @@ def dynamics(found: Factor, n: int, weighting: str) -> Dynamics:
         W = axes * np.maximum(size, EXACT * size[0])
     left, values, _ = np.linalg.svd(np.linalg.solve(W, without_u), full_matrices=False)
     Γ = (W @ left[:, :n]) * np.sqrt(values[:n])
-    A, C = np.linalg.lstsq(Γ[:-p], Γ[p:], rcond=None)[0], Γ[:p]
+    return Shift(np.linalg.lstsq(Γ[:-p], Γ[p:], rcond=None)[0], Γ[:p], Γ, values, told)
+
+
+def dynamics(found: Factor, n: int, weighting: str) -> Dynamics:
+    """A, C and the noise of a model with n states."""
+    L, s, m, p, N = found
+    f, k = s * m, s * (2 * m + p)
+    U_f, W_p, Y_f = L[:f], L[f:k], L[k:]
+    A, C, Γ, values, told = shift(found, n, weighting)
     later = _oblique(Y_f[p:], U_f[m:], np.concatenate([W_p, U_f[:m], Y_f[:p]]))
     X, X_next = (np.linalg.lstsq(G, states, rcond=None)[0] for G, states in ((Γ, told), (Γ[:-p], later)))
     now = np.concatenate([X_next - A @ X, Y_f[:p] - C @ X])
@@ -84,6 +102,16 @@ def inputs_of(
     y = Γ x0 + Σ_ij b_ij (response of state i to input j) + D u is linear in them. NaN in y: not seen.
     """
     n, p, m = len(A), len(C), data[0][0].shape[1]
+    θ = _least_norm(*regressors(A, C, data, feedthrough))
+    D = θ[n * m : n * m + p * m].reshape(p, m) if feedthrough else np.zeros((p, m))
+    return θ[: n * m].reshape(n, m), D
+
+
+def regressors(
+    A: np.ndarray, C: np.ndarray, data: Sequence[tuple[np.ndarray, np.ndarray]], feedthrough: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Φ (N, d) and y (N,) of what was seen, y = Φ (B, D, x0 of each record)."""
+    n, p, m = len(A), len(C), data[0][0].shape[1]
     rows, right = [], []
     for k, (u, y) in enumerate(data):
         states = _responses(A, u)  # (T, n, n m + n): the states that each entry of B and x0 makes
@@ -95,9 +123,7 @@ def inputs_of(
         seen = ~np.isnan(y)
         rows.append(np.concatenate(columns, axis=2)[seen])
         right.append(y[seen])
-    θ = _least_norm(np.concatenate(rows), np.concatenate(right))
-    D = θ[n * m : n * m + p * m].reshape(p, m) if feedthrough else np.zeros((p, m))
-    return θ[: n * m].reshape(n, m), D
+    return np.concatenate(rows), np.concatenate(right)
 
 
 def _responses(A: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -8,8 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .innovations_form import FAR, System, response
+
 DEFECTIVE = 1e-8  # w'v of unit vectors, below which an eigenvalue has no derivative
-FAR = 1e100  # where a response that grows without bound is cut off
+TOGETHER = 10  # tangents whose states are kept at a time
 
 
 class Dynamics(NamedTuple):
@@ -70,14 +72,19 @@ def impulse_moves(found: Dynamics, d: Dynamics, length: int) -> tuple[np.ndarray
 
 
 def output_moves(found: Dynamics, d: Dynamics, u: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Moves (r, T, p) of the outputs that u (T, m) makes from the state x (n,), which stays as it is."""
+    """Moves (r, T, p) of the outputs that u (T, m) makes from the state x (n,), which stays: dx+ = A dx + dA x + dB u."""
     A, B, C, _ = found
-    moves, dx = [], np.zeros((len(d.A), len(A)))
-    for row in u:
-        moves.append(d.C @ x + dx @ C.T + d.D @ row)
-        dx = np.clip(d.A @ x + dx @ A.T + d.B @ row, -FAR, FAR)
-        x = np.clip(A @ x + B @ row, -FAR, FAR)
-    return np.stack(moves, axis=1)
+    (n, m), p = B.shape, len(C)
+    none = np.zeros((n, n))
+    states, _ = response(System(A, B, np.eye(n), np.zeros((n, m)), none, none, none), u, x)
+    sums = System(A, np.eye(n), C, np.zeros((p, n)), none, none, none)
+    moves = []
+    for part in np.array_split(np.arange(len(d.A)), max(-(-len(d.A) // TOGETHER), 1)):
+        pushed = np.einsum("rij,tj->tir", d.A[part], states) + np.einsum("rij,tj->tir", d.B[part], u)
+        carried, _ = response(sums, pushed, np.zeros((n, len(part))))
+        direct = np.einsum("rij,tj->tir", d.C[part], states) + np.einsum("rij,tj->tir", d.D[part], u)
+        moves.append((carried + direct).transpose(2, 0, 1))
+    return np.concatenate(moves)
 
 
 def aligned(found: Dynamics, base: Dynamics) -> Dynamics:
