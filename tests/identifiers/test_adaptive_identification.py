@@ -112,17 +112,6 @@ def test_a_parameter_that_jumps_is_followed_and_told():
     assert [check.passed for check in constant.validation.checks if check.name == "noise"] == [False]
 
 
-def test_in_one_table_it_beats_the_linear_models_and_is_as_good_as_maximum_likelihood():
-    adaptive = es.AdaptiveIdentification(tank(0.5, 1.0), BEGIN)
-    likely = es.AdaptiveIdentification(tank(0.5, 1.0), BEGIN, refinement="likelihood")
-    found = es.compare([es.Subspace(1), es.OutputErrorML(1, 0, delay=1, initial="free"), adaptive, likely], drawn(4))
-    assert [one.name for one in found.ranked[:2]] == ["AdaptiveIdentification"] * 2
-    first, second, third, _ = (one.fit_percent for one in found.ranked)
-    assert abs(first - second) < 0.5
-    assert third < first - 2
-    assert_allclose(found.ranked[0].fit.parameters, found.ranked[1].fit.parameters, rtol=2e-3)
-
-
 @pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 def test_the_response_of_a_continuous_model_is_that_of_its_samples(hold):
     A, B, C = np.array([[-1.3, 1.0], [-3.5, -1.1]]), np.array([[-0.15], [-24.3]]), np.array([[1.0, 0.5]])
