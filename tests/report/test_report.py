@@ -7,7 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, estimate, report
+from estimable import (
+    InputError, Kalman, OutputError, Prior, Record, StateSpace, UnknownGain, estimate, excitation, report, simulate,
+)  # fmt: skip
+from estimable.report.identification_charts import excitation_chart
 
 MODEL = StateSpace(
     [[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0], [1.0, 1.0]], Q=0.1 * np.eye(2), R=0.2 * np.eye(2), dt=0.5,
@@ -157,3 +160,16 @@ def test_a_result_of_one_row_is_refused():
 def test_the_page_is_written(tmp_path):
     report.write_report(report_of(title="Tank")[1], tmp_path / "page.html")
     assert "<title>Tank</title>" in (tmp_path / "page.html").read_text()
+
+
+def test_how_much_was_told_is_drawn_over_time_with_its_limit():
+    plant = OutputError([-0.5], [1.0], noise_variance=0.1, dt=0.5)
+    u = np.random.default_rng(0).normal(size=60)
+    found = excitation(plant, simulate(plant, u, seed=0).record)
+    chart = excitation_chart(found, 0.5 * np.arange(60))
+    told = found.eigenvalues > 0
+    x, y = (np.frombuffer(base64.b64decode(chart.traces[0][axis]["bdata"]), "<f4") for axis in "xy")
+    np.testing.assert_allclose(x, 0.5 * found.samples[told])
+    np.testing.assert_allclose(y, found.eigenvalues[told], rtol=1e-6)
+    assert chart.layout["shapes"][0]["y0"] == found.check.limit
+    assert chart.caption == found.check.sentence

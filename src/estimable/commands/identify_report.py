@@ -16,6 +16,8 @@ from .identify_files import Asked, Written, write_model_file, write_page
 from .numbers import counted, decimals
 from .settings import read_settings
 
+RECURSIVE = ("joint-output-error", "recursive-output-error")  # which need the noise variance
+
 
 class Identified(NamedTuple):
     """A fit, how it was made, the sentence on the orders where they were chosen, and what was written."""
@@ -58,7 +60,7 @@ def _choose(entry: Any, record: Record, given: dict[str, Any], order: int | None
     elif "na" in fields:
         given |= {} if order is None else {"na": order, "nb": given.get("nb", order - 1)}
         chosen = _chosen_orders(record, given) if not {"na", "nb"} <= given.keys() else None
-    if "noise_variance" in fields and "noise_variance" not in given and entry.name == "recursive-output-error":
+    if "noise_variance" in fields and "noise_variance" not in given and entry.name in RECURSIVE:
         given["noise_variance"] = _noise(record, given)
     return chosen
 

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from .. import checks, diagnostics
+from ..analysis.excitation import excitation
 from ..data.record import Record
 from ..identifiers.residuals import residual_checks
 from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear import NonlinearModel
+from ..models.output_error import OutputError
 from ..results import Fit
 from ..results.orders import OrderSelection
 from ..run.compare import Comparison, Ranked
@@ -18,7 +20,7 @@ from .assumptions import model_items, record_items
 from .charts import thinned
 from .contents import Fact, Report, Section, Verdict
 from .estimates import versions
-from .identification_charts import model_charts, order_charts, residual_charts, simulation_charts
+from .identification_charts import excitation_chart, model_charts, order_charts, residual_charts, simulation_charts
 
 MOST_PARAMETERS = 40
 
@@ -53,9 +55,23 @@ def report_of_comparison(
     explained = found.best is not None
     return Report(
         title, tuple(lead) or (found.sentence,), tuple(_facts(chosen, record)), times[thinned(len(record))], "time [s]",
-        tuple([*charts[0], *orders, *charts[1], *(model_charts(chosen.fit) if explained else [])]), tuple(verdicts),
+        tuple([
+            *charts[0], *orders, *_excited(found, chosen, times), *charts[1],
+            *(model_charts(chosen.fit) if explained else []),
+        ]), tuple(verdicts),
         (*_sections(chosen, record), versions("", files)), tuple(commands), (_methods(found),),
     )  # fmt: skip
+
+
+def _excited(found: Comparison, chosen: Ranked, times: np.ndarray) -> list[Any]:
+    """How much the record told of the parameters as it went on; of output-error models, of which it is worked out."""
+    assert found.task is not None
+    assert chosen.fit is not None
+    model, whole = chosen.fit.model, found.task.whole[0]
+    inputs = np.asarray(whole.applied())
+    if not isinstance(model, OutputError) or np.isnan(inputs).any() or not model.is_stable:
+        return []
+    return [excitation_chart(excitation(model, whole), times)]
 
 
 def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarray) -> Any:

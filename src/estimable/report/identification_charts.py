@@ -9,7 +9,7 @@ from .. import diagnostics
 from ..diagnostics.innovations import Correlations
 from ..diagnostics.responses import FrequencyResponse, Response, Roots
 from ..errors import InputError
-from ..results import Fit
+from ..results import Excitation, Fit
 from ..results.orders import OrderSelection
 from .charts import BOUND, FILL, MARK, MEASURED, STATE, packed, thinned
 from .contents import Chart, Key
@@ -22,8 +22,9 @@ FARTHEST = 2.5  # modulus of the zeros that are drawn
 MOST_PAIRS = 6  # of outputs and inputs whose responses are drawn
 UNSURE = 4.0  # sigma of log modulus or phase from which a band says nothing
 TO_DECIBEL = 20 / np.log(10)
-HELD, ORDER, LEFT, MODEL = (
+HELD, ORDER, LEFT, MODEL, EXCITED = (
     "Does it simulate what it has not seen?", "Which order?", "Is something left in the residuals?", "The model",
+    "Does the input excite the plant?",
 )  # fmt: skip
 
 
@@ -109,6 +110,22 @@ def _singular_values(found: OrderSelection, taken: int) -> Chart:
 def _at(x: float) -> dict[str, Any]:
     line = {"color": MARK, "width": 1.5, "dash": "dash"}
     return {"type": "line", "x0": x, "x1": x, "yref": "paper", "y0": 0, "y1": 1, "line": line}
+
+
+def excitation_chart(found: Excitation, times: np.ndarray) -> Chart:
+    """The smallest eigenvalue of the information gathered so far, over time; its limit dashed."""
+    told = found.eigenvalues > 0
+    x = times[found.samples[told]]
+    trace = {"x": packed(x), "y": packed(found.eigenvalues[told]), "mode": "lines", "name": "smallest eigenvalue",
+             "line": {"color": STATE, "width": 2}, "hovertemplate": "%{y:.3g}"}  # fmt: skip
+    bound = {"color": BOUND, "width": 1.8, "dash": "dash"}
+    limit = float(found.check.limit)
+    layout = {
+        "xaxis": {"title": {"text": "time [s]"}}, "yaxis": {"title": {"text": "of the scaled information"}, "type": "log"},
+        "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": limit, "y1": limit, "line": bound}],
+    }  # fmt: skip
+    keys = (Key("smallest eigenvalue of what was told so far", STATE, "line"), Key("limit", BOUND, "dash"))
+    return Chart("How much the record told of the parameters", keys, (trace,), layout, found.check.sentence, EXCITED)
 
 
 def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs: Sequence[str]) -> list[Chart]:

@@ -29,8 +29,8 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
 
     The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and
     the assumptions looked at, each with a sentence. `fit.undetermined` spans what the data tell nothing of. A recursive
-    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000). There is no
-    `validation` where inputs are of unknown fate, which `JointOutputError(..., arrival=)` takes.
+    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000). Where
+    inputs are of unknown fate, which `JointOutputError(..., arrival=)` takes, stability alone is looked at.
 
     Raises `InputError` with every fault of the call.
 
@@ -126,11 +126,11 @@ def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
     method = method.for_channels(records[0].inputs, records[0].outputs)
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
-    model, validation, free = method.fitted(θ, records[0].dt), None, None
+    model, free = method.fitted(θ, records[0].dt), None
     known = not (takes_fates(method) and any(np.isnan(one.applied()).any() for one in records))
-    if not model.is_stable:  # its response runs away, and tells nothing
+    if not (known and model.is_stable):  # its response is not known, or runs away
         validation = Validation((), np.full(model.p, np.nan), (stability_check(model),))
-    elif known:
+    else:
         M = told(model, records)
         free, printed = undetermined(M), getattr(method, "method", "") == "printed"
         validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
