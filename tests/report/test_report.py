@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from estimable import (
-    InputError, Kalman, OutputError, Prior, Record, StateSpace, UnknownGain, estimate, excitation, report, simulate,
+    InputError,
+    Kalman,
+    OutputError,
+    Prior,
+    Record,
+    StateSpace,
+    UnknownGain,
+    estimate,
+    excitation,
+    report,
+    simulate,
 )  # fmt: skip
 from estimable.report.identification_charts import excitation_chart
 

@@ -15,6 +15,7 @@ from ..models.output_error import OutputError
 from ..results import Fit
 from .one_output import Datum, OneOutput, Orders, fit_output
 from .recursive_output_error import RecursiveOutputError
+from .uncertain_inputs import expected, fit_uncertain
 from .validation import validated
 
 INITIAL = ("rest", "free")
@@ -25,7 +26,9 @@ LEAST_NOISE = 1e-10  # of the mean square of an output: what the recursion takes
 class OutputErrorML:
     """The parameters of an output-error model by maximum likelihood, from one record or several with gaps.
 
-    Model: `OutputError`, each output with polynomials of its own; outputs seen or not, inputs as they were applied.
+    Model: `OutputError`, each output with polynomials of its own; outputs seen or not, inputs as they were applied. Inputs
+    that are not known, because nobody logged them or nobody tells whether they arrived (UDP-like), count with their means and
+    variances.
 
     Assumes orders that are right and v white and Gaussian (otherwise it is nonlinear least squares: still consistent, and its
     covariance right to first order if v is white). The plant may be in motion when a record begins (`initial="free"`). For
@@ -33,7 +36,8 @@ class OutputErrorML:
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest", or "free": what happened before row 0 is
-    estimated too, max(na, nb + delay) numbers an output and record.
+    estimated too, max(na, nb + delay) numbers an output and record. `arrival`: the rate at which inputs of unknown fate arrive
+    (default None: every fate is known); inputs not logged (NaN) are taken to be like those that were.
 
     The likelihood is that of the outputs seen. It is maximised by Levenberg and Marquardt's method (MINPACK, in SciPy) with exact
     derivatives, from several starts: a long impulse response fitted linearly, and, in `identify`, the recursion's answer.
@@ -57,6 +61,7 @@ class OutputErrorML:
     delay: int = static(default=0)
     noise_variance: Any = None
     initial: str = static(default="rest")
+    arrival: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -70,11 +75,16 @@ class OutputErrorML:
                 faults.add(
                     f"`noise_variance` must be greater than 0, or None. Got {checks.short(self.noise_variance)}."
                 )
+        arrival = self.arrival
+        if arrival is not None:
+            arrival = faults.number("arrival", arrival, above=0.0, upper=1.0)
         faults.finish()
-        set_field(self, noise_variance=noise)
+        set_field(self, noise_variance=noise, arrival=arrival)
 
-    def starter(self, records: Sequence[Record]) -> RecursiveOutputError:
-        """The recursion whose answer is a second start."""
+    def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
+        """The recursion whose answer is a second start; None where inputs are not known, which it does not take."""
+        if _uncertain(records):
+            return None
         noise = self.noise_variance
         if noise is None:
             found = [impulse_start.residual_variance(self.na, self.nb, self.delay, data) for data in by_output(records)]
@@ -85,32 +95,29 @@ class OutputErrorML:
     def fit(self, records: Sequence[Record], start: Any = None) -> Fit:
         """The fit to records of equal channels and step; `start` (d,) is one more start.
 
-        Raises `InputError` where an input is not known, or an output was never seen.
+        Raises `InputError` where nothing says what an input may have been, or an output was never seen.
         """
         self.check(records)
+        inputs = expected(records, self.arrival) if _uncertain(records) else None
         first, noises = records[0], self.noise_variance
         past = max(self.na, self.nb + self.delay) if self.initial == "free" else 0
         orders = Orders(self.na, self.nb, self.delay, past)
         d = self.na + len(first.inputs) * (self.nb + 1)
         ends = []
         for i, data in enumerate(by_output(records)):
+            if inputs is not None:
+                ends.append(fit_uncertain(orders, data, inputs, None if noises is None else float(noises[i])))
+                continue
             starts = [] if start is None else [np.asarray(start)[i * d : (i + 1) * d]]
             ends.append(fit_output(orders, data, starts, None if noises is None else float(noises[i])))
         return self._assembled(records, ends)
 
     def check(self, records: Sequence[Record]) -> None:
-        """Every input known, every output seen at least once, a noise variance for each."""
+        """Every output seen at least once, a noise variance for each."""
         faults, first = checks.Faults(), records[0]
         if self.noise_variance is not None and len(self.noise_variance) != len(first.outputs):
             outputs = checks.counted(len(first.outputs), "output")
             faults.add(f"`noise_variance` must be one for each of {outputs}. Got {len(self.noise_variance)}.")
-        for i, record in enumerate(records):
-            if np.isnan(record.applied()).any():
-                row = checks.first_index(np.isnan(record.applied()))
-                faults.add(
-                    f"record {i}: an input is not known at index {row}: NaN, or nobody knows whether it arrived. Give "
-                    "`arrived`, or cut the record there."
-                )
         seen = np.concatenate([record.seen for record in records])
         never = [name for i, name in enumerate(first.outputs) if not seen[:, i].any()]
         if never:
@@ -126,11 +133,17 @@ class OutputErrorML:
         )  # fmt: skip
         M = block_diagonal([end.information for end in ends])
         free, Σ = undetermined(M), covariance(M)
+        assumed = None if _uncertain(records) else self.noise_variance
         residuals = tuple(np.stack(columns, axis=1) for columns in zip(*(end.residuals for end in ends), strict=True))
         return Fit(
-            model, θ, Σ, model.parameter_names, validated(model, records, self.noise_variance, residuals, M), None,
+            model, θ, Σ, model.parameter_names, validated(model, records, assumed, residuals, M), None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
+
+
+def _uncertain(records: Sequence[Record]) -> bool:
+    """Whether some input is not known: not logged, or nobody knows whether it arrived."""
+    return any(np.isnan(record.applied()).any() for record in records)
 
 
 def covariance(M: np.ndarray) -> np.ndarray:

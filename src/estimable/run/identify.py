@@ -45,7 +45,10 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
         return tracked(method, records, engine)
     if hasattr(method, "starter"):
         method.check(records)
-        start, _ = _run(method.starter(records).for_channels(records[0].inputs, records[0].outputs), records, engine)
+        starter = method.starter(records)
+        if starter is None:
+            return method.fit(records)
+        start, _ = _run(starter.for_channels(records[0].inputs, records[0].outputs), records, engine)
         return method.fit(records, np.asarray(start.mean)[-1])
     if hasattr(method, "fit"):
         return method.fit(records)
