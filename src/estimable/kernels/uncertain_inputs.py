@@ -5,6 +5,8 @@ s+ = F s + G u, y = s_1 + D u + v, so that w is process noise and measurement no
 variance V, gain K.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
@@ -23,7 +25,7 @@ def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tu
 
 
 def log_likelihood(
-    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Float[Real, ""], s: Float[Real, " n"], delay: int, rows: tuple
+    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Any, s: Float[Real, " n"], delay: int, rows: tuple
 ) -> tuple[Float[Real, ""], Float[Real, " T"], Float[Real, " T"]]:
     """Of the outputs seen; with the innovations and their variances, row by row. `rows`: ū, W (T, m), y and seen (T,)."""
     F, G, D = companion(a, b, delay)
