@@ -188,6 +188,16 @@ def test_courses_follow_norms_of_any_speeds():
         assert exact.margin <= stability_radius(A[i], dt=0).margin
 
 
+def test_norms_of_large_loops_are_found_by_iteration():
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(4, 30, 30)) * np.exp(rng.normal(size=(4, 30, 1)))
+    A = A - (np.linalg.eigvals(A).real.max(axis=1) + 0.5)[:, None, None] * np.eye(30)
+    course = kernel.courses(A, True)
+    for i in range(4):
+        for k in (3, 40, 80, 150):
+            assert_allclose(course.a[i, k], np.linalg.norm(expm(A[i] * course.t[i, k]), 2), rtol=1e-2)
+
+
 def test_logarithms_of_matrices_that_cannot_be_diagonalised():
     jordan = np.array([[0.5, 1.0], [0.0, 0.5]])
     ringing = np.array([[-0.5, 0.0], [0.0, 0.3]])

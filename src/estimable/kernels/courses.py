@@ -18,6 +18,8 @@ GROWTH = 1.005        # of that, a step: late oscillations count less
 MOST = 1200           # steps
 LEVELS = 40           # of step lengths, each twice the one before
 SETTLED = 0.05        # of its start, below which a motion has died out
+LARGE = 24            # rows above which norms are found by iteration
+BLOCK, POWERS = 4, 3  # vectors and rounds of it
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -38,7 +40,7 @@ def courses(A: Float[Real, "b n n"], continuous: bool) -> Courses:
     rate = A if continuous else A - np.eye(n)                              # of change, per second or sample
     M, t = np.broadcast_to(np.eye(n), A.shape).copy(), np.zeros(b)
     ts, norms, rows = [t.copy()], [np.ones(b)], [np.ones((b, n))]
-    going = np.arange(b)
+    going, V = np.arange(b), np.broadcast_to(np.random.default_rng(0).normal(size=(n, BLOCK)), (b, n, BLOCK)).copy()
     for k in range(MOST):
         now = M[going]
         speed = _size(rate[going] @ now) / _size(now)
@@ -49,13 +51,22 @@ def courses(A: Float[Real, "b n n"], continuous: bool) -> Courses:
         t[going] += h[going] * 2.0**j
         ts.append(t.copy())
         norms.append(np.where(np.isin(np.arange(b), going), 0.0, norms[-1]))
-        norms[-1][going] = np.linalg.norm(M[going], ord=2, axis=(1, 2))
+        norms[-1][going], V[going] = _norms(M[going], V[going])
         rows.append(np.linalg.norm(M, axis=2))
         going = going[norms[-1][going] > SMALLEST]
         if len(going) == 0:
             break
     t, a, rows = np.stack(ts, 1), np.stack(norms, 1), np.stack(rows, 1)
     return Courses(t, a, _total(t, a[..., None], continuous)[:, 0], _total(t, rows, continuous))
+
+
+def _norms(M: Real, V: Real) -> tuple[Real, Real]:
+    """||M||, and the vectors V (b, n, `BLOCK`) that show it: of large M by block power iteration from those before."""
+    if M.shape[-1] <= LARGE:
+        return np.linalg.norm(M, ord=2, axis=(1, 2)), V
+    for _ in range(POWERS):
+        V = np.linalg.qr(M.swapaxes(1, 2) @ (M @ V))[0]
+    return np.linalg.svd(M @ V, compute_uv=False)[:, 0], V
 
 
 def _leaps(A: Real, continuous: bool) -> Real:

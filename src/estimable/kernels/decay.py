@@ -6,6 +6,7 @@ References: R. W. Bass, Satellite Navigation Technical Exchange (2005), ρ; D. H
 Letters 7 (1986) 1, the complex stability radius; N. A. Bruinsma, M. Steinbuch, ibid. 14 (1990) 287, its computation.
 """
 
+from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
@@ -56,25 +57,29 @@ def course(A: Float[Real, "n n"]) -> Course:
     from scipy.linalg import expm
 
     ω = float(np.linalg.eigvalsh((A + A.T) / 2)[-1])                       # logarithmic norm: ||e^{At}|| <= e^{ωt}
-    h, A2 = FINE / np.linalg.norm(A, 2), A @ A
+    h, A2 = float(FINE / np.linalg.norm(A, 2)), A @ A
     leaps = [expm(A * h)]
-    M, largest = np.eye(len(A)), 1.0
-    t: list[float] = [0.0]
-    a, ε = [1.0], [0.0]
+    M, j = np.eye(len(A)), 0
+    t, a, ε, largest = [0.0], [1.0], [0.0], [1.0]                          # largest: the norm's bound up to each time
+
+    def growth(step: float) -> float:
+        """A bound of ||e^{As}|| up to s = step."""
+        known = largest[bisect_left(t, step)] if step <= t[-1] else np.inf
+        return min(known, float(np.exp(min(max(ω, 0.0) * step, 700.0))))
+
     while a[-1] > SMALLEST and len(t) < MOST:
         bend = float(np.linalg.norm(A2 @ M)) / 8
-        g = largest if t[-1] > 0 else 2.0
-        wanted = np.sqrt(BENT * a[-1] / max(g * bend, 1e-300)) / h
-        j = int(np.clip(np.log2(max(min(wanted, max(t[-1] / h, 1.0)), 1.0)), 0, 60))
+        j += 1                                                             # at most twice the step before, or as small as needed
+        while j > 0 and (h * 2.0**j) ** 2 * growth(h * 2.0**j) * bend > BENT * a[-1]:
+            j -= 1
         while len(leaps) <= j:
             leaps.append(leaps[-1] @ leaps[-1])
         step = h * 2.0**j
         M = leaps[j] @ M
-        g = largest if step <= t[-1] else np.exp(max(ω, 0.0) * step)
-        ε.append(float(step**2 * g * bend))
+        ε.append(step**2 * growth(step) * bend)
         a.append(float(np.linalg.norm(M, 2)))
-        t.append(float(t[-1] + step))
-        largest = max(largest, max(a[-2:]) + ε[-1])
+        t.append(t[-1] + step)
+        largest.append(max(largest[-1], a[-2] + ε[-1], a[-1] + ε[-1]))
     return Course(np.array(t), np.array(a), np.array(ε[1:]), ω)
 
 
