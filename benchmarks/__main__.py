@@ -7,9 +7,9 @@ import platform
 from importlib import metadata
 from pathlib import Path
 
-from .common import row
 from .equations import lyapunov, riccati
 from .filtering import bank, large, one_record, one_step
+from .loops import loops
 from .nonlinear import nonlinear
 from .start import starts
 
@@ -27,15 +27,10 @@ def workloads(quick):
         *((one_step, f"W4 one step online, n={n} p={p}", n, p, steps) for n, p in ((4, 2), (12, 6))),
         *((large, f"W5 one record, n={n} p=2, T={rows:,}", n, rows) for n in (4, 16, 64, 256)),
         *((solve, f"W7 {solve.__name__}, n={n}", n) for n in (4, 20, 100) for solve in (riccati, lyapunov)),
-        (planned, "W8 10,000 closed loops of the F-16"),
+        (loops, f"W8 {runs:,} closed loops of the F-16, 1,650 samples each", runs),
         (starts, "W9 start"),
         *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
     ]
-
-
-def planned(name):
-    """A workload that is not written yet."""
-    yield row(name, "estimable", absent="not written yet")
 
 
 def table(rows):

@@ -24,6 +24,9 @@ def test_the_numbers_of_the_failing_elevator(simulate):
     (("f16", "--runs", "0"), "`--runs` must be a whole number, at least 1"),
     (("f16", "--rows", "5"), "--rows is not of f16"),
     (("output-error", "--loss", "0.5"), "--loss is of f16"),
+    (("f16", "--plant", "cessna"), "`--plant` must be one of 'short-period', 'jsbsim', 'jsbsim-untrimmed'"),
+    (("f16", "--plant", "jsbsim", "--folder", "parts"), "--folder is of --plant short-period"),
+    (("output-error", "--plant", "jsbsim"), "--plant is of f16"),
     (("f18",), "`MODEL` must be one of 'output-error', 'f16'"),
 ])  # fmt: skip
 def test_a_wrong_call_is_one_sentence(simulate, arguments, sentence):

@@ -24,7 +24,12 @@ Loss = Annotated[
     typer.Option("--loss", metavar="FRACTION", help="f16: how much of the elevator's effect is lost.", show_default=False),
 ]  # fmt: skip
 Runs = Annotated[
-    int | None, typer.Option("--runs", metavar="N", help="f16: how many flights; 200 by default.", show_default=False)
+    int | None, typer.Option("--runs", metavar="N", help="f16: how many flights; 200, of JSBSim 1.", show_default=False)
+]  # fmt: skip
+Plant = Annotated[
+    str | None,
+    typer.Option("--plant", metavar="NAME", show_default=False,
+                 help="f16: short-period (default), or of JSBSim jsbsim and jsbsim-untrimmed, whose loss upsets the trim too."),
 ]  # fmt: skip
 Folder = Annotated[
     Path | None,
@@ -53,6 +58,7 @@ def simulate(
     out: OutFile = None,
     loss: Loss = None,
     runs: Runs = None,
+    plant: Plant = None,
     folder: Folder = None,
     scheduler: Scheduler = None,
     machine: options.Machine = False,
@@ -71,11 +77,12 @@ def simulate(
       estimable simulate output-error --input-arrival 0.8 --output-arrival 0.7 --seed 1 --out run.csv
       estimable identify run.csv --method recursive-output-error
       estimable simulate f16 --loss 0.8 --runs 200
+      estimable simulate f16 --plant jsbsim --loss 0.5
     """
     if what == "f16":
         rest = {"rows": rows, "lost": lost, "settings": settings, "out": out}
         numbers = simulate_flight.flown(
-            0.5 if loss is None else loss, runs=200 if runs is None else runs, seed=seed,
+            0.5 if loss is None else loss, plant or "short-period", runs=runs, seed=seed,
             arrivals=(input_arrival, output_arrival), burst=burst, rest=rest,
             where={"folder": folder, "scheduler": scheduler},
         )  # fmt: skip
@@ -84,7 +91,9 @@ def simulate(
         else:
             show.text(lambda _: simulate_flight.as_text(numbers))
         return
-    simulate_flight.refuse_options({"loss": loss, "runs": runs, "folder": folder, "scheduler": scheduler})
+    simulate_flight.refuse_options(
+        {"loss": loss, "runs": runs, "plant": plant, "folder": folder, "scheduler": scheduler}
+    )
     check_destination("--out", out, ".csv")
     simulation = simulate_report.simulated(
         what, rows=rows, seed=seed, arrivals=(input_arrival, output_arrival), burst=burst, lost=lost or "zero",

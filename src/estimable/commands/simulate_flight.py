@@ -1,20 +1,25 @@
 """What `estimable simulate f16` flies and says."""
 
+import statistics
 from typing import Any
 
 from .. import checks
+from . import show
 from .simulate_report import check_links, link
 
+SIMULATED = {"jsbsim": "trim", "jsbsim-untrimmed": "zero"}  # plants of JSBSim: about which deflection the loss is
 REST = {"rows": 1000, "lost": None, "settings": None, "out": None}  # options that are not of a flight
 
 
 def flown(
-    loss: float, *, runs: int, seed: int, arrivals: tuple[float, float], burst: float, where: dict[str, Any],
+    loss: float, plant: str, *, runs: int | None, seed: int, arrivals: tuple[float, float], burst: float, where: dict[str, Any],
     rest: dict[str, Any],
 ) -> dict:  # fmt: skip
     """The numbers of the flights. Raises `InputError` with every fault of the call."""
     faults = checks.Faults()
     faults.number("--loss", loss, lower=0.0, upper=1.0)
+    faults.choice("--plant", plant, ("short-period", *SIMULATED))
+    runs = (1 if plant in SIMULATED else 200) if runs is None else runs
     faults.whole("--runs", runs, 1)
     faults.whole("--seed", seed, 0)
     check_links(arrivals, burst, faults)
@@ -23,11 +28,30 @@ def flown(
             option = "--set" if name == "settings" else f"--{name}"
             faults.add(f"{option} is not of f16, whose flights are always the same 16.5 s: leave it out.")
     faults.finish()
+    links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
+    fly = _in_simulator if plant in SIMULATED else _short_period
+    return {"loss": loss, "plant": plant, "runs": runs, "seed": seed, **fly(1 - loss, plant, runs, seed, links, where)}
+
+
+def _short_period(gain: float, plant: str, runs: int, seed: int, links: dict, where: dict) -> dict[str, float]:
     from ..plants import f16_failure
 
-    input_link, output_link = (link(rate, burst) for rate in arrivals)
-    numbers = f16_failure.study(1 - loss, runs=runs, seed=seed, input_link=input_link, output_link=output_link, **where)
-    return {"loss": loss, "runs": runs, "seed": seed, **numbers}
+    return f16_failure.study(gain, runs=runs, seed=seed, **links, **where)
+
+
+def _in_simulator(gain: float, plant: str, runs: int, seed: int, links: dict, where: dict) -> dict[str, float]:
+    from ..plants import f16_in_jsbsim
+
+    faults = checks.Faults()
+    for name, value in where.items():
+        if value is not None:
+            faults.add(
+                f"--{name} is of --plant short-period: leave it out, JSBSim flies here, one flight after the other."
+            )
+    faults.finish()
+    with show.working("Flying"):
+        flights = [f16_in_jsbsim.fly(gain, seed=seed + i, about=SIMULATED[plant], **links).numbers for i in range(runs)]
+    return {name: statistics.median(one[name] for one in flights) for name in flights[0]}
 
 
 def as_data(numbers: dict[str, Any]) -> dict[str, Any]:

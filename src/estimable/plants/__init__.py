@@ -1,5 +1,6 @@
 """Plants to learn on and to test with."""
 
-from . import f16, f16_failure
+from . import f16, f16_failure, f16_in_jsbsim
+from .jsbsim_f16 import JsbsimF16
 
-__all__ = ["f16", "f16_failure"]
+__all__ = ["JsbsimF16", "f16", "f16_failure", "f16_in_jsbsim"]

@@ -1,0 +1,96 @@
+"""The nonlinear F-16: trimmed, linearised as it was before, and its elevator fails as it is told to."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import estimable as es
+from estimable.plants import f16, f16_in_jsbsim, jsbsim_f16
+
+pytest.importorskip("jsbsim", reason="needs the extra flight (jsbsim)")
+SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "f16-model.toml"
+
+
+@pytest.fixture(scope="module")
+def aircraft():
+    return jsbsim_f16.JsbsimF16(0.5, failure_time=0.0, sigma_alpha=1e-9, sigma_q=1e-9)
+
+
+def test_level_flight_stays_level(aircraft):
+    flight = aircraft.begin(0.01)
+    for _ in range(100):
+        flight.move(np.zeros(1))
+    assert_allclose(flight.state, 0.0, atol=2e-3)
+    assert_allclose(flight.input, 0.0, atol=1e-12)
+
+
+def test_the_linear_model_is_that_of_the_recorded_flight(aircraft):
+    if not SHARED.exists():
+        pytest.skip("needs ../shared/data")
+    recorded = es.read_model(SHARED)
+    assert_allclose(aircraft.model.A, recorded.model.A, rtol=1e-3)
+    assert_allclose(aircraft.model.B, recorded.model.B, rtol=2e-3)
+    assert_allclose(aircraft.trim["elevator_deg"], recorded.model.operating_point.inputs[0], atol=2e-3)
+    assert_allclose(aircraft.trim["alpha_deg"], recorded.model.operating_point.states[0], atol=2e-3)
+
+
+def test_a_known_loss_about_the_trim_is_made_good_exactly(aircraft):
+    """What the air sees is then what it sees of the healthy aircraft, nonlinear as it is."""
+    model = aircraft.model
+    healthy = jsbsim_f16.JsbsimF16(sigma_alpha=1e-9, sigma_q=1e-9)
+    law = es.StateFeedback([[0.4, -0.9]], reference_gain=[[-1.2]])
+    t = np.arange(60) / 100
+    given = {
+        "reference": 4 * f16.pitch_command(t),
+        "seed": 1,
+        "prior": es.Prior([0.0, 0.0], np.zeros((2, 2))),
+        "dt": 0.01,
+    }
+    known = {K: es.UnknownGain(model, es.Prior([K], [[0.0]])) for K in (1.0, 0.5)}
+    flown = es.close_loop(healthy, law, known[1.0], **given)
+    made_good = es.close_loop(aircraft, es.GainReconfiguration(law), known[0.5], **given)
+    failed = es.close_loop(aircraft, law, known[1.0], **given)
+    assert flown.engine == "python"
+    assert flown.state[-1, 1] > 2
+    assert_allclose(made_good.state, flown.state, atol=1e-5)
+    assert_allclose(made_good.input, 2 * flown.input, atol=1e-5)
+    assert np.abs(failed.state - flown.state).max() > 0.5
+
+
+def test_a_loss_of_the_whole_deflection_upsets_the_trim():
+    lost = jsbsim_f16.JsbsimF16(0.5, failure_time=0.0, about="zero")
+    flight = lost.begin(0.01)
+    for _ in range(50):
+        flight.move(np.zeros(1))
+    elevator = 0.5 * -lost.trim["elevator_deg"]  # the missing half of the trim
+    linear = es.StateSpace(lost.model.A, lost.model.B, dt=0).discretise(0.5)
+    assert_allclose(flight.state, linear.B[:, 0] * elevator, rtol=0.1)
+    assert flight.state[1] < -2
+
+
+def test_the_upset_is_taken_back_by_the_law():
+    model = jsbsim_f16.JsbsimF16().model
+    law = f16_in_jsbsim.law(model)
+    _, u, _ = law.act((), es.Info(mean=np.array([0.0, 0.0, 0.7])), np.zeros(1))
+    assert_allclose(u, -0.7)
+    closed = model.A - model.B @ law.feedback[:, :2]
+    q = np.linalg.solve(-closed, model.B @ law.reference_gain)[1, 0]
+    assert_allclose(q, 1.0)
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({"about": "nose"}, "`about` must be one of 'trim', 'zero'"),
+    ({"mach": -1.0}, "`mach` must be greater than 0"),
+    ({"mach": 9.0}, "cannot be trimmed in level flight at Mach 9"),
+])  # fmt: skip
+def test_a_wrong_flight_is_refused(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        jsbsim_f16.JsbsimF16(**given)
+
+
+def test_without_jsbsim_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "jsbsim", None)
+    with pytest.raises(es.InputError, match=r"pip install 'estimable\[flight\]'"):
+        jsbsim_f16.JsbsimF16()
