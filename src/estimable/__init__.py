@@ -48,6 +48,7 @@ from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
+from .identifiers.coupled_least_squares import CoupledLeastSquares
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.instrumental_variables import InstrumentalVariables
 from .identifiers.joint_output_error import JointOutputError
@@ -122,6 +123,7 @@ __all__ = [
     "ClosedLoopBank",
     "Comparison",
     "ControlledPlant",
+    "CoupledLeastSquares",
     "DelayLink",
     "Delivery",
     "DesignFamily",

@@ -19,6 +19,7 @@ from .filters.unknown_gain import UnknownGain
 from .filters.unknown_input import UnknownInput
 from .filters.unscented_kalman import UnscentedKalman
 from .identifiers.adaptive_identification import AdaptiveIdentification
+from .identifiers.coupled_least_squares import CoupledLeastSquares
 from .identifiers.ho_kalman import HoKalman
 from .identifiers.instrumental_variables import InstrumentalVariables
 from .identifiers.joint_output_error import JointOutputError
@@ -114,6 +115,10 @@ IDENTIFIERS = (
     Entry(
         "adaptive-identification", AdaptiveIdentification, "identifier", "Bass (2005), RANSID; Ho & Kálmán (1966)",
         "the nonlinear model, Q and R are right; the record stays about a point of rest, or the prior is near the truth",
+    ),
+    Entry(
+        "coupled-least-squares", CoupledLeastSquares, "identifier", "Ljung (1999) (4.52)-(4.57)",
+        "the orders are right; the noise is white on the equations",
     ),
     Entry(
         "ho-kalman", HoKalman, "identifier", "Ho & Kálmán (1966); Juang & Pappa (1985)",

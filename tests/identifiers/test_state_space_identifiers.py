@@ -231,7 +231,7 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
         ),
         (lambda: HoKalman(2, length=1), "`length` must be a whole number, at least 2. Got 1."),
         (lambda: HoKalman(2).realise([1.0, 2.0], dt=1), "order 2 needs the Markov parameters up to M4"),
-        (lambda: MarkovParameters(2, weighting="worst"), "`weighting` must be one of 'ordinary', 'best'"),
+        (lambda: MarkovParameters(2, weighting="worst"), "`weighting` must be one of 'ordinary', 'best', 'observer'"),
         (lambda: MarkovParameters(2, offset=1), "`offset` must be True or False. Got 1."),
         (
             lambda: MarkovParameters(2, noise_covariance=[1.0]),

@@ -31,7 +31,7 @@ class HoKalman:
     `realise` needs no more than 2 n Markov parameters, and is exact where they are. `Subspace` is better on short records.
 
     Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20, or 2 n + 2); `weighting` of their fit:
-    "ordinary" or "best".
+    "ordinary", "best" or "observer" (OKID).
 
     `fit.parameters` are the model's own M_0 .. M_2n, which fix it whatever its states; their covariance follows from that of the
     parameters fitted, to first order. `fit.extra["singular_values"]` of the Hankel matrix tell the order: look for the gap.
@@ -89,6 +89,10 @@ class HoKalman:
         length = max(LENGTH, 2 * self.order + 2) if self.length is None else self.length
         self._check(length, len(first.outputs), len(first.inputs))
         fitted = MarkovParameters(length, weighting=self.weighting).fit(records)
+        if fitted.covariance is None:
+            checks.refuse(
+                "these records do not fix an observer of that many terms: lower `length`, or gather more samples."
+            )
         M = fitted.model.b.transpose(2, 0, 1)
         found = ho_kalman(M, self.order)
         n = len(found.A)

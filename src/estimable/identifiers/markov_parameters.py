@@ -9,16 +9,19 @@ import numpy as np
 from .. import checks
 from ..analysis.excitation import excitation_check
 from ..data.record import Record
+from ..diagnostics.responses import spread_of
 from ..frozen import frozen, set_field, static
 from ..kernels.banded import autocovariance, whitened
 from ..kernels.regression import Regression, regress
+from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.arx import ARX
 from ..results import Fit
+from .coupled_least_squares import CoupledLeastSquares
 from .least_squares import LeastSquares, Rows
-from .realised import impulse_names
+from .realised import impulse_names, whole
 from .standing import validation_of
 
-WEIGHTINGS = ("ordinary", "best")
+WEIGHTINGS = ("ordinary", "best", "observer")
 ROUNDS = 3  # of estimating the noise from the residuals, and the response again
 
 
@@ -32,17 +35,20 @@ class MarkovParameters:
     frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). Nothing is assumed of the order.
     `HoKalman` makes a small model of it; where an order is known, `Subspace` and `OutputErrorML` need far fewer data.
 
-    Settings: `length`; `weighting`: "ordinary", or "best": generalised least squares with the covariance of stationary noise
+    Settings: `length`; `weighting`: "ordinary"; "best": generalised least squares with the covariance of stationary noise
     (BLUE), banded; `noise_covariance` of v for it: its autocovariance r_0, r_1, .. in squared units, (q+1,), or (p, q+1), which
     process and output noise imply (None: estimated from the residuals up to lag `length`, three times over); `offset`:
-    whether a constant c is fitted.
+    whether a constant c is fitted. "observer" (OKID): the impulse response of an ARX model with full matrices
+    (`CoupledLeastSquares`) of `observer` terms (None: half of `length`), the Markov parameters of a deadbeat observer: it needs
+    no response that dies out, takes lightly damped and unstable plants and noise that goes through them, and its covariance
+    follows to first order.
 
     Rows in which anything is missing are left out, for that output only; so are the first `length` of each record. The
     covariance is σ² (Φ'Φ)^-1, or (Φ' R^-1 Φ)^-1; the ordinary one is too small or too large where the noise is not white.
 
     Cost: O(T d²), d = m (length + 1); "best" O(T q²) more.
 
-    Reference: R. W. Bass (2005); A. C. Aitken (1935) for the best weights.
+    Reference: R. W. Bass (2005); A. C. Aitken (1935) for the best weights; J.-N. Juang et al. (1993) for OKID.
 
     >>> u = np.random.default_rng(0).normal(size=300)
     >>> record = simulate(OutputError([], [1.0, 0.5], noise_variance=1e-8, dt=1), u, seed=0).record
@@ -55,6 +61,7 @@ class MarkovParameters:
     weighting: str = static(default="ordinary")
     noise_covariance: Any = None
     offset: bool = static(default=False)
+    observer: int | None = static(default=None)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -63,7 +70,7 @@ class MarkovParameters:
         r = self.noise_covariance
         if r is not None:
             r = faults.array("noise_covariance", np.atleast_2d(np.asarray(r, float)), "p lags")
-            if self.weighting == "ordinary":
+            if self.weighting != "best":
                 faults.add(
                     '`noise_covariance` belongs to weighting = "best": ordinary least squares has no use for it.'
                 )
@@ -71,6 +78,9 @@ class MarkovParameters:
                 faults.add(f"`noise_covariance` must begin with variances greater than 0. Got {r[:, 0].tolist()}.")
         if not isinstance(self.offset, bool):
             faults.add(f"`offset` must be True or False. Got {checks.short(self.offset)}.")
+        whole("observer", self.observer, 1, faults)
+        if self.observer is not None and self.weighting != "observer":
+            faults.add('`observer` belongs to weighting = "observer".')
         faults.finish()
         set_field(self, noise_covariance=r)
 
@@ -78,6 +88,8 @@ class MarkovParameters:
         """The fit to records of equal channels and step."""
         from scipy.linalg import block_diag
 
+        if self.weighting == "observer":
+            return self._observed(records)
         first, p = records[0], len(records[0].outputs)
         ordinary = LeastSquares(0, self.length, offset=self.offset)
         rows = ordinary.complete_rows(records)
@@ -101,6 +113,27 @@ class MarkovParameters:
         return Fit(
             model, θ.ravel(), np.asarray(block_diag(*spread)), names, validation_of(model, records, [told]),
             undetermined=free if free.shape[1] else None, method=type(self).__name__,
+        )  # fmt: skip
+
+    def _observed(self, records: Sequence[Record]) -> Fit:
+        """OKID: the impulse response of an ARX model with full matrices, and what its covariance makes of it."""
+        first, terms = records[0], self.observer or max(self.length // 2, 1)
+        fitted = CoupledLeastSquares(terms, terms, offset=self.offset).fit(records)
+        found = spread_of(fitted)
+        M, dM = impulse_moves(found.dynamics, found.tangents, self.length)
+        b, columns = M.transpose(1, 2, 0), np.moveaxis(dM, 1, -1).reshape(len(dM), -1)
+        point, p = fitted.model.operating_point, len(first.outputs)
+        offset = None if point is None else np.asarray(point.outputs)
+        noise = np.nanmean(np.concatenate(fitted.validation.residuals) ** 2, axis=0)
+        model = ARX(
+            np.zeros((p, 0)), b, noise_variance=noise, dt=float(first.dt or 0.0), offset=offset, inputs=first.inputs,
+            outputs=first.outputs,
+        )  # fmt: skip
+        names, Σ = impulse_names(self.length, first.inputs, first.outputs), columns.T @ columns
+        told = [check for check in fitted.validation.checks if check.name == "excitation"]
+        return Fit(
+            model, b.ravel(), Σ if found.known else None, names, validation_of(model, records, told), method=type(self).__name__,
+            extra={"tangents": _response_tangents(model, dM)} if found.known else None,
         )  # fmt: skip
 
     def _check(self, p: int) -> None:
@@ -131,3 +164,14 @@ class MarkovParameters:
                 "`noise_covariance` is not the autocovariance of any noise: its matrix must be positive definite."
             )
         return regress(both[:, :-1], both[:, -1])
+
+
+def _response_tangents(model: ARX, dM: np.ndarray) -> Dynamics:
+    """Moves (r, ..) of the matrices of a model that is nothing but its impulse response."""
+    still = model.to_state_space()
+    A, _, C, _ = (np.asarray(getattr(still, name)) for name in "ABCD")
+    r, m = len(dM), dM.shape[-1]
+    B = dM[:, 1:].transpose(0, 2, 1, 3).reshape(r, -1, m)
+    if B.shape[1] != len(A):
+        B = np.pad(B, ((0, 0), (0, len(A) - B.shape[1]), (0, 0)))
+    return Dynamics(np.zeros((r, *A.shape)), B, np.zeros((r, *C.shape)), dM[:, 0])
