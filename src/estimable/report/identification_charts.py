@@ -21,6 +21,10 @@ RADIUS = np.sqrt(5.991)  # of an ellipse that holds 95 of 100
 FARTHEST = 2.5  # modulus of the zeros that are drawn
 MOST_PAIRS = 6  # of outputs and inputs whose responses are drawn
 UNSURE = 4.0  # sigma of log modulus or phase from which a band says nothing
+MERGED = (
+    " An ellipse reaches beyond the next pole: these are not known one by one. The responses below are; a lower order may do as "
+    "well."
+)
 TO_DECIBEL = 20 / np.log(10)
 HELD, ORDER, LEFT, MODEL, EXCITED = (
     "Does it simulate what it has not seen?", "Which order?", "Is something left in the residuals?", "The model",
@@ -99,7 +103,7 @@ def _singular_values(found: OrderSelection, taken: int) -> Chart:
         "hovertemplate": "%{y:.3g}",
     }  # fmt: skip
     layout = {
-        "xaxis": {"title": {"text": "number"}, "dtick": 1 if len(values) < 20 else 2},
+        "xaxis": {"title": {"text": "number"}, "nticks": 8},
         "yaxis": {"title": {"text": ""}, "type": "log", "dtick": 1}, "shapes": [_at(taken + 0.5)],
     }  # fmt: skip
     keys = (Key("singular values", STATE, "dots"), Key(f"after order {taken}, taken", MARK, "dash"))
@@ -198,11 +202,20 @@ def _poles(fit: Fit, alone: bool) -> Chart:
     far = [_complex(complex(z)) for z in values[np.abs(values) > FARTHEST] if np.imag(z) >= 0]
     caption = f"Outside of the diagram: {', '.join(far)}." if far else ""
     caption += "" if known else " This method does not say how sure the poles are."
+    caption += MERGED if _merge(poles) else ""
     layout = {
         "hovermode": "closest", "xaxis": {"title": {"text": "real"}, "range": [-reach, reach], "zeroline": True},
         "yaxis": {"title": {"text": "imaginary"}, "range": [-reach, reach], "zeroline": True, "scaleanchor": "x"},
     }  # fmt: skip
     return Chart("Poles and zeros" if alone else "Poles", tuple(keys), tuple(traces), layout, caption.strip(), MODEL)
+
+
+def _merge(poles: Roots) -> bool:
+    """Whether an ellipse reaches beyond the next pole."""
+    z, known = poles.values, np.isfinite(poles.covariance).all(axis=(1, 2))
+    apart = np.abs(z[:, None] - z) + np.where(np.eye(len(z), dtype=bool), np.inf, 0.0)
+    reach = RADIUS * np.sqrt(np.linalg.eigvalsh(poles.covariance[known])[:, -1]) if known.any() else np.zeros(0)
+    return bool(np.any(reach > apart[known].min(axis=1, initial=np.inf)))
 
 
 def _roots(found: Roots, word: str, colour: str, symbol: str) -> list[dict[str, Any]]:
