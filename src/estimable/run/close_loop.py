@@ -126,8 +126,7 @@ def close_loop_bank(
     links, simulator = Links(input_link, output_link), None
     if not getattr(plant, "traceable", True):
         plant, simulator = plant.linear, plant
-    if hasattr(estimator, "for_channels") and isinstance(plant, ControlledPlant) and not isinstance(estimator, type):
-        estimator = estimator.for_channels(plant.model.inputs, plant.model.outputs)
+    estimator = _for_channels(estimator, plant)
     reference, step = _check_call(plant, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
@@ -151,6 +150,14 @@ def close_loop_bank(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
     return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
+
+
+def _for_channels(estimator: Any, plant: Any) -> Any:
+    """An identifier with the names of the plant's channels, where it has none of its own."""
+    named = (
+        isinstance(plant, ControlledPlant) and hasattr(estimator, "for_channels") and not isinstance(estimator, type)
+    )
+    return estimator.for_channels(plant.model.inputs, plant.model.outputs) if named else estimator
 
 
 def _everything(info: Info, keep: str) -> Info:
