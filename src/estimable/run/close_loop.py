@@ -121,22 +121,19 @@ def close_loop_bank(
     Run i draws from `fold_in(key(seed), i)`, whatever the number of runs; these are the runs from `first` on. Arguments, order
     of a step and errors as in `close_loop`; `monte_carlo_loops` for more runs than the memory holds.
     """
-    if isinstance(plant, StateSpace | OutputError):
-        plant = ControlledPlant(plant)
-    links, simulator = Links(input_link, output_link), None
-    if not getattr(plant, "traceable", True):
-        plant, simulator = plant.linear, plant
-    estimator = _for_channels(estimator, plant)
-    reference, step = _check_call(plant, controller, estimator, links, reference, prior, dt, start, lost)
+    links = Links(input_link, output_link)
+    flown, simulator = _plant(plant)
+    estimator = _for_channels(estimator, flown)
+    reference, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
     loop = Loop(
-        plant.steps(step), estimator.sampled(Clock.every(step, plant.hold)), controller, links, _x0(plant, start),
-        np.asarray(step), columns=tuple(plant.model.outputs.index(name) for name in names.outputs), lost=lost,
+        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
+        np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
     )  # fmt: skip
     T = len(reference)
     t = np.arange(T) * step
-    rows = _rows(loop, plant.phase_rows(t), reference, seed, first + np.arange(runs))
+    rows = _rows(loop, flown.phase_rows(t), reference, seed, first + np.arange(runs))
     intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
     if simulator is not None:
         used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
@@ -150,6 +147,13 @@ def close_loop_bank(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
     return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
+
+
+def _plant(given: Any) -> tuple[Any, Any]:
+    """The plant with its actuators, and the simulator that flies in its place, or None."""
+    if isinstance(given, StateSpace | OutputError):
+        return ControlledPlant(given), None
+    return (given, None) if getattr(given, "traceable", True) else (given.linear, given)
 
 
 def _for_channels(estimator: Any, plant: Any) -> Any:
