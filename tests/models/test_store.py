@@ -92,6 +92,8 @@ DRIVEN = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
 LOOP = {"reference": np.ones(5), "seed": 0, "prior": Prior([0.0], [[1.0]])}
 PLANT = OutputError([0.5], [1.0], noise_variance=0.1, dt=1)
 RECURSION = RecursiveOutputError(1, 0, noise_variance=0.1)
+TRACKER = es.AlphaBeta(0.5, 0.1, sigma_a2=1.0, sigma_s2=0.2)
+JOINT = es.JointOutputError(1, 0, noise_variance=0.1)
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
@@ -148,6 +150,11 @@ THINGS = {
     "Trace": lambda: Trace([0.0, np.inf, 2.0], late="use"),
     "LeastSquares": lambda: es.LeastSquares(1, 1, delay=1),
     "FixedGain": lambda: es.FixedGain(DRIVEN, [[0.5]]),
+    "AlphaBeta": lambda: TRACKER,
+    "Track": lambda: TRACKER.init(Prior(np.zeros(2), np.eye(2))),
+    "JointOutputError": lambda: JOINT,
+    "JointBelief": lambda: JOINT.init(None),
+    "Tracking": lambda: es.Tracking(1, 0),
     "MinimumVariance": lambda: es.MinimumVariance(1, 1),
     "InstrumentalVariables": lambda: es.InstrumentalVariables(1, 1, offset=True),
     "PredictionError": lambda: es.PredictionError(1, 0, 1, delay=1),
