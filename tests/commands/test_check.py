@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimable import estimability, read_model, unknown_input_existence
+from estimable import estimability, gain_information, read_model, read_record, unknown_input_existence
 from estimable.packaged import path
 
 HIDING = (
@@ -13,7 +13,7 @@ HIDING = (
 KEYS = {
     "command", "version", "outcome", "model", "dt", "horizon", "states", "inputs", "outputs", "estimable", "answers",
     "known_directions", "singular_values", "squared_correlations", "sigma", "variance_reduction",
-    "variance_reduction_with_present", "sentences",
+    "variance_reduction_with_present", "sentences", "arrival_rate_needed", "gain_sigma",
 }  # fmt: skip
 QUESTIONS = (
     "estimable", "estimable_with_present", "observable", "detectable", "reachable", "stabilisable", "disturbable",
@@ -75,6 +75,25 @@ def test_an_unstable_model_is_judged_over_a_horizon(run, write_model, dt, when, 
     assert said["horizon"] == pytest.approx(horizon)
     assert when in run("check", "model.toml").stdout
     assert run("check", "model.toml", "--horizon", "3", "--json").json["horizon"] == 3
+
+
+def test_an_unstable_model_says_how_many_samples_it_needs(run, write_model):
+    write_model(
+        '[model]\ndt = 1\nstates = ["x"]\noutputs = ["y"]\nA = [[1.25]]\nC = [[1.0]]\nQ = [[1.0]]\nR = [[1.0]]\n'
+        "[prior]\nmean = [0.0]\ncovariance = [[1.0]]\n"
+    )
+    assert run("check", "model.toml", "--json").json["arrival_rate_needed"] == pytest.approx([0.36, 0.36])
+    people = " ".join(run("check", "model.toml").stdout.split())
+    assert "The estimate stays bounded where more than 36 % of the samples arrive" in people
+
+
+def test_a_record_says_how_well_its_inputs_let_the_gain_be_known(run):
+    said = run("check", path("f16-model.toml"), "--record", path("f16-flight.csv"), "--json").json
+    file = read_model(path("f16-model.toml"))
+    flight = read_record(path("f16-flight.csv"), outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
+    expected = gain_information(file.model, flight, state=file.prior, gain=file.gain.prior)
+    assert said["gain_sigma"] == {"gain": pytest.approx(float(expected.sigma[0]), rel=1e-12)}
+    assert expected.sentences[0] in said["sentences"]
 
 
 def test_the_step_of_the_model_file_is_used(run, write_model):

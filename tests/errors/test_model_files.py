@@ -193,7 +193,7 @@ PYTHON = {
     ),
     "record no mapping": (
         GOOD_PYTHON + "record = 3",
-        ["[record] must hold 'time', 'dt', 'hold', 'lost', 'units'. Got 3."],
+        ["[record] must hold 'time', 'dt', 'hold', 'lost', 'units', 'na_values'. Got 3."],
     ),
 }
 
@@ -258,7 +258,7 @@ WRITING = {
     "unknown record option": (
         (MODEL, PRIOR),
         dict(record={"step": 1}),
-        ["[record] has no key 'step'. Its keys are 'time', 'dt', 'hold', 'lost', 'units'."],
+        ["[record] has no key 'step'. Its keys are 'time', 'dt', 'hold', 'lost', 'units', 'na_values'."],
     ),
 }
 

@@ -7,11 +7,15 @@ import numpy as np
 
 from .. import checks
 from ..analysis.estimability import Estimability, estimability
+from ..analysis.gain_information import GainInformation, gain_information
+from ..analysis.loss_tolerance import LARGEST, LossTolerance, loss_tolerance
 from ..analysis.observability import Observability, Reachability, observability, reachability
 from ..analysis.unknown_input import UnknownInputExistence, unknown_input_existence
+from ..errors import AssumptionError
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
 from .numbers import counted
+from .run_filter import record_options
 
 WORDS = {
     "estimable": "estimable one step ahead",
@@ -26,7 +30,11 @@ WORDS = {
 
 
 class Checked(NamedTuple):
-    """A model file, the model that was judged (sampled, where a step was given), and the verdicts."""
+    """A model file, the model that was judged (sampled, where a step was given), and the verdicts.
+
+    `losses`: how many samples may be lost; None where no rate is enough, or where the question has no sense. `gains`: what the
+    inputs of a record tell of the gains; None without a record.
+    """
 
     path: Path
     file: ModelFile
@@ -36,13 +44,17 @@ class Checked(NamedTuple):
     reachability: Reachability | None
     disturbability: Reachability
     unknown: UnknownInputExistence | None
+    losses: LossTolerance | None
+    gains: GainInformation | None
 
 
-def checked(path: Path, *, dt: float | None = None, horizon: float | None = None) -> Checked:
+def checked(
+    path: Path, *, dt: float | None = None, horizon: float | None = None, record: Path | None = None
+) -> Checked:
     """Read a model file and judge its model, in steady state where it has one.
 
     `dt`: the step at which a continuous model is sampled, instead of the model file's. `horizon`: in samples, or in
-    seconds where the model stays continuous.
+    seconds where the model stays continuous. `record`: a file whose inputs are asked what they tell of the gains.
     """
     file = read_model(path)
     model = sampled(file, dt)
@@ -58,7 +70,34 @@ def checked(path: Path, *, dt: float | None = None, horizon: float | None = None
         reachability(model) if model.m else None,
         reachability(model, by="noise"),
         unknown_input_existence(model, unknown=file.unknown) if file.unknown else None,
+        _losses(model),
+        None if record is None else _gains(file, record),
     )
+
+
+def _losses(model: StateSpace) -> LossTolerance | None:
+    if model.is_continuous or model.varying or model.n > LARGEST or model.R is None:
+        return None
+    if np.linalg.eigvalsh(model.R)[0] <= 0:
+        return None
+    try:
+        return loss_tolerance(model)
+    except AssumptionError:  # no rate is enough: "detectable" says so
+        return None
+
+
+def _gains(file: ModelFile, path: Path) -> GainInformation:
+    """What the inputs of a record tell, with the gains of the model file, or else one on all inputs."""
+    from ..data.reading import read_record
+
+    options = record_options(file.record, {})
+    if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
+        options["dt"] = file.model.dt
+    record = read_record(path, outputs=file.model.outputs, inputs=file.model.inputs, **options)
+    settings = {} if file.gain is None else file.gain.settings
+    given = {name: settings[name] for name in ("directions", "feedthrough") if name in settings}
+    prior = None if file.gain is None else file.gain.prior
+    return gain_information(file.model, record, state=file.prior, gain=prior, **given)
 
 
 def sampled(file: ModelFile, dt: float | None) -> StateSpace:
@@ -131,6 +170,8 @@ def as_data(found: Checked) -> dict[str, Any]:
         "sigma": _by_state(np.sqrt(np.diagonal(e.prior_covariance)), states),
         "variance_reduction": _by_state(e.variance_reduction, states) if sure else None,
         "variance_reduction_with_present": _by_state(e.filter_variance_reduction, states) if sure else None,
+        "arrival_rate_needed": None if found.losses is None else [found.losses.lower, found.losses.upper],
+        "gain_sigma": None if found.gains is None else _by_state(found.gains.sigma, found.gains.gains),
         "sentences": sentences(found),
     }
 
@@ -142,7 +183,9 @@ def sentences(found: Checked) -> list[str]:
     if found.estimability.estimable:
         told = [*found.estimability.sentences[: None if knows_remainders(found) else 1], *told]
     unknown = [] if found.unknown is None else [found.unknown.sentence]
-    return list(dict.fromkeys(told + unknown))
+    losses = [found.losses.sentence] if found.losses is not None and found.losses.upper > 0 else []
+    gains = () if found.gains is None else found.gains.sentences
+    return list(dict.fromkeys([*told, *unknown, *losses, *gains]))
 
 
 def as_text(found: Checked) -> list[Any]:
@@ -152,9 +195,11 @@ def as_text(found: Checked) -> list[Any]:
 
 def next_steps(found: Checked) -> tuple[str, ...]:
     """What would say more."""
+    told = ["With --record FILE, what its inputs tell of the gain is shown too."]
+    told = told if found.file.gain is not None and found.gains is None else []
     if knows_remainders(found):
-        return ()
-    return ("", "R is the covariance of a sample: with --dt SECONDS, what remains of each sigma is shown too.")
+        return ("", *told) if told else ()
+    return ("", *told, "R is the covariance of a sample: with --dt SECONDS, what remains of each sigma is shown too.")
 
 
 def _header(found: Checked) -> str:

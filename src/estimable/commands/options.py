@@ -19,6 +19,7 @@ CHECKED_MODEL_HELP = "The model file, TOML or Python."
 CHECK_STEP_HELP = "Sample a continuous model at this step, instead of the model file's."
 HORIZON_HELP = "Judge after so many samples (seconds, of a continuous model)."
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
+MEASURED_HELP = "A record, whose inputs are asked how well they let the gain be known."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
 GAIN_FILTER_HELP = "The filter of the gain, as unknown-gain; without it change-detection."
@@ -39,6 +40,7 @@ Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
 CheckedModel = Annotated[Path, typer.Argument(metavar="MODEL", help=CHECKED_MODEL_HELP, show_default=False)]
 CheckStep = Annotated[float | None, _option("--dt", "SECONDS", CHECK_STEP_HELP)]
 Horizon = Annotated[float | None, _option("--horizon", "LENGTH", HORIZON_HELP)]
+Measured = Annotated[Path | None, _option("--record", "PATH", MEASURED_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
 GainFilter = Annotated[str | None, _option("--filter", "NAME", GAIN_FILTER_HELP)]
 Unknown = Annotated[list[str] | None, _option("--unknown", "NAME", UNKNOWN_HELP)]
