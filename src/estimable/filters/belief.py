@@ -8,7 +8,7 @@ import numpy as np
 from ..frozen import frozen
 from ..kernels import independent, kalman, smoothing
 from ..kernels.joint_gain import block_diagonal
-from ..kernels.small import factor, gram
+from ..kernels.small import factor, gram, settled
 from ..models.prior import Prior, diffuse_columns
 from ..models.sampled import SampledModel
 
@@ -19,7 +19,7 @@ class Belief:
 
     `size` (n,) is that of the terms whose sum the mean is, and tells its rounding; the basis is in truth `diffuse`
     exp(`log_scale`). After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the process
-    noise, of which the outputs have told something.
+    noise, of which the outputs have told something. `before` (n, n) is the factor before `correct`.
     """
 
     mean: Any
@@ -29,6 +29,7 @@ class Belief:
     log_scale: Any
     drift_mean: Any = None
     drift_factor: Any = None
+    before: Any = None
 
     @property
     def covariance(self):
@@ -66,7 +67,8 @@ def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Beli
         post = kalman.correct(
             b.mean, b.factor, b.diffuse, C, d, model.V, Ω, sample.y, sample.seen, b.size, b.log_scale
         )  # fmt: skip
-    return Belief(post.m, post.Z, post.X, belief.size, belief.log_scale, post.drift, post.Z_drift), post
+    before = b.factor if b.before is None else b.before
+    return Belief(post.m, post.Z, post.X, b.size, b.log_scale, post.drift, post.Z_drift, before), post
 
 
 def predict(belief: Belief, F, c, W, Ω) -> Belief:
@@ -75,7 +77,9 @@ def predict(belief: Belief, F, c, W, Ω) -> Belief:
         W = jnp.concatenate([Ω, W], axis=1)
     b = belief
     moved = kalman.predict(b.mean, b.factor, b.diffuse, b.drift_mean, b.drift_factor, F, c, W, b.size, b.log_scale)
-    return Belief(*moved)
+    if b.before is None or b.before.shape != moved.Z.shape:
+        return Belief(*moved)
+    return Belief(*moved._replace(Z=settled(moved.Z, b.before)))
 
 
 @frozen

@@ -12,6 +12,7 @@ from jax import lax
 from jaxtyping import Float
 
 SMALL = 8
+ROUNDING = 8 * np.finfo(float).eps  # of the norm of a row of L: `triangularise` leaves half of that uncertain at n = 64
 Real = jax.Array | np.ndarray
 
 
@@ -77,6 +78,21 @@ def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
         return N, jnp.where(jnp.arange(n)[None, :] == j, column[:, None], L)
 
     return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]
+
+
+@jax.custom_jvp
+def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n n"]:
+    """`before` where L differs from it by rounding only, else L; derivatives are those of L.
+
+    So a recursion that converges ends in one matrix, and not in a cycle of its last digits.
+    """
+    moved = jnp.sum((L - before) ** 2, axis=1)
+    return jnp.where(jnp.all(moved <= ROUNDING**2 * jnp.sum(before**2, axis=1)), before, L)
+
+
+@settled.defjvp
+def _settled_jvp(values, tangents):
+    return settled(*values), tangents[0]
 
 
 def solve_lower(L: Float[Real, "n n"], B: Float[Real, "n k"], *, transpose: bool = False) -> Float[Real, "n k"]:
