@@ -26,10 +26,11 @@ from estimable import (
     read_model,
 )
 from estimable.engines import choice, llvm, native
-from estimable.engines.llvm import Compiled, Loop
+from estimable.engines.llvm import Compiled
+from estimable.engines.loops import Array, Loop
 from estimable.engines.straight_line import UnsupportedError, lower
 from estimable.engines.written import write_shapes
-from estimable.frozen import frozen
+from estimable.frozen import frozen, replace
 from estimable.results import OUTCOMES, Info, Interval, Sample
 from estimable.run.binding import select
 from oracles.interpreter import interpret
@@ -79,10 +80,10 @@ def run_natively(program, inputs, lanes=1):
     """One row of a loop that carries nothing."""
     places = [(i, j, int(n)) for i, array in enumerate(program.inputs) for j, n in enumerate(array.ravel()) if n >= 0]
     outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
-    compiled = Compiled(Loop(program, (), (), tuple(n for *_, n in places), (), outputs, ()), lanes)
+    compiled = Compiled(Loop(program, (), (), (Array(tuple(n for *_, n in places)),), (), (Array(outputs),), ()), lanes)
     row = np.array([[np.full(lanes, np.ravel(inputs[i])[j]) for i, j, _ in places]]).reshape(1, -1)
     each = np.empty((1, len(outputs), lanes))
-    compiled(1, np.zeros(1), np.zeros(1), np.ascontiguousarray(row), each, np.zeros(1))
+    compiled(1, np.zeros(1), np.zeros(1), np.zeros(1), np.ascontiguousarray(row), each)
     assert np.array_equal(each, np.broadcast_to(each[..., :1], each.shape), equal_nan=True)
     return each[0, :, 0]
 
@@ -177,6 +178,31 @@ def test_every_feature_of_a_static_model_gives_the_same(features):
     assert_same(*both(UnknownGain(c.model, Prior([1.0], [[1.0]]), forgetting=0.9), c.record, c.prior))
 
 
+def interrupted(size=1, length=400):
+    """Records of one model, long enough for the covariance to settle, with an output missing late in every second one."""
+    c = case(3, (3, 2, 2))
+    records = []
+    for i in range(size):
+        y = np.random.default_rng(i).normal(size=(length, 2))
+        y[length - 80, i % 2] = np.nan if i % 2 == 0 else 1.0
+        records.append(Record(y, np.ones((length, 2)), dt=c.record.dt))
+    return Kalman(replace(c.model, R=np.diag(np.diag(c.model.R)))), records, c.prior
+
+
+def test_what_repeats_is_left_out_and_taken_up_again():
+    algorithm, (record,), prior = interrupted()
+    native_, xla = both(algorithm, record, prior)
+    assert_same(native_, xla)
+    stands = [(P[1:] == P[:-1]).all() for P in (native_.covariance[200:320], native_.covariance[380:])]
+    assert stands == [True, True]
+    assert not np.array_equal(native_.covariance[320], native_.covariance[319])
+
+
+def test_what_repeats_is_left_out_in_all_lanes_or_none():
+    algorithm, records, prior = interrupted(9)
+    assert_same_bank(*both_banks("native", algorithm, records, prior))
+
+
 @frozen
 class Latch:
     """The sum of the samples after the first, which it knows by a truth that starts as a constant and becomes another."""
@@ -225,9 +251,25 @@ def test_automatic_choice_takes_machine_code_where_it_can():
     c = case(0, (2, 1, 1))
     assert estimate(Kalman(c.model), c.record, prior=c.prior).engine == "native"
     varying = case(0, (2, 1, 1), varying=True)
-    assert estimate(Kalman(varying.model), varying.record, prior=varying.prior).engine == "xla"
-    with pytest.raises(InputError, match="cannot run Kalman here: a model that varies in time"):
-        estimate(Kalman(varying.model), varying.record, prior=varying.prior, engine="native")
+    assert estimate(Kalman(varying.model), varying.record, prior=varying.prior).engine == "native"
+
+
+VARYING = [case(seed, (2, 1, 1), varying=True) for seed in range(3)]
+
+
+@pytest.mark.parametrize("engine", ["native", "lanes"])
+def test_matrices_that_are_looked_up_by_row_give_the_same(engine):
+    algorithms, records = [Kalman(c.model) for c in VARYING], [c.record for c in VARYING]
+    for mixture in mixtures(algorithms, records, [c.prior for c in VARYING])[1:3]:
+        assert_same_bank(*both_banks(engine, *mixture))
+
+
+def test_steps_of_different_length_give_the_same():
+    rng = np.random.default_rng(0)
+    model = StateSpace([[0, 1.0], [-1, -0.2]], [[0], [1.0]], C=[[1, 0.0]], Q=np.diag([0, 0.1]), R=[[0.1]], dt=0)
+    record = Record(rng.normal(size=(50, 1)), rng.normal(size=(50, 1)), t=np.cumsum(rng.uniform(0.05, 0.2, 50)))
+    for algorithm in (Kalman(model), UnknownGain(model, Prior([1.0], [[1.0]]))):
+        assert_same(*both(algorithm, record, Prior([0.0, 0.0], np.eye(2))))
 
 
 def test_a_second_process_reads_the_object_of_the_first(tmp_path, monkeypatch):

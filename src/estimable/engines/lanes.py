@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from .by_row import laid_out
 from .straight_line import TRANSCENDENTAL, Program, UnsupportedError
 from .written import Written, batch, write
 from .xla import Run
@@ -29,6 +30,7 @@ QUICK = {"xla_cpu_use_fusion_emitters": False}  # long lines of scalars then com
 
 def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
     """What `xla.scan_bank` does, to rounding. Raises `UnsupportedError` where the step cannot be written out."""
+    algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     if len(written.row.operations) > MOST:
         raise UnsupportedError(f"more than {MOST:,} operations, which XLA compiles too slowly")

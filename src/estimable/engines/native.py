@@ -1,7 +1,8 @@
-"""Steps as machine code: for models that do not vary in time and are small enough to be written out, on a CPU."""
+"""Steps as machine code: for models that are small enough to be written out, on a CPU."""
 
 import math
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
@@ -9,11 +10,15 @@ from typing import Any
 import jax
 import numpy as np
 
-from .llvm import Compiled, Loop
+from .by_row import laid_out
+from .llvm import Compiled
+from .loops import Array, Loop
 from .written import Written, batch, entries_read, write
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
+OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
+DTYPES = {"double": float, "i64": int, "i8": bool}
 
 
 def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str, select: Any) -> Run:
@@ -25,61 +30,89 @@ def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str,
 
 def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
     """Many runs at once: of (algorithm, samples and intervals, prior) those with axis 0 have a leading batch axis."""
+    algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
-    return compiled_step(written, keep, LANES if size > 1 else 1).run(size, fixed, rows)
+    return compiled_step(written, keep, LANES if size > 1 else 1, _repeat(rows)).run(size, fixed, rows)
 
 
 class Step:
-    """A compiled step: where its inputs are read from, and what its outputs are."""
+    """A compiled step: which scalars are read from where, and where they are written.
 
-    def __init__(self, written: Written, keep: str, lanes: int):
-        """Say which scalars are read from where and written to where, and compile."""
+    One run reads and writes the arrays where they lie; runs side by side are laid out first, `lanes` numbers to a scalar.
+    """
+
+    def __init__(self, written: Written, keep: str, lanes: int, repeats: bool):
         self.start, self.keep, self.lanes, self.kept = _Start(written.start), keep, lanes, written.kept
-        program, before = written.row, written.fixed + written.states
-        kept, told = ([int(n) for array in arrays for n in array.ravel()]
-                      for arrays in (program.outputs[written.states : -2], program.outputs[-2:]))  # fmt: skip
+        program = written.row
+        kept, told = (_flat(arrays) for arrays in (program.outputs[written.states : -2], program.outputs[-2:]))
+        self.shapes = jax.tree_util.tree_leaves(written.kept)
+        each = [Array(*a) for a in zip(kept, (_kind(leaf.dtype) for leaf in self.shapes), strict=True)]
+        each, told = each if keep != "last" else [], [Array(told[0]), Array(told[1], "i64")]
+        self.each = [*each, *(array for array in told if array not in each)]
+        self.told = [self.each.index(array) for array in told]
+        self.at = np.cumsum([0, *(len(array.names) for array in self.each)])  # columns of each array side by side
+        last = tuple(name for names in kept for name in names) if keep == "last" else ()
+        self.last, self.alive = len(last), [entry.place for entry in written.carried]
         self.fixed, fixed_names = entries_read(program.inputs[: written.fixed])
-        self.rows, row_names = entries_read(program.inputs[before:])
-        carried = written.carried
-        self.alive = [entry.place for entry in carried]
-        each, last = (told, kept) if keep == "last" else (kept + told, [])
-        self.each, self.last = len(each), len(last)
-        carry, next_carry = tuple(entry.now for entry in carried), tuple(entry.after for entry in carried)
-        loop = Loop(program, fixed_names, carry, row_names, next_carry, tuple(each), tuple(last))
-        self.compiled = Compiled(loop, lanes)
+        now, after = (tuple(getattr(entry, name) for entry in written.carried) for name in ("now", "after"))
+        row, each = self._layout(program, program.inputs[written.fixed + written.states :])
+        self.compiled = Compiled(Loop(program, fixed_names, now, row, after, each, last, repeats), lanes)
+
+    def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        """The arrays of a row as they are, or those of several runs: one that is read and one that is written."""
+        self.columns, names = entries_read(inputs)
+        if self.lanes > 1:
+            return (Array(names),), (Array(tuple(name for array in self.each for name in array.names)),)
+        self.rows = sorted({i for i, _ in self.columns})
+        read = [_flat(inputs)[i] for i in self.rows]
+        truths = [program.operations[max(names)].name == "truth_input" for names in read]
+        row = (Array(names, "i8" if truth else "double") for names, truth in zip(read, truths, strict=True))
+        return tuple(row), tuple(self.each)
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
         """Run all, `lanes` at a time side by side, the groups on all processors."""
-        shared = all(axis is None for _, axis in rows)
-        T = rows[0][0].shape[0 if shared else 1]
-        starts = self.start.run(size, fixed)[:, self.alive]
-        constants = columns(fixed, self.fixed, size)
-        leaves = [
-            leaf.reshape(1 if shared else size, T, math.prod(leaf.shape[1 if shared else 2 :])) for leaf, _ in rows
-        ]
-        each, last = np.empty((size, T, self.each)), np.empty((size, self.last))
-
-        def alone(run: int) -> None:
-            row = np.empty((T, len(self.rows)))
-            for column, (i, j) in enumerate(self.rows):
-                row[:, column] = leaves[i][0 if shared else run, :, j]
-            self.compiled(T, constants[run], starts[run].copy(), row, each[run], last[run])
-
-        def side_by_side(first: int) -> None:
-            runs, real = self.group(first, size)
-            row = np.empty((T, len(self.rows), self.lanes))
-            for column, (i, j) in enumerate(self.rows):
-                row[:, column] = leaves[i][0, :, j, None] if shared else leaves[i][runs, :, j].T
-            wrote, end = np.empty((T, self.each, self.lanes)), np.empty((self.last, self.lanes))
-            self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), row, wrote, end)
-            each[first : first + real], last[first : first + real] = wrote.transpose(2, 0, 1)[:real], end.T[:real]
-
-        on_all_processors(alone if self.lanes == 1 else side_by_side, range(0, size, self.lanes))
-        outcomes = each[..., -1].astype(int)
+        leaves = [leaf[None] if axis is None else leaf for leaf, axis in rows]
+        T = leaves[0].shape[1]
+        starts, constants = self.start.run(size, fixed)[:, self.alive], columns(fixed, self.fixed, size)
+        each = [np.empty((size, T, len(array.names)), DTYPES[array.kind]) for array in self.each]
+        last = np.empty((size, self.last))
+        go = self._alone if self.lanes == 1 else self._side_by_side
+        on_all_processors(go(T, leaves, constants, starts, each, last), range(0, size, self.lanes))
+        log_likelihoods, outcomes = (each[i][..., 0] for i in self.told)
         failed_at = np.argmax(outcomes != 0, axis=1)
-        kept = shaped(last if self.keep == "last" else each, self.kept)
-        return Run(kept, each[..., -2].sum(axis=1), outcomes[np.arange(size), failed_at], failed_at, None)
+        kept = each[: len(self.shapes)] if self.keep != "last" else np.split(last, sizes(self.kept)[:-1], axis=-1)
+        return Run(
+            shaped(kept, self.kept), log_likelihoods.sum(axis=1), outcomes[np.arange(size), failed_at], failed_at, None
+        )
+
+    def _alone(self, T: int, leaves: list, constants, starts, each: list, last) -> Callable[[int], None]:
+        """A function that runs one run."""
+        read = [_contiguous(leaves[i]) for i in self.rows]
+
+        def run(i: int) -> None:
+            row = [leaf[i if len(leaf) > 1 else 0] for leaf in read]
+            self.compiled(T, constants[i], starts[i].copy(), last[i], *row, *(array[i] for array in each))
+
+        return run
+
+    def _side_by_side(self, T: int, leaves: list, constants, starts, each: list, last) -> Callable[[int], None]:
+        """A function that runs `lanes` runs from one on."""
+        flat = [leaf.reshape(*leaf.shape[:2], math.prod(leaf.shape[2:])) for leaf in leaves]
+
+        def run(first: int) -> None:
+            runs, real = self.group(first, len(starts))
+            row, wrote, end = (
+                np.empty((*shape, self.lanes)) for shape in ((T, len(self.columns)), (T, self.at[-1]), (self.last,))
+            )
+            for column, (i, j) in enumerate(self.columns):
+                row[:, column] = flat[i][runs, :, j].T if len(flat[i]) > 1 else flat[i][0, :, j, None]
+            self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), end, row, wrote)
+            last[first : first + real] = end.T[:real]
+            for array, a, b in zip(each, self.at[:-1], self.at[1:], strict=True):
+                array[first : first + real] = wrote[:, a:b].transpose(2, 0, 1)[:real]
+
+        return run
 
     def group(self, first: int, size: int) -> tuple[Any, int]:
         """The runs that go side by side from `first` on, and how many are real: the last group repeats the last run."""
@@ -88,20 +121,31 @@ class Step:
         return (slice(first, first + real) if real == self.lanes else runs), real
 
 
-def shaped(flat: np.ndarray, shapes: Any) -> Any:
-    """Columns as the leaves of what has these shapes."""
-    leaves, at = [], 0
-    for leaf in jax.tree_util.tree_leaves(shapes):
-        size = int(np.prod(leaf.shape))
-        leaves.append(flat[..., at : at + size].reshape((*flat.shape[:-1], *leaf.shape)).astype(leaf.dtype, copy=False))
-        at += size
-    return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(shapes), leaves)
+def sizes(shapes: Any) -> np.ndarray:
+    """Where each array ends among columns side by side."""
+    return np.cumsum([math.prod(leaf.shape) for leaf in jax.tree_util.tree_leaves(shapes)])
+
+
+def shaped(arrays: list, shapes: Any) -> Any:
+    """Arrays with flat entries as what has these shapes."""
+    leaves, structure = jax.tree_util.tree_flatten(shapes)
+    return jax.tree_util.tree_unflatten(structure, [
+        array.reshape(*array.shape[:-1], *leaf.shape).astype(leaf.dtype, copy=False)
+        for array, leaf in zip(arrays, leaves, strict=True)
+    ])  # fmt: skip
 
 
 @lru_cache(256)
-def compiled_step(written: Written, keep: str, lanes: int) -> Step:
+def compiled_step(written: Written, keep: str, lanes: int, repeats: bool = False) -> Step:
     """The compiled step: nothing is compiled twice."""
-    return Step(written, keep, lanes)
+    return Step(written, keep, lanes, repeats)
+
+
+def _repeat(rows: list) -> bool:
+    """Whether the truths of the rows (what was seen) seldom change, so that looking for what repeats is worth it."""
+    truths = [leaf if axis is None else leaf.swapaxes(0, 1) for leaf, axis in rows if leaf.dtype == bool]
+    changes = [(t[1:] != t[:-1]).any(axis=tuple(range(1, t.ndim))) for t in truths if len(t) > 1]
+    return all(change.mean() < OFTEN for change in changes)
 
 
 class _Start:
@@ -111,13 +155,28 @@ class _Start:
         self.places, names = entries_read(program.inputs)
         outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
         self.size = len(outputs)
-        self.compiled = Compiled(Loop(program, (), (), names, (), outputs, ()))
+        self.compiled = Compiled(Loop(program, (), (), (Array(names),), (), (Array(outputs),), ()))
 
     def run(self, size: int, fixed: list) -> np.ndarray:
         """The first state of each run, flat: (size, entries)."""
         each, nothing = np.empty((size, self.size)), np.zeros(1)
-        self.compiled(size, nothing, nothing, columns(fixed, self.places, size), each, nothing)
+        self.compiled(size, nothing, nothing, nothing, columns(fixed, self.places, size), each)
         return each
+
+
+def _kind(dtype: Any) -> str:
+    """How an array lies in memory."""
+    return {"float64": "double", "int64": "i64", "bool": "i8"}.get(np.dtype(dtype).name, "double")
+
+
+def _flat(arrays: tuple[np.ndarray, ...]) -> list[tuple[int, ...]]:
+    """The scalars of each array."""
+    return [tuple(int(name) for name in array.ravel()) for array in arrays]
+
+
+def _contiguous(leaf: np.ndarray) -> np.ndarray:
+    """Numbers as float64 and truths as they are, row after row."""
+    return np.ascontiguousarray(leaf, bool if leaf.dtype == bool else float)
 
 
 def columns(leaves: list, places: list, size: int) -> np.ndarray:

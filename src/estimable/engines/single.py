@@ -9,7 +9,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from .llvm import Compiled, Loop
+from .llvm import Compiled
+from .loops import Array, Loop
 from .straight_line import UnsupportedError, lower
 
 
@@ -35,7 +36,7 @@ class Step:
         self.next, self.told = out[: code.states], out[code.states :]
         self.tell = code.tell
         self._kept = _flat(fixed), np.zeros(1), out, code
-        places = (self._kept[0], self._kept[1], self.memory, out, self._kept[1])
+        places = (self._kept[0], self._kept[1], self._kept[1], self.memory, out)
         self.run = partial(code.compiled.address, 1, *(ctypes.c_void_p(array.ctypes.data) for array in places))
         self.after: dict[str, Step] = {}
 
@@ -54,7 +55,7 @@ class _Code:
         count = len(jax.tree_util.tree_leaves(fixed))
         names = [tuple(int(name) for array in arrays for name in array.ravel())
                  for arrays in (program.inputs[:count], program.inputs[count:], program.outputs)]  # fmt: skip
-        self.compiled = Compiled(Loop(program, names[0], (), names[1], (), names[2], ()))
+        self.compiled = Compiled(Loop(program, names[0], (), (Array(names[1]),), (), (Array(names[2]),), ()))
         self.size, self.states = (
             len(names[2]),
             sum(int(np.prod(leaf.shape)) for leaf in jax.tree_util.tree_leaves(state_out)),

@@ -36,6 +36,14 @@ class Program(NamedTuple):
     outputs: tuple[np.ndarray, ...]
 
 
+def is_truth(program: Program, name: int) -> bool:
+    """Whether a scalar is a truth and not a number."""
+    op = program.operations[name]
+    if op.name == "select":
+        return is_truth(program, op.arguments[1])
+    return op.name in TRUTHS or op.name == "truth_input" or (op.name == "constant" and isinstance(op.value, bool))
+
+
 def _divide(a: float, b: float) -> float:
     return a / b if b else math.nan if a == 0 or math.isnan(a) else math.copysign(math.inf, a) * math.copysign(1, b)
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .native import LANES, Step, columns, compiled_step, on_all_processors, shaped
+from .native import LANES, Step, columns, compiled_step, on_all_processors, shaped, sizes
 from .written import batch, write
 from .xla import Run
 
@@ -47,11 +47,17 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
         runs, real = ahead.group(first, size)
         wrote = memory.run(runs, T, length, (constants[runs].T.copy(), starts[runs].T.copy()), (still, start))
         each[first : first + real] = wrote[:, : each.shape[2]].transpose(2, 0, 1)[:real]
-        codes[first : first + real] = wrote[:, -1].T[:real]
+        codes[first : first + real] = wrote[:, ahead.at[ahead.told[1]]].T[:real]
 
     on_all_processors(side_by_side, range(0, size, LANES))
     failed_at = np.argmax(codes != 0, axis=1)
-    return Run(shaped(each, kept), None, codes[np.arange(size), failed_at].astype(int), failed_at, None)
+    return Run(
+        shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept),
+        None,
+        codes[np.arange(size), failed_at].astype(int),
+        failed_at,
+        None,
+    )
 
 
 def _as_it_is(told: Any, keep: str) -> Any:
@@ -74,11 +80,11 @@ class _Memory:
         self.ahead, self.behind = ahead, behind
         self.leaves = [leaf.reshape(*leaf.shape[:2], -1) for leaf, _ in leaves]
         passed = _offsets([leaf.shape for leaf in jax.tree_util.tree_leaves(ahead.kept[1])])
-        self.passed = [kept + passed[i] + j for i, j in behind.rows]  # columns of `ahead` that `behind` reads
+        self.passed = [kept + passed[i] + j for i, j in behind.columns]  # columns of `ahead` that `behind` reads
         begun = jax.tree_util.tree_leaves(begin)
         first = [path[0].name for path, _ in jax.tree_util.tree_flatten_with_path(rows)[0]].index("begin")
         told = _offsets([leaf.shape[1:] for leaf in begun])
-        inside = [(column, i - first, j) for column, (i, j) in enumerate(ahead.rows) if 0 <= i - first < len(begun)]
+        inside = [(column, i - first, j) for column, (i, j) in enumerate(ahead.columns) if 0 <= i - first < len(begun)]
         self.into = [column for column, _, _ in inside]  # columns of `ahead` that `behind` tells
         self.out_of = [told[i] + j for _, i, j in inside]
         self.begin = np.stack([begun[i].reshape(len(begun[i]), -1)[:, j] for _, i, j in inside], axis=1)
@@ -86,23 +92,23 @@ class _Memory:
     def run(self, runs: Any, T: int, length: int, forward: tuple, backward: tuple) -> np.ndarray:
         """What the forward step wrote of a group of runs, (T, columns, lanes)."""
         row, nothing = self._rows(runs, T), np.zeros(1)
-        wrote = np.empty((T, self.ahead.each, LANES))
-        told = np.empty((length, self.behind.each, LANES))
+        wrote = np.empty((T, self.ahead.at[-1], LANES))
+        told = np.empty((length, self.behind.at[-1], LANES))
         row[:length, self.into] = self.begin[:T, :, None]
         for start in range(0, T, length):
             stop = min(start + length, T)
-            self.ahead.compiled(stop - start, forward[0], forward[1], row[start:stop], wrote[start:stop], nothing)
+            self.ahead.compiled(stop - start, *forward, nothing, row[start:stop], wrote[start:stop])
             if stop == T:
                 break
             turned = np.ascontiguousarray(wrote[start:stop][::-1, self.passed])
             still, begin = backward
-            self.behind.compiled(length, still, begin.copy(), turned, told, nothing)
+            self.behind.compiled(length, still, begin.copy(), nothing, turned, told)
             row[stop : stop + length, self.into] = told[::-1, self.out_of][: T - stop]
         return wrote
 
     def _rows(self, runs: Any, T: int) -> np.ndarray:
-        row = np.empty((T, len(self.ahead.rows), LANES))
-        for column, (i, j) in enumerate(self.ahead.rows):
+        row = np.empty((T, len(self.ahead.columns), LANES))
+        for column, (i, j) in enumerate(self.ahead.columns):
             if column not in self.into:
                 row[:, column] = self.leaves[i][runs, :, j].T
         return row

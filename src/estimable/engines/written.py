@@ -10,6 +10,7 @@ import numpy as np
 from .lasting import lasting
 from .straight_line import Program, UnsupportedError, lower
 
+LONG = 20_000  # outputs in all, seen or not
 OPEN = 200_000  # operations of a step before it is known what of its state is constant
 
 
@@ -53,11 +54,18 @@ class Written:
 
 
 def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Written:
-    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be written out."""
+    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be written out.
+
+    In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
+    """
     a, r, p = axes
     example = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
     leaves, structure = jax.tree_util.tree_flatten(tuple(example))
-    written = write_shapes(structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves), keep, select)
+    long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
+    zeros = _zeros(algorithm, a) if long else ()
+    written = write_shapes(
+        structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves), keep, select, zeros
+    )
     if isinstance(written, UnsupportedError):
         raise written
     return written
@@ -80,10 +88,20 @@ def entries_read(arrays: tuple[np.ndarray, ...]) -> tuple[list[tuple[int, int]],
 
 
 def refuse_varying(algorithm: Any) -> None:
-    """A model that varies in time is looked up by row, which a straight line cannot."""
+    """Refuse a model that varies in time: its matrices are looked up by row."""
     now = jax.eval_shape(lambda a: a.at(0), algorithm)
     if jax.tree_util.tree_structure(now) != jax.tree_util.tree_structure(algorithm):
         raise UnsupportedError("a model that varies in time")
+
+
+def _zeros(algorithm: Any, axis: int | None) -> tuple[tuple[int, int], ...]:
+    """(array, entry) of the numbers that are zero in every run."""
+    leaves = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(algorithm)]
+    runs = [1 if axis is None else len(leaf) for leaf in leaves]
+    zero = [~leaf.reshape(count, -1).any(axis=0) for leaf, count in zip(leaves, runs, strict=True)]
+    return tuple(
+        (i, int(j)) for i, entries in enumerate(zero) if leaves[i].dtype == float for j in np.flatnonzero(entries)
+    )
 
 
 def _first(part: Any, axis: int | None) -> Any:
@@ -91,18 +109,19 @@ def _first(part: Any, axis: int | None) -> Any:
 
 
 @lru_cache(256)
-def write_shapes(structure: Any, shapes: tuple, keep: str, select: Any) -> Written | UnsupportedError:
+def write_shapes(
+    structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple = ()
+) -> Written | UnsupportedError:
     """The step, or why there is none: neither is worked out twice."""
     try:
-        return _write(structure, shapes, keep, select)
+        return _write(structure, shapes, keep, select, zeros)
     except UnsupportedError as reason:
         return reason
 
 
-def _write(structure: Any, shapes: tuple, keep: str, select: Any) -> Written:
+def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:
     examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
     algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
-    refuse_varying(algorithm)
     told = {}
 
     def init(algorithm, prior):
@@ -121,13 +140,14 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any) -> Written:
     parts = (algorithm, prior, state, sample, interval)
     counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
     fixed, states = counts[0] + counts[1], counts[2]
+    always = dict.fromkeys(zeros, 0.0)
     known = _constants(start, fixed)
     if known:
-        known = lasting(known, lower(step, *parts, most=OPEN), fixed)
-    row = lower(step, *parts, known=known)
+        known = lasting(known, lower(step, *parts, known=always, most=OPEN), fixed)
+    row = lower(step, *parts, known=always | known)
     while len(kept := _still_known(known, row, fixed, states)) < len(known):
         known = kept
-        row = lower(step, *parts, known=known)
+        row = lower(step, *parts, known=always | known)
     return Written(start, row, fixed, states, told["kept"])
 
 

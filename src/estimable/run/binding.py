@@ -68,7 +68,7 @@ def bind(
     _check_lengths(algorithm, record, faults)
     faults.finish()
     u, arrived = _fates(algorithm, record, rows, faults) if takes_fates(algorithm) else (rows.applied(), None)
-    u, arrived = u[..., inputs], None if arrived is None else arrived[..., inputs]
+    u, arrived = np.take(u, inputs, axis=-1), None if arrived is None else arrived[..., inputs]
     check_known(u, names.inputs, faults)
     faults.finish()
     if isinstance(model, NonlinearModel) and prior is not None:
@@ -76,8 +76,9 @@ def bind(
         faults.finish()
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
-    y = rows.y[..., outputs]
-    samples = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), u, arrived)
+    y = np.take(rows.y, outputs, axis=-1)
+    seen = ~np.isnan(y)
+    samples = Sample(np.where(seen, y, 0.0), seen, u, arrived)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
     ready = (algorithms or algorithm).sampled(clock)

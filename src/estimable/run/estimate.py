@@ -41,7 +41,7 @@ def estimate(
     matched to the model's channels by name. `prior`: of the state x[0], before y[0]; None for
     an algorithm without a state of the plant. `on_failure`: "raise" a `RunError`
     at a run that failed, or "keep" what there is, with the outcome in the result. `engine`: "auto", "native" (machine code,
-    for small models that do not vary in time) or "xla". `keep`:
+    for small models) or "xla". `keep`:
     "all"; "means" (no covariances); "last" (one row); "likelihood" (no row).
 
     Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.

@@ -1,0 +1,102 @@
+"""What an algorithm looks up by row (the matrices of a model that varies in time), laid out as more data of each row."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..frozen import frozen, static
+
+
+@frozen
+class ByRow:
+    """An algorithm of which some leaves come with each row, as (sample, leaves) and (interval, leaves).
+
+    `first`: those leaves at the first row, for `init`. `places`: which leaves they are.
+    """
+
+    same: Any
+    first: Any
+    places: tuple[bool, ...] = static()
+    structure: Any = static()
+
+    def at(self, k) -> "ByRow":
+        """The same: what is looked up comes with the row."""
+        return self
+
+    def now(self, looked_up: Any) -> Any:
+        """The algorithm at the instant of a row."""
+        same, moving = iter(self.same), iter(looked_up)
+        leaves = [next(moving) if moves else next(same) for moves in self.places]
+        return jax.tree_util.tree_unflatten(self.structure, leaves)
+
+    def init(self, prior: Any) -> Any:
+        """What is believed before the first row."""
+        return self.now(self.first).init(prior)
+
+    def correct(self, state: Any, row: Any) -> Any:
+        """Learn from one sample, with the leaves of its row."""
+        return self.now(row[1]).correct(state, row[0])
+
+    def predict(self, state: Any, row: Any) -> Any:
+        """Move to the next sample, with the leaves of this row."""
+        return self.now(row[1]).predict(state, row[0])
+
+
+class _Lookup(NamedTuple):
+    """Which leaves of the algorithm at an instant are looked up, of which leaf the others are, and the function that looks."""
+
+    places: tuple[bool, ...]
+    sources: tuple[int, ...]
+    structure: Any
+    look: Any
+
+
+def laid_out(algorithm: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, Any, Any, tuple]:
+    """(algorithm, samples, intervals, axes) in which nothing is looked up by row."""
+    a, r, p = axes
+    leaves, structure = jax.tree_util.tree_flatten(algorithm)
+    leaves = [np.asarray(leaf) for leaf in leaves]
+    shapes = tuple((leaf.shape if a is None else leaf.shape[1:], leaf.dtype.str) for leaf in leaves)
+    lookup = _lookup(structure, shapes)
+    if lookup is None:
+        return algorithm, samples, intervals, axes
+    T = samples.seen.shape[0 if r is None else 1]
+    look = lookup.look if a is None else jax.vmap(lookup.look, in_axes=(0, None))
+    moving = [np.asarray(array) for array in jax.jit(look)(leaves, jnp.arange(T))]
+    first = [array[0] if a is None else array[:, 0] for array in moving]
+    if a is None and r == 0:
+        moving = [np.broadcast_to(array, (len(samples.seen), *array.shape)) for array in moving]
+    elif a == 0 and r is None:
+        samples, intervals = (jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (len(first[0]), *leaf.shape)), part)
+                              for part in (samples, intervals))  # fmt: skip
+        r = 0
+    same = [leaves[i] for i in lookup.sources]
+    by_row = ByRow(same, first, lookup.places, lookup.structure)
+    return by_row, (samples, moving), (intervals, moving), (a, r, p)
+
+
+@lru_cache(256)
+def _lookup(structure: Any, shapes: tuple) -> _Lookup | None:
+    """How an algorithm looks up its leaves; None where it does not."""
+    example = [np.zeros(shape, dtype) for shape, dtype in shapes]
+    told = {}
+
+    def now(leaves, k):
+        algorithm = jax.tree_util.tree_unflatten(structure, leaves).at(k)
+        leaves, told["structure"] = jax.tree_util.tree_flatten(algorithm)
+        return leaves
+
+    jaxpr = jax.make_jaxpr(now)(example, 0).jaxpr
+    given = {id(var): i for i, var in enumerate(jaxpr.invars)}
+    sources = [given.get(id(var)) for var in jaxpr.outvars]
+    if told["structure"] == structure:
+        return None
+    places = tuple(i is None for i in sources)
+
+    def look(leaves, rows):
+        return jax.vmap(lambda k: [leaf for leaf, moves in zip(now(leaves, k), places, strict=True) if moves])(rows)
+
+    return _Lookup(places, tuple(i for i in sources if i is not None), told["structure"], look)

@@ -1,0 +1,77 @@
+"""What a row computes again although nothing that it depends on has changed since the row before.
+
+A covariance without missing data settles: the numbers that are carried from row to row become the same to the last bit, and
+whatever depends on them alone, and on the same choices, is the same too. Found on the scalars, without a word on covariances.
+"""
+
+from typing import Any, NamedTuple
+
+from .straight_line import is_truth
+
+WORTH = 64  # operations: less is computed as fast as it is compared
+
+
+class Settling(NamedTuple):
+    """A part of a loop that stands still once its own state does.
+
+    `carry`: which entries of the carry it is; `slow`: for each scalar, whether it depends on those, and on `choices`, alone;
+    `choices`: the truths that the rest decides in each row, and that the part depends on. `stays`: the truth that chooses for
+    each entry between what it was and something else, if there is one for all.
+    """
+
+    carry: frozenset[int]
+    slow: tuple[bool, ...]
+    choices: tuple[int, ...]
+    stays: int | None = None
+
+
+def still(loop: Any) -> list[bool]:
+    """Whether each scalar is the same in every row."""
+    moving = {*loop.carry, *(name for array in loop.row for name in array.names)}
+    same: list[bool] = []
+    for i, op in enumerate(loop.program.operations):
+        same.append(i not in moving and all(same[a] for a in op.arguments))
+    return same
+
+
+def settling(loop: Any, same: list[bool]) -> Settling | None:
+    """The largest such part; None where it would save nothing. `same`: the scalars that are the same in every row."""
+    carry = set(range(len(loop.carry)))
+    while True:
+        slow = _slow(loop, same, carry)
+        kept = {i for i in carry if _closed(loop.program, slow, same, loop.next_carry[i])}
+        if kept == carry:
+            break
+        carry = kept
+    operations = loop.program.operations
+    if not carry or sum(slow) < WORTH:
+        return None
+    needed = {a for i, op in enumerate(operations) if slow[i] for a in op.arguments} | {
+        loop.next_carry[i] for i in carry
+    }
+    choices = tuple(sorted(a for a in needed if not slow[a] and not same[a]))
+    return Settling(frozenset(carry), tuple(slow), choices, _stays(loop, carry))
+
+
+def _stays(loop: Any, carry: set[int]) -> int | None:
+    """The one condition under which every entry is chosen to stay as it is."""
+    nexts = [(loop.carry[i], loop.program.operations[loop.next_carry[i]]) for i in carry]
+    chosen = all(op.name == "select" and op.arguments[1] == now for now, op in nexts)
+    conditions = {op.arguments[0] for _, op in nexts} if chosen else set()
+    return conditions.pop() if len(conditions) == 1 else None
+
+
+def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
+    """Whether each scalar moves with these entries of the carry and with truths alone."""
+    own = {loop.carry[i] for i in carry}
+    slow: list[bool] = []
+    for i, op in enumerate(loop.program.operations):
+        inputs = op.name in ("input", "truth_input")
+        alone = bool(op.arguments) and all(_closed(loop.program, slow, same, a) for a in op.arguments)
+        moves = any(slow[a] for a in op.arguments)
+        slow.append(i in own or (not inputs and not same[i] and alone and (moves or not is_truth(loop.program, i))))
+    return slow
+
+
+def _closed(program: Any, slow: list[bool], same: list[bool], name: int) -> bool:
+    return slow[name] or same[name] or is_truth(program, name)
