@@ -38,7 +38,8 @@ def one_record(name, T, missing):
         run = ours(model, prior, record, engine, keep)
         yield compared(name, f"estimable {engine}, keep={keep}", run, exact, 5)
     others = {
-        "hand-written C, means and covariances": handwritten.contender(model, prior, record.y),
+        "hand-written C, conventional": handwritten.contender(model, prior, record.y),
+        "hand-written C, square-root": handwritten.contender(model, prior, record.y, "kalman_ud"),
         "statsmodels": peers.statsmodels(model, prior, record.y),
         "NumPy loop": lambda: textbook(model, prior, record.y),
     }
