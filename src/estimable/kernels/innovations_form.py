@@ -73,7 +73,7 @@ def predictions(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray, P: 
     predicted, covariances, known = [], [], ~np.isnan(y)
     size = max(np.abs(P).max(initial=0.0), np.abs(system.Q).max(initial=0.0))
     step, seen, settled = _step(system, P, known[0]), known[0], False
-    whole = range(len(y) - int(np.argmin(np.append(known.all(axis=1)[::-1], False))), len(y))  # rows from which all is seen
+    whole = range(len(y) - int(np.argmin(np.append(np.all(known, axis=1)[::-1], False))), len(y))  # rows from which all is seen
     for k, (row, datum, seen_now) in enumerate(zip(u, y, known, strict=True)):
         if settled and seen.all() and k in whole:
             later, x = _steadily(system, step.K, u[k:], y[k:], x)

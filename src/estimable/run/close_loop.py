@@ -21,6 +21,7 @@ from .binding import check_algorithm, check_hold, check_prior, check_prior_kind,
 from .loop import Loop, Row
 from .transmit import Links, check_links
 
+Plant = ControlledPlant | StateSpace | OutputError | python_loop.Simulator
 NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
 
 
@@ -78,7 +79,7 @@ class ClosedLoopBank:
 
 
 def close_loop(
-    plant: ControlledPlant | StateSpace | OutputError, controller: Any, estimator: Any, *, reference, seed: int,
+    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int,
     prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
     on_failure: str = "raise", engine: str = "auto",
 ) -> ClosedLoop:  # fmt: skip
@@ -112,7 +113,7 @@ def close_loop(
 
 
 def close_loop_bank(
-    plant: ControlledPlant | StateSpace | OutputError, controller: Any, estimator: Any, *, reference, seed: int, runs: int,
+    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int, runs: int,
     prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
     first: int = 0, on_failure: str = "raise", engine: str = "auto",
 ) -> ClosedLoopBank:  # fmt: skip

@@ -1,10 +1,6 @@
-"""Loops whose plant is a simulator that no engine can run: the same blocks, sample by sample in Python.
+"""Loops whose plant is a simulator that no engine can run: the same blocks, sample by sample in Python."""
 
-A simulator says `traceable = False`, has `linear` (a `ControlledPlant`: its model, names, noises, limits), and `begin(dt)`, which
-gives a run with `state` (n,), `input` (m,) and `move(command)`, in deviations from where `linear` is about.
-"""
-
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import numpy as np
@@ -15,10 +11,21 @@ from ..results import Info, Interval
 from .loop import Decided, Loop, LoopState, Row
 
 
-def scan_bank(simulator: Any, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
+class Simulator(Protocol):
+    """A plant that moves itself: `traceable` is False, `linear` its model, names, noises and limits."""
+
+    traceable: bool
+    linear: Any
+
+    def begin(self, dt: float) -> Any:
+        """A run with `state` (n,), `input` (m,) and `move(command)`, in deviations from where `linear` is about."""
+        ...
+
+
+def scan_bank(simulator: Simulator, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
     """What `xla.scan_bank` leaves, of loops that differ in their rows."""
     infos = [
-        _fly(simulator.begin(float(loop.dt)), loop, prior, *_of_run((rows, intervals), i), select)
+        _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
         for i in range(len(rows.seen))
     ]
     info = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
@@ -31,8 +38,9 @@ def _of_run(part: Any, i: int) -> Any:
     return jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[i], part)
 
 
-def _fly(flight: Any, loop: Loop, prior: Any, rows: Row, intervals: Interval, select: Any) -> Info:
+def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], select: Any) -> Info:
     """One run, its infos in rows."""
+    rows, intervals = drawn
     state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
     C, V = np.asarray(loop.plant.C[0])[:, : len(flight.state)], np.asarray(loop.plant.V)
     told = []

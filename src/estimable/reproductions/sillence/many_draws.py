@@ -55,7 +55,7 @@ def fixed_law(
     return compute
 
 
-def _case(integral: bool, alpha: bool, gain: float, noise: Mapping[str, float]) -> LoopCase:
+def _case(integral: bool, alpha: bool, gain: float, noise: Mapping[str, Any]) -> LoopCase:
     """The loop whose state is measured and not filtered."""
     plant = f16.controlled(gain, failure_time=FAILED, **noise)
     measured = Kalman(f16.short_period(Q=1e6 * np.eye(2), **noise))
