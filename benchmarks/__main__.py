@@ -12,6 +12,7 @@ from .filtering import bank, large, one_record, one_step
 from .loops import loops
 from .nonlinear import nonlinear
 from .start import starts
+from .windows import windows
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 PACKAGES = ("jax", "llvmlite", "numpy", "scipy", "statsmodels", "filterpy", "slycot")
@@ -27,6 +28,7 @@ def workloads(quick):
         *((one_step, f"W4 one step online, n={n} p={p}", n, p, steps) for n, p in ((4, 2), (12, 6))),
         *((large, f"W5 one record, n={n} p=2, T={rows:,}", n, rows) for n in (4, 16, 64, 256)),
         *((solve, f"W7 {solve.__name__}, n={n}", n) for n in (4, 20, 100) for solve in (riccati, lyapunov)),
+        (windows, f"W6 window of 30, {runs // 10:,} flights of the F-16, 1,650 samples each", runs // 10),
         (loops, f"W8 {runs:,} closed loops of the F-16, 1,650 samples each", runs),
         (starts, "W9 start"),
         *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
