@@ -17,6 +17,7 @@ from .written import Written, batch, entries_read, write
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
+FEW = 64  # rows, in which nothing settles for long
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 DTYPES = {"double": float, "i64": int, "i8": bool}
 
@@ -142,10 +143,11 @@ def compiled_step(written: Written, keep: str, lanes: int, repeats: bool = False
 
 
 def _repeat(rows: list) -> bool:
-    """Whether the truths of the rows (what was seen) seldom change, so that looking for what repeats is worth it."""
+    """Whether the rows are many and their truths (what was seen) seldom change, so that what repeats is worth looking for."""
     truths = [leaf if axis is None else leaf.swapaxes(0, 1) for leaf, axis in rows if leaf.dtype == bool]
-    changes = [(t[1:] != t[:-1]).any(axis=tuple(range(1, t.ndim))) for t in truths if len(t) > 1]
-    return all(change.mean() < OFTEN for change in changes)
+    changes = [(t[1:] != t[:-1]).any(axis=tuple(range(1, t.ndim))) for t in truths]
+    leaf, axis = rows[0]
+    return leaf.shape[0 if axis is None else 1] >= FEW and all(change.mean() < OFTEN for change in changes)
 
 
 class _Start:
