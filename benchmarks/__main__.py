@@ -60,7 +60,7 @@ def page(rows):
     machine = f"{os.cpu_count()} processors ({platform.machine()}), Python {platform.python_version()}"
     return f"""# Benchmarks
 
-Made by `python -m benchmarks --markdown` on {machine}, {versions}.
+Made by `python -m benchmarks --quick --markdown` on {machine}, {versions}.
 
 Each time is the shortest of several after a first call, which stands beside it and holds the compilation; the ratio is to the
 first row of the workload. Errors: the largest of a mean against a NumPy loop that deletes what is missing; of an equation, the
