@@ -4,10 +4,10 @@ One file (or folder) a source, each with its `ENTRIES`; `estimable reproduce` li
 """
 
 from .. import checks
-from . import bass, fang, sillence
+from . import bass, falling_body, fang, sillence
 from .entries import DRAWS, Reproduced, Reproduction, Row, drawn
 
-ENTRIES: tuple[Reproduction, ...] = sillence.ENTRIES + fang.ENTRIES + bass.ENTRIES
+ENTRIES: tuple[Reproduction, ...] = sillence.ENTRIES + fang.ENTRIES + bass.ENTRIES + falling_body.ENTRIES
 
 __all__ = ["DRAWS", "ENTRIES", "Reproduced", "Reproduction", "Row", "drawn", "entry", "reproduce"]
 
