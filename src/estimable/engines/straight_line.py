@@ -83,15 +83,17 @@ FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce
          "reduce_or": "or"}  # fmt: skip
 
 
-def lower(
-    function: Callable, *arguments: Any, known: dict[tuple[int, int], Any] | None = None, most: int = MOST
-) -> Program:
-    """The straight line of `function` at arguments of these shapes. Raises `UnsupportedError`.
+def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any] | None = None) -> Program:
+    """The straight line of `function` at arguments of these shapes: see `lower_jaxpr`."""
+    return lower_jaxpr(jax.make_jaxpr(function)(*arguments), known)
+
+
+def lower_jaxpr(closed: Any, known: dict[tuple[int, int], Any] | None = None, most: int = MOST) -> Program:
+    """The straight line of what has been traced. Raises `UnsupportedError`.
 
     `known`: the values of input entries (array, entry) that are always the same, as the zeros of a triangular matrix.
     `most`: the operations that it may have.
     """
-    closed = jax.make_jaxpr(function)(*arguments)
     line = _Line(known or {}, most)
     names = [line.inputs(i, v.aval) for i, v in enumerate(closed.jaxpr.invars)]
     outputs = line.run(closed.jaxpr, closed.consts, names)

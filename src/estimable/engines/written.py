@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from .lasting import lasting
-from .straight_line import Program, UnsupportedError, lower
+from .straight_line import Program, UnsupportedError, lower, lower_jaxpr
 
 LONG = 20_000  # outputs in all, seen or not
 OPEN = 200_000  # operations of a step before it is known what of its state is constant
@@ -142,12 +142,14 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) 
     fixed, states = counts[0] + counts[1], counts[2]
     always = dict.fromkeys(zeros, 0.0)
     known = _constants(start, fixed)
-    if known:
-        known = lasting(known, lower(step, *parts, known=always, most=OPEN), fixed)
-    row = lower(step, *parts, known=always | known)
+    traced = jax.make_jaxpr(step)(*parts)
+    row = lower_jaxpr(traced, always | known)  # as short as it can be: where that is too long, nothing more is worked out
+    if len(_still_known(known, row, fixed, states)) < len(known):
+        known = lasting(known, lower_jaxpr(traced, always, OPEN), fixed)
+        row = lower_jaxpr(traced, always | known)
     while len(kept := _still_known(known, row, fixed, states)) < len(known):
         known = kept
-        row = lower(step, *parts, known=always | known)
+        row = lower_jaxpr(traced, always | known)
     return Written(start, row, fixed, states, told["kept"])
 
 
