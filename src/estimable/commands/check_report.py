@@ -14,8 +14,9 @@ from ..analysis.unknown_input import UnknownInputExistence, unknown_input_existe
 from ..errors import AssumptionError
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
+from ..results import Names
 from .numbers import counted
-from .run_filter import record_options
+from .run_filter import read_measured
 
 WORDS = {
     "estimable": "estimable one step ahead",
@@ -88,12 +89,8 @@ def _losses(model: StateSpace) -> LossTolerance | None:
 
 def _gains(file: ModelFile, path: Path) -> GainInformation:
     """What the inputs of a record tell, with the gains of the model file, or else one on all inputs."""
-    from ..data.reading import read_record
-
-    options = record_options(file.record, {})
-    if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
-        options["dt"] = file.model.dt
-    record = read_record(path, outputs=file.model.outputs, inputs=file.model.inputs, **options)
+    names = Names(file.model.states, file.model.inputs, file.model.outputs)
+    record, _ = read_measured(file, path, names)
     settings = {} if file.gain is None else file.gain.settings
     given = {name: settings[name] for name in ("directions", "feedthrough") if name in settings}
     prior = None if file.gain is None else file.gain.prior

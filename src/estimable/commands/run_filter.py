@@ -10,7 +10,7 @@ from .. import catalogue, checks, diagnostics
 from ..data.record import Record
 from ..models.files import ModelFile
 from ..models.prior import Prior
-from ..results import Estimate
+from ..results import Estimate, Names
 from .judging import estimate_between_changes
 from .settings import read_settings, settings_in_force
 
@@ -63,6 +63,26 @@ def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, 
     return {name: value for name, value in section.items() if name not in replaced} | given
 
 
+def read_measured(
+    file: ModelFile, path: Path, names: Names, reading: dict[str, Any] | None = None
+) -> tuple[Record, dict[str, Any]]:
+    """The record in the columns `names`, and the options that it was read with: the model file's, and those in `reading`."""
+    from ..data.reading import read_record
+
+    options = record_options(file.record, reading or {})
+    if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
+        options["dt"] = file.model.dt
+    nowhere = names.unknown_inputs
+    if nowhere and "units" in options:
+        options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
+    if not options.keys() & {"time", "dt"}:
+        checks.refuse(
+            f"the model is continuous, and nothing says when the samples of {path} were taken: give --time NAME (a column) "
+            "or --dt SECONDS, or either in section [record] of the model file."
+        )
+    return read_record(path, outputs=names.outputs, inputs=names.inputs, **options), options
+
+
 def gain_filter(file: ModelFile) -> str:
     """The filter of a gain where none is asked for: it looks for changes where the gain's prior says how large they may be."""
     sizes = () if file.gain is None else np.diagonal(file.gain.prior.covariance)
@@ -85,7 +105,6 @@ def run_filter(
 
     Raises `InputError` for what is wrong with the files and settings, `RunError` where the numbers fail.
     """
-    from ..data.reading import read_record
     from ..models.files import read_model
     from ..run.estimate import estimate
 
@@ -101,18 +120,7 @@ def run_filter(
     file = read_model(model)
     name = gain_filter(file) if name is None else name
     algorithm = catalogue.build(name, file, **chosen)
-    options = record_options(file.record, reading or {})
-    if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
-        options["dt"] = file.model.dt
-    nowhere = algorithm.names.unknown_inputs
-    if nowhere and "units" in options:
-        options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
-    if not options.keys() & {"time", "dt"}:
-        checks.refuse(
-            f"the model is continuous, and nothing says when the samples of {record} were taken: give --time NAME (a column) "
-            "or --dt SECONDS, or either in section [record] of the model file."
-        )
-    measured = read_record(record, outputs=algorithm.names.outputs, inputs=algorithm.names.inputs, **options)
+    measured, options = read_measured(file, record, algorithm.names, reading)
     result = estimate(algorithm, measured, prior=file.prior)
     judged = result
     if name == "change-detection":
