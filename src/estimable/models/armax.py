@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, replace, set_field, static
+from ..frozen import frozen, set_field, static
 from . import polynomials
-from .output_error import OutputError, parameter_names
+from .equation_noise import EquationNoise
+from .output_error import parameter_names
 from .state_space import StateSpace
 
 
 @frozen
-class ARMAX:
+class ARMAX(EquationNoise):
     """A linear system by its polynomials, with noise of its own colour that goes through the plant's poles.
 
     Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k]; A_i = 1 + a_i1 z^-1 + .., C_i = 1 + c_i1 z^-1 + ..,
@@ -39,6 +40,8 @@ class ARMAX:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
+    PARTS = ("a", "b", "c")
+
     def __post_init__(self):
         plant = self.plant
         faults = checks.Faults()
@@ -51,32 +54,9 @@ class ARMAX:
         )  # fmt: skip
 
     @property
-    def plant(self) -> OutputError:
-        """B/A as an output-error model: the same response."""
-        return OutputError(
-            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
-            outputs=self.outputs,
-        )  # fmt: skip
-
-    @property
-    def na(self) -> int:
-        """Degree of A."""
-        return polynomials.degrees(self.a, self.b)[0]
-
-    @property
-    def nb(self) -> int:
-        """Degree of B without its delay."""
-        return polynomials.degrees(self.a, self.b)[1]
-
-    @property
     def nc(self) -> int:
         """Degree of C."""
         return self.c.shape[-1]
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """θ: output by output, a, then b input by input, then c."""
-        return polynomials.joined(self.a, self.b, self.c)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -87,11 +67,6 @@ class ARMAX:
             rows += parameter_names(self.na, self.nb, self.inputs, self.outputs) if alone else []
             rows += [f"c{i + 1}" + ("" if alone else f"_{y}") for i in range(self.nc)]
         return tuple(rows)
-
-    def with_parameters(self, parameters) -> "ARMAX":
-        """The same model with another θ."""
-        a, b, c = polynomials.parted(parameters, (self.a, self.b, self.c))
-        return replace(self, a=a, b=b, c=c)
 
     def to_state_space(self) -> StateSpace:
         """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e.

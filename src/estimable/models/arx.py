@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, replace, set_field, static
+from ..frozen import frozen, set_field, static
 from . import polynomials
-from .output_error import OutputError, parameter_names
+from .equation_noise import EquationNoise
+from .output_error import parameter_names
 from .state_space import StateSpace
 
 
 @frozen
-class ARX:
+class ARX(EquationNoise):
     """A linear system by its polynomials, with noise that goes through the plant's own poles.
 
     Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, B_ij = z^-delay (b_ij0 +
@@ -40,11 +41,10 @@ class ARX:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
+    PARTS = ("a", "b", "offset")
+
     def __post_init__(self):
-        plant = OutputError(
-            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
-            outputs=self.outputs,
-        )  # fmt: skip
+        plant = self.plant
         faults = checks.Faults()
         faults.learn("p", plant.p, f"`a` has {checks.counted(plant.p, 'row')}")
         offset = None if self.offset is None else faults.array("offset", np.atleast_1d(self.offset), "p")
@@ -55,47 +55,9 @@ class ARX:
         )  # fmt: skip
 
     @property
-    def plant(self) -> OutputError:
-        """B/A as an output-error model: the same response, without the offset."""
-        return OutputError(
-            self.a, self.b, delay=self.delay, noise_variance=self.noise_variance, dt=self.dt, inputs=self.inputs,
-            outputs=self.outputs,
-        )  # fmt: skip
-
-    @property
-    def na(self) -> int:
-        """Degree of A."""
-        return polynomials.degrees(self.a, self.b)[0]
-
-    @property
-    def nb(self) -> int:
-        """Degree of B without its delay."""
-        return polynomials.degrees(self.a, self.b)[1]
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """θ: output by output, a then b, input by input, then the offset where there is one."""
-        return polynomials.joined(*self._parts)
-
-    @property
-    def _parts(self) -> tuple[Any, ...]:
-        return (self.a, self.b) if self.offset is None else (self.a, self.b, self.offset)
-
-    def with_parameters(self, parameters) -> "ARX":
-        """The same model with another θ."""
-        return replace(
-            self, **dict(zip(("a", "b", "offset"), polynomials.parted(parameters, self._parts), strict=False))
-        )
-
-    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of θ: a1, b0, ..; with the channels where there are several."""
         return arx_names(self.na, self.nb, self.inputs, self.outputs, self.offset is not None)
-
-    @property
-    def is_stable(self) -> bool:
-        """Whether every pole lies inside the unit circle."""
-        return self.plant.is_stable
 
     def to_state_space(self) -> StateSpace:
         """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e, in absolute units.

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, replace, set_field, static
+from ..frozen import frozen, set_field, static
 from ..kernels import output_error as kernel
 from . import polynomials
 from .state_space import StateSpace
 
 
 @frozen
-class OutputError:
+class OutputError(polynomials.Polynomials):
     """A linear system by its polynomials, with noise on the measured outputs only.
 
     Model: x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], y[k] = x°[k] + v[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, and
@@ -74,16 +74,6 @@ class OutputError:
         )  # fmt: skip
 
     @property
-    def na(self) -> int:
-        """Degree of A."""
-        return polynomials.degrees(self.a, self.b)[0]
-
-    @property
-    def nb(self) -> int:
-        """Degree of B without its delay."""
-        return polynomials.degrees(self.a, self.b)[1]
-
-    @property
     def m(self) -> int:
         """Number of inputs."""
         return self.b.shape[-2]
@@ -92,16 +82,6 @@ class OutputError:
     def p(self) -> int:
         """Number of outputs."""
         return self.b.shape[-3]
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """θ (p (na + m (nb+1)),): output by output, a then b, input by input."""
-        return polynomials.joined(self.a, self.b)
-
-    def with_parameters(self, parameters) -> "OutputError":
-        """The same model with another θ."""
-        a, b = polynomials.parted(parameters, (self.a, self.b))
-        return replace(self, a=a, b=b)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

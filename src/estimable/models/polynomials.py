@@ -4,9 +4,44 @@ Letters: A_i = 1 + a_i1 z^-1 + .., B_ij = z^-delay (b_ij0 + ..), a (p, na), b (p
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+
+from ..frozen import replace
+
+
+class Polynomials:
+    """A model by its polynomials `a` and `b`; `PARTS`: the fields that θ is made of, those that are not None."""
+
+    PARTS: tuple[str, ...] = ("a", "b")
+    a: Any
+    b: Any
+
+    @property
+    def na(self) -> int:
+        """Degree of A."""
+        return degrees(self.a, self.b)[0]
+
+    @property
+    def nb(self) -> int:
+        """Degree of B without its delay."""
+        return degrees(self.a, self.b)[1]
+
+    @property
+    def _parts(self) -> dict[str, Any]:
+        parts = {name: getattr(self, name) for name in self.PARTS}
+        return {name: part for name, part in parts.items() if part is not None}
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """θ: output by output the entries of `PARTS`, those of b input by input."""
+        return joined(*self._parts.values())
+
+    def with_parameters(self, parameters: Any) -> Self:
+        """The same model with another θ."""
+        parts = self._parts
+        return replace(self, **dict(zip(parts, parted(parameters, list(parts.values())), strict=True)))
 
 
 def degrees(a: Any, b: Any) -> tuple[int, int]:
