@@ -12,10 +12,8 @@ from ..data.record import LOST
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import bilinear as kernel
 from ..kernels.small import factor, gram, triangularise
-from ..models.output_error import OutputError
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample, outcome_code
+from ..results import Info, Interval, Sample, outcome_code
 from . import orders
 from .channels import Channels
 
@@ -39,7 +37,7 @@ class JointBelief:
 
 
 @frozen
-class JointOutputError:
+class JointOutputError(orders.Recursive):
     """The parameters of an output-error model and its outputs, as one belief: for data with gaps, fast starts and jumps.
 
     Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
@@ -85,8 +83,6 @@ class JointOutputError:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
-    has_state_prior = False  # `prior` is a setting: the drivers take none
-
     def __post_init__(self):
         faults = checks.Faults()
         read = orders.read(self, faults)
@@ -101,36 +97,12 @@ class JointOutputError:
     @property
     def model(self) -> Channels:
         """The channels: all that is known of the model before there are data."""
-        return orders.channels(self)._replace(direct=self.delay == 0 or self.arrival is not None)
-
-    @property
-    def names(self) -> Names:
-        """Names of the parameters (as states), inputs and outputs."""
-        return orders.names(self)
+        return super().model._replace(direct=self.delay == 0 or self.arrival is not None)
 
     @property
     def takes_fates(self) -> bool:
         """Whether it takes inputs of which nobody knows whether they arrived."""
         return self.arrival is not None
-
-    def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> "JointOutputError":
-        """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
-        return JointOutputError(
-            self.na, self.nb, delay=self.delay, prior=self.prior, alarm=self.alarm, jump=self.jump, arrival=self.arrival,
-            lost=self.lost, **orders.for_channels(self, inputs, outputs),
-        )  # fmt: skip
-
-    def fitted(self, parameters: Any, dt: float) -> OutputError:
-        """The model of a parameter vector."""
-        return orders.fitted(self, parameters, dt)
-
-    def sampled(self, clock: Clock) -> "JointOutputError":
-        """The same: a sampled model has no other clock than its record's."""
-        return self
-
-    def at(self, k) -> "JointOutputError":
-        """The same at every row."""
-        return self
 
     @property
     def _sizes(self) -> tuple[int, int]:

@@ -10,12 +10,9 @@ from .. import checks
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import auxiliary_model as kernel
 from ..kernels.small import apply, factor, gram
-from ..models.output_error import OutputError
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample, outcome_code
+from ..results import Info, Interval, Sample, outcome_code
 from . import orders
-from .channels import Channels
 
 METHODS = ("refined", "printed")
 EARLY = 3.0  # α: while it learns, a sample that is i-th of n weighs (i/n)^α; without it one draw in three locks
@@ -49,7 +46,7 @@ class Recursion:
 
 
 @frozen
-class RecursiveOutputError:
+class RecursiveOutputError(orders.Recursive):
     """The parameters of an output-error model, sample by sample, when inputs and outputs get lost.
 
     Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with polynomials of its own. A lost
@@ -93,8 +90,6 @@ class RecursiveOutputError:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
-    has_state_prior = False  # `prior` is a setting: the drivers take none
-
     def __post_init__(self):
         faults = checks.Faults()
         faults.choice("method", self.method, METHODS)
@@ -104,35 +99,6 @@ class RecursiveOutputError:
         faults.finish()
         set_field(self, forgetting=forgetting, alarm=alarm, **read)
         orders.check_prior(self)
-
-    @property
-    def model(self) -> Channels:
-        """The channels: all that is known of the model before there are data."""
-        return orders.channels(self)
-
-    @property
-    def names(self) -> Names:
-        """Names of the parameters (as states), inputs and outputs."""
-        return orders.names(self)
-
-    def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> "RecursiveOutputError":
-        """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
-        return RecursiveOutputError(
-            self.na, self.nb, delay=self.delay, prior=self.prior, forgetting=self.forgetting, alarm=self.alarm,
-            method=self.method, **orders.for_channels(self, inputs, outputs),
-        )  # fmt: skip
-
-    def fitted(self, parameters: Any, dt: float) -> OutputError:
-        """The model of a parameter vector."""
-        return orders.fitted(self, parameters, dt)
-
-    def sampled(self, clock: Clock) -> "RecursiveOutputError":
-        """The same: a sampled model has no other clock than its record's."""
-        return self
-
-    def at(self, k) -> "RecursiveOutputError":
-        """The same at every row."""
-        return self
 
     @property
     def _believed(self) -> tuple[Any, Any]:
