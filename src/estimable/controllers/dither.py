@@ -11,13 +11,13 @@ from ..analysis.gain_information import gain_information
 from ..frozen import frozen, set_field, static
 from ..models.state_space import StateSpace
 from ..results import Info, Names
-from .state_feedback import check_inner
+from .state_feedback import Around, check_inner
 
 RELEASE = 0.7  # of the wanted sigma, below which the dither ends: it does not start again with the next sample
 
 
 @frozen
-class Dither:
+class Dither(Around):
     """A controller that moves its inputs a little while the gain is less well known than it should be.
 
     Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It goes on when the standard deviation
@@ -94,16 +94,6 @@ class Dither:
             model, np.zeros_like(wave), directions=directions, dither=wave, dt=dt if model.is_continuous else None
         )
         return Dither(controller, amplitude=found.amplitude_for(sigma) * shape, period=period, sigma=sigma)
-
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.controller.references
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.controller.size
 
     def check(self, names: Names, faults: checks.Faults) -> None:
         """What this asks of the estimator whose columns have these names."""

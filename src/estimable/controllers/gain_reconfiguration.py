@@ -10,11 +10,11 @@ from .. import checks
 from ..frozen import frozen, set_field
 from ..kernels.small import factor, gram, product, solve_lower
 from ..results import Info, Names
-from .state_feedback import check_inner
+from .state_feedback import Around, check_inner
 
 
 @frozen
-class GainReconfiguration:
+class GainReconfiguration(Around):
     """A controller whose demand on the plant is divided by the estimated gain, so that a loss of effect is made good.
 
     Model: the input acts through a gain K (one, or one for each input). What the controller asks of the plant is divided by
@@ -77,16 +77,6 @@ class GainReconfiguration:
                 f"`allocation` must have independent rows: {len(M)} things cannot be moved independently by these inputs. Give "
                 "the rows of B that the inputs can tell apart."
             )
-
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.controller.references
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.controller.size
 
     def check(self, names: Names, faults: checks.Faults) -> None:
         """What this asks of the estimator whose columns have these names."""

@@ -9,12 +9,12 @@ from .. import checks
 from ..frozen import frozen, set_field
 from ..kernels.small import apply
 from ..models.controlled import read_limits
-from ..results import Info, Names
-from .state_feedback import check_law, demand, of_input, read_law, shared
+from ..results import Info
+from .state_feedback import Law, demand, of_input, read_law, shared
 
 
 @frozen
-class ProportionalIntegral:
+class ProportionalIntegral(Law):
     """u = N r - F x^ - J z - L i, with z the integral of r - M x^: a constant error of the tracked states vanishes.
 
     Settings: F, N and L as in `StateFeedback`; `integral` J (m, r); `tracked` M (r, n), the combinations of states that
@@ -49,20 +49,6 @@ class ProportionalIntegral:
         law["limits"] = read_limits(self.limits, faults)
         faults.finish()
         set_field(self, **law)
-
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.reference_gain.shape[-1]
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.feedback.shape[-2]
-
-    def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the estimator whose columns have these names."""
-        check_law(self, names, faults)
 
     def init(self):
         """No error so far."""

@@ -12,8 +12,50 @@ from ..kernels.small import apply
 from ..results import Info, Names
 
 
+class Law:
+    """A linear law: `feedback` (m, n) and `reference_gain` (m, r)."""
+
+    feedback: Any
+    reference_gain: Any
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.reference_gain.shape[-1]
+
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.feedback.shape[-2]
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """What this asks of the estimator whose columns have these names."""
+        n = self.feedback.shape[-1]
+        if n != len(names.states):
+            states = checks.counted(len(names.states), "state")
+            faults.add(
+                f"`controller` feeds back {n} states, and the estimator gives {states}: {checks.listed(names.states)}."
+            )
+
+
+class Around:
+    """What acts through a `controller` of another kind."""
+
+    controller: Any
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.controller.references
+
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.controller.size
+
+
 @frozen
-class StateFeedback:
+class StateFeedback(Law):
     """u = N r - F x^ - L i: the reference r, the estimated state x^, and what the actuators do, i, where that is measured.
 
     Settings: `feedback` F (m, n), as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
@@ -41,20 +83,6 @@ class StateFeedback:
         set_field(self, **read_law(self, faults))
         faults.finish()
 
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.reference_gain.shape[-1]
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.feedback.shape[-2]
-
-    def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the estimator whose columns have these names."""
-        check_law(self, names, faults)
-
     def init(self):
         """Nothing to remember."""
         return ()
@@ -79,16 +107,6 @@ def check_inner(controller: Any, faults: checks.Faults) -> None:
     """What a controller is put in is a controller."""
     if isinstance(controller, type) or not all(hasattr(controller, part) for part in ("act", "references")):
         faults.add(f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(controller)}.")
-
-
-def check_law(law: Any, names: Names, faults: checks.Faults) -> None:
-    """The feedback must have a column for each estimated state."""
-    n = law.feedback.shape[-1]
-    if n != len(names.states):
-        states = checks.counted(len(names.states), "state")
-        faults.add(
-            f"`controller` feeds back {n} states, and the estimator gives {states}: {checks.listed(names.states)}."
-        )
 
 
 def demand(law: Any, estimate: Info, reference) -> Any:
