@@ -12,7 +12,6 @@ import numpy as np
 
 from ..engines import choice, turns, xla
 from ..engines.straight_line import UnsupportedError
-from ..filters.belief import Belief
 from ..filters.moving_window import MovingWindow
 from ..frozen import frozen, replace, static
 from ..kernels import stretch
@@ -140,19 +139,8 @@ class _Beginnings:
 
 
 @frozen
-class _Ends:
+class _Ends(window_scan.Backwards):
     """Backwards over a block: the belief at its end, of the window that ends in the same place of the next block."""
-
-    algorithm: Any
-
-    def at(self, k) -> "_Ends":
-        """The same: the model does not vary."""
-        return self
-
-    def init(self, prior) -> tuple[Belief, stretch.Stretch]:
-        """The belief that a window begins with, and the stretch from the last row on."""
-        fresh = self.algorithm.init(prior)
-        return fresh, stretch.empty(fresh.mean.shape[0])
 
     def correct(self, state: tuple, sample: Sample) -> tuple[tuple, Told]:
         """What has been gathered after this row; then put the row before it."""

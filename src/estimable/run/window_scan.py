@@ -4,7 +4,7 @@ A record is cut into blocks of the length of a window, and a window into the end
 one pass backwards gathers the ends, one forwards the beginnings, and both together are one window (`kernels.stretch`).
 """
 
-from typing import Any
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
@@ -140,12 +140,12 @@ def _nothing_open(info: Info) -> Info:
 
 
 @frozen
-class _Ends:
-    """Backwards: the belief at the start of the next block, of the window that begins at each row."""
+class Backwards:
+    """A pass from the last row to the first."""
 
     algorithm: Any
 
-    def at(self, k) -> "_Ends":
+    def at(self, k) -> Self:
         """The same: the model does not vary."""
         return self
 
@@ -153,6 +153,11 @@ class _Ends:
         """The belief that a window begins with, and the stretch from the last row on."""
         fresh = self.algorithm.init(prior)
         return fresh, stretch.empty(fresh.mean.shape[0])
+
+
+@frozen
+class _Ends(Backwards):
+    """Backwards: the belief at the start of the next block, of the window that begins at each row."""
 
     def correct(self, state: tuple, sample: Row) -> tuple[tuple, Told]:
         """Put a row before those gathered; a window that is a block has nothing before it."""
