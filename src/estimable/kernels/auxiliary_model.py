@@ -55,6 +55,7 @@ def spread(
 ) -> Float[Real, "d d"]:
     """The factor of Σ after θ + K (ψ'(θ° - θ) + v) and then θ + K_recalled h'(θ0 - θ), at any gains (Joseph's form)."""
     def without(M, K, g):
+        """M - K (g' M)."""
         return M - K[:, None] * jnp.sum(g[:, None] * M, axis=0)[None, :]
 
     noisy = jnp.concatenate([without(Z, K, ψ), (jnp.sqrt(r) * K)[:, None]], axis=1)

@@ -49,6 +49,7 @@ def correlated(Z: np.ndarray, e: np.ndarray, at: np.ndarray, q: int) -> np.ndarr
     moments = [full[j:].T @ full[: len(full) - j] for j in range(len(tapered))]
 
     def total(r):
+        """The sum of the moments, weighted by the autocovariances r."""
         return r[0] * moments[0] + sum(r_j * (M + M.T) for r_j, M in zip(r[1:], moments[1:], strict=True))
 
     found = total(tapered / (1 - share) * np.minimum(1.0, 2 * (1 - share)))

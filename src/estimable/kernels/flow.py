@@ -36,6 +36,7 @@ def moment_derivative(f: Callable, W: Callable, order: int, *, factor_columns: i
     """
 
     def derivative(t, b: Moments) -> Moments:
+        """The moment equations at time t."""
         if order == 1:
             drift, F = jacobian(lambda x: f(x, t), b.m)
             noise = gram(W(b.m, t))
@@ -70,6 +71,7 @@ def runge_kutta(derivative: Callable, start: Any, dt: Any, substeps: int) -> Any
     h, y = dt / substeps, start
 
     def moved(y, slope, step):
+        """y after `step` along `slope`, leaf by leaf."""
         return jax.tree_util.tree_map(lambda a, b: a + step * b, y, slope)
 
     for i in range(substeps):
