@@ -143,7 +143,8 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) 
     always = dict.fromkeys(zeros, 0.0)
     known = _constants(start, fixed)
     traced = jax.make_jaxpr(step)(*parts)
-    row = lower_jaxpr(traced, always | known)  # as short as it can be: where that is too long, nothing more is worked out
+    # as short as it can be: where that is too long, nothing more is worked out
+    row = lower_jaxpr(traced, always | known)
     if len(_still_known(known, row, fixed, states)) < len(known):
         known = lasting(known, lower_jaxpr(traced, always, OPEN), fixed)
         row = lower_jaxpr(traced, always | known)
