@@ -8,10 +8,10 @@ import numpy as np
 from .. import checks
 from ..analysis.estimability import Estimability, estimability
 from ..analysis.gain_information import GainInformation, gain_information
-from ..analysis.loss_tolerance import LARGEST, LossTolerance, loss_tolerance
+from ..analysis.loss_tolerance import LossTolerance, loss_tolerance
 from ..analysis.observability import Observability, Reachability, observability, reachability
 from ..analysis.unknown_input import UnknownInputExistence, unknown_input_existence
-from ..errors import AssumptionError
+from ..errors import EstimableError
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
 from ..results import Names
@@ -77,13 +77,9 @@ def checked(
 
 
 def _losses(model: StateSpace) -> LossTolerance | None:
-    if model.is_continuous or model.varying or model.n > LARGEST or model.R is None:
-        return None
-    if np.linalg.eigvalsh(model.R)[0] <= 0:
-        return None
     try:
         return loss_tolerance(model)
-    except AssumptionError:  # no rate is enough: "detectable" says so
+    except EstimableError:  # the question has no sense, or no rate is enough: "detectable" says so
         return None
 
 
