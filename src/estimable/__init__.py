@@ -1,261 +1,176 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
-from . import precision as _precision  # isort: skip  # noqa: F401  float64, before any array is made
-from . import catalogue, diagnostics, packaged, plants, report
-from .analysis.estimability import Estimability, estimability
-from .analysis.excitation import excitation
-from .analysis.gain_information import GainInformation, gain_information
-from .analysis.loss_tolerance import ArrivalCovariance, LossTolerance, loss_tolerance
-from .analysis.observability import Observability, Reachability, observability, reachability
-from .analysis.positive_real import positive_real_margin
-from .analysis.reduction import Reduction, reduce
-from .analysis.regulability import Regulability, regulability
-from .analysis.rho import Perturbed, RhoMargin, StabilityRadius, rho_margin, stability_radius
-from .analysis.unknown_input import UnknownInputExistence, unknown_input_existence
-from .controllers.dither import Dither
-from .controllers.gain_reconfiguration import GainReconfiguration
-from .controllers.proportional_integral import ProportionalIntegral
-from .controllers.state_feedback import StateFeedback
-from .controllers.tracking import Tracking
-from .data.reading import read_record
-from .data.record import Record
-from .data.trends import Trend
-from .design.alpha_beta import (
-    TrackerChoices,
-    alpha_beta_choices,
-    alpha_beta_covariance,
-    alpha_beta_gains,
-    alpha_beta_gamma_gains,
-)
-from .design.disturbance_accommodation import DisturbanceAccommodation, disturbance_accommodation
-from .design.families import DesignFamily
-from .design.gains import FeedbackGain, KalmanGain, filter_covariance, kalman_gain, lqr_gain
-from .design.rho_synthesis import RhoSynthesis, rho_synthesis
-from .design.trans_kalman import TransKalman, trans_kalman
-from .design.waveforms import Waveform
-from .errors import AssumptionError, EstimableError, EstimableWarning, InputError, RunError
-from .filters.alpha_beta import AlphaBeta
-from .filters.bounded import Bounded
-from .filters.change_detection import ChangeDetection
-from .filters.extended_kalman import ExtendedKalman
-from .filters.fixed_gain import FixedGain
-from .filters.gated import Gated
-from .filters.kalman import Kalman
-from .filters.moving_window import MovingWindow
-from .filters.second_order_kalman import SecondOrderKalman
-from .filters.smoothed import Smoothed
-from .filters.unknown_gain import UnknownGain
-from .filters.unknown_input import UnknownInput
-from .filters.unscented_kalman import UnscentedKalman
-from .identifiers.adaptive_identification import AdaptiveIdentification
-from .identifiers.coupled_least_squares import CoupledLeastSquares
-from .identifiers.ho_kalman import HoKalman
-from .identifiers.instrumental_variables import InstrumentalVariables
-from .identifiers.joint_output_error import JointOutputError
-from .identifiers.least_squares import LeastSquares
-from .identifiers.markov_parameters import MarkovParameters
-from .identifiers.minimum_variance import MinimumVariance
-from .identifiers.output_error_ml import OutputErrorML
-from .identifiers.phasor import Phasor
-from .identifiers.prediction_errors import PredictionError
-from .identifiers.recursive_output_error import RecursiveOutputError
-from .identifiers.subspace import Subspace
-from .models.armax import ARMAX
-from .models.arx import ARX
-from .models.controlled import Change, ControlledPlant, Failure
-from .models.files import GainSection, ModelFile, read_model, write_model
-from .models.nonlinear import NonlinearModel
-from .models.operating_point import OperatingPoint
-from .models.output_error import OutputError
-from .models.prior import Prior
-from .models.state_space import StateSpace
-from .models.uncorrelated import uncorrelated
-from .networks.delivery import Delivery
-from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
-from .networks.trace import Trace
-from .results import (
-    Check,
-    Estimate,
-    EstimateBank,
-    Fit,
-    Forecast,
-    Info,
-    Interval,
-    Outcome,
-    Sample,
-    Simulation,
-    SmoothedEstimate,
-    Validation,
-)
-from .results.orders import OrderSelection
-from .run.choose_orders import choose_orders
-from .run.close_loop import ClosedLoop, ClosedLoopBank, close_loop, close_loop_bank
-from .run.compare import Comparison, compare
-from .run.estimate import estimate, log_likelihood
-from .run.estimate_bank import estimate_bank
-from .run.fit_noise import NoiseFit, fit_noise
-from .run.forecast import forecast
-from .run.identify import identify
-from .run.monte_carlo import MonteCarlo, monte_carlo
-from .run.monte_carlo_loops import LoopCase, loop_grid, monte_carlo_loops
-from .run.online import Online, online
-from .run.select_order import select_order
-from .run.simulate import drawn_from, simulate, simulate_bank
-from .run.smooth import smooth
-from .run.stack import Stacked, stack
-from .store import load, save
+from importlib import import_module
+from typing import Any
+
+from . import precision  # noqa: F401  float64, before any array is made
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "ARMAX",
-    "ARX",
-    "AdaptiveIdentification",
-    "AlphaBeta",
-    "ArrivalCovariance",
-    "AssumptionError",
-    "BernoulliLink",
-    "Bounded",
-    "Change",
-    "ChangeDetection",
-    "Check",
-    "ClosedLoop",
-    "ClosedLoopBank",
-    "Comparison",
-    "ControlledPlant",
-    "CoupledLeastSquares",
-    "DelayLink",
-    "Delivery",
-    "DesignFamily",
-    "DisturbanceAccommodation",
-    "Dither",
-    "Estimability",
-    "EstimableError",
-    "EstimableWarning",
-    "Estimate",
-    "EstimateBank",
-    "ExtendedKalman",
-    "Failure",
-    "FeedbackGain",
-    "Fit",
-    "FixedGain",
-    "Forecast",
-    "GainInformation",
-    "GainReconfiguration",
-    "GainSection",
-    "Gated",
-    "GilbertElliottLink",
-    "HoKalman",
-    "Info",
-    "InputError",
-    "InstrumentalVariables",
-    "Interval",
-    "JointOutputError",
-    "Kalman",
-    "KalmanGain",
-    "LeastSquares",
-    "LoopCase",
-    "LossTolerance",
-    "MarkovParameters",
-    "MinimumVariance",
-    "ModelFile",
-    "MonteCarlo",
-    "MovingWindow",
-    "NoiseFit",
-    "NonlinearModel",
-    "Observability",
-    "Online",
-    "OperatingPoint",
-    "OrderSelection",
-    "Outcome",
-    "OutputError",
-    "OutputErrorML",
-    "PerfectLink",
-    "Perturbed",
-    "Phasor",
-    "PredictionError",
-    "Prior",
-    "ProportionalIntegral",
-    "Reachability",
-    "Record",
-    "RecursiveOutputError",
-    "Reduction",
-    "Regulability",
-    "RhoMargin",
-    "RhoSynthesis",
-    "RunError",
-    "Sample",
-    "SecondOrderKalman",
-    "Simulation",
-    "Smoothed",
-    "SmoothedEstimate",
-    "StabilityRadius",
-    "Stacked",
-    "StateFeedback",
-    "StateSpace",
-    "Subspace",
-    "Trace",
-    "TrackerChoices",
-    "Tracking",
-    "TransKalman",
-    "Trend",
-    "UnknownGain",
-    "UnknownInput",
-    "UnknownInputExistence",
-    "UnscentedKalman",
-    "Validation",
-    "Waveform",
-    "alpha_beta_choices",
-    "alpha_beta_covariance",
-    "alpha_beta_gains",
-    "alpha_beta_gamma_gains",
-    "catalogue",
-    "choose_orders",
-    "close_loop",
-    "close_loop_bank",
-    "compare",
-    "diagnostics",
-    "disturbance_accommodation",
-    "drawn_from",
-    "estimability",
-    "estimate",
-    "estimate_bank",
-    "excitation",
-    "filter_covariance",
-    "fit_noise",
-    "forecast",
-    "gain_information",
-    "identify",
-    "kalman_gain",
-    "load",
-    "log_likelihood",
-    "loop_grid",
-    "loss_tolerance",
-    "lqr_gain",
-    "monte_carlo",
-    "monte_carlo_loops",
-    "observability",
-    "online",
-    "packaged",
-    "plants",
-    "positive_real_margin",
-    "reachability",
-    "read_model",
-    "read_record",
-    "reduce",
-    "regulability",
-    "report",
-    "rho_margin",
-    "rho_synthesis",
-    "save",
-    "select_order",
-    "simulate",
-    "simulate_bank",
-    "smooth",
-    "stability_radius",
-    "stack",
-    "trans_kalman",
-    "uncorrelated",
-    "unknown_input_existence",
-    "write_model",
-]
+# The public names, sorted, and the module of each, which is loaded when the name is first asked for: importing estimable
+# costs what importing JAX costs. `__init__.pyi` says the same to editors and type checkers.
+_HOMES = {
+    "ARMAX": "models.armax",
+    "ARX": "models.arx",
+    "AdaptiveIdentification": "identifiers.adaptive_identification",
+    "AlphaBeta": "filters.alpha_beta",
+    "ArrivalCovariance": "analysis.loss_tolerance",
+    "AssumptionError": "errors",
+    "BernoulliLink": "networks.links",
+    "Bounded": "filters.bounded",
+    "Change": "models.controlled",
+    "ChangeDetection": "filters.change_detection",
+    "Check": "results",
+    "ClosedLoop": "run.close_loop",
+    "ClosedLoopBank": "run.close_loop",
+    "Comparison": "run.compare",
+    "ControlledPlant": "models.controlled",
+    "CoupledLeastSquares": "identifiers.coupled_least_squares",
+    "DelayLink": "networks.links",
+    "Delivery": "networks.delivery",
+    "DesignFamily": "design.families",
+    "DisturbanceAccommodation": "design.disturbance_accommodation",
+    "Dither": "controllers.dither",
+    "Estimability": "analysis.estimability",
+    "EstimableError": "errors",
+    "EstimableWarning": "errors",
+    "Estimate": "results",
+    "EstimateBank": "results",
+    "ExtendedKalman": "filters.extended_kalman",
+    "Failure": "models.controlled",
+    "FeedbackGain": "design.gains",
+    "Fit": "results",
+    "FixedGain": "filters.fixed_gain",
+    "Forecast": "results",
+    "GainInformation": "analysis.gain_information",
+    "GainReconfiguration": "controllers.gain_reconfiguration",
+    "GainSection": "models.files",
+    "Gated": "filters.gated",
+    "GilbertElliottLink": "networks.links",
+    "HoKalman": "identifiers.ho_kalman",
+    "Info": "results",
+    "InputError": "errors",
+    "InstrumentalVariables": "identifiers.instrumental_variables",
+    "Interval": "results",
+    "JointOutputError": "identifiers.joint_output_error",
+    "Kalman": "filters.kalman",
+    "KalmanGain": "design.gains",
+    "LeastSquares": "identifiers.least_squares",
+    "LoopCase": "run.monte_carlo_loops",
+    "LossTolerance": "analysis.loss_tolerance",
+    "MarkovParameters": "identifiers.markov_parameters",
+    "MinimumVariance": "identifiers.minimum_variance",
+    "ModelFile": "models.files",
+    "MonteCarlo": "run.monte_carlo",
+    "MovingWindow": "filters.moving_window",
+    "NoiseFit": "run.fit_noise",
+    "NonlinearModel": "models.nonlinear",
+    "Observability": "analysis.observability",
+    "Online": "run.online",
+    "OperatingPoint": "models.operating_point",
+    "OrderSelection": "results.orders",
+    "Outcome": "results",
+    "OutputError": "models.output_error",
+    "OutputErrorML": "identifiers.output_error_ml",
+    "PerfectLink": "networks.links",
+    "Perturbed": "analysis.rho",
+    "Phasor": "identifiers.phasor",
+    "PredictionError": "identifiers.prediction_errors",
+    "Prior": "models.prior",
+    "ProportionalIntegral": "controllers.proportional_integral",
+    "Reachability": "analysis.observability",
+    "Record": "data.record",
+    "RecursiveOutputError": "identifiers.recursive_output_error",
+    "Reduction": "analysis.reduction",
+    "Regulability": "analysis.regulability",
+    "RhoMargin": "analysis.rho",
+    "RhoSynthesis": "design.rho_synthesis",
+    "RunError": "errors",
+    "Sample": "results",
+    "SecondOrderKalman": "filters.second_order_kalman",
+    "Simulation": "results",
+    "Smoothed": "filters.smoothed",
+    "SmoothedEstimate": "results",
+    "StabilityRadius": "analysis.rho",
+    "Stacked": "run.stack",
+    "StateFeedback": "controllers.state_feedback",
+    "StateSpace": "models.state_space",
+    "Subspace": "identifiers.subspace",
+    "Trace": "networks.trace",
+    "TrackerChoices": "design.alpha_beta",
+    "Tracking": "controllers.tracking",
+    "TransKalman": "design.trans_kalman",
+    "Trend": "data.trends",
+    "UnknownGain": "filters.unknown_gain",
+    "UnknownInput": "filters.unknown_input",
+    "UnknownInputExistence": "analysis.unknown_input",
+    "UnscentedKalman": "filters.unscented_kalman",
+    "Validation": "results",
+    "Waveform": "design.waveforms",
+    "alpha_beta_choices": "design.alpha_beta",
+    "alpha_beta_covariance": "design.alpha_beta",
+    "alpha_beta_gains": "design.alpha_beta",
+    "alpha_beta_gamma_gains": "design.alpha_beta",
+    "catalogue": "catalogue",
+    "choose_orders": "run.choose_orders",
+    "close_loop": "run.close_loop",
+    "close_loop_bank": "run.close_loop",
+    "compare": "run.compare",
+    "diagnostics": "diagnostics",
+    "disturbance_accommodation": "design.disturbance_accommodation",
+    "drawn_from": "run.simulate",
+    "estimability": "analysis.estimability",
+    "estimate": "run.estimate",
+    "estimate_bank": "run.estimate_bank",
+    "excitation": "analysis.excitation",
+    "filter_covariance": "design.gains",
+    "fit_noise": "run.fit_noise",
+    "forecast": "run.forecast",
+    "gain_information": "analysis.gain_information",
+    "identify": "run.identify",
+    "kalman_gain": "design.gains",
+    "load": "store",
+    "log_likelihood": "run.estimate",
+    "loop_grid": "run.monte_carlo_loops",
+    "loss_tolerance": "analysis.loss_tolerance",
+    "lqr_gain": "design.gains",
+    "monte_carlo": "run.monte_carlo",
+    "monte_carlo_loops": "run.monte_carlo_loops",
+    "observability": "analysis.observability",
+    "online": "run.online",
+    "packaged": "packaged",
+    "plants": "plants",
+    "positive_real_margin": "analysis.positive_real",
+    "reachability": "analysis.observability",
+    "read_model": "models.files",
+    "read_record": "data.reading",
+    "reduce": "analysis.reduction",
+    "regulability": "analysis.regulability",
+    "report": "report",
+    "rho_margin": "analysis.rho",
+    "rho_synthesis": "design.rho_synthesis",
+    "save": "store",
+    "select_order": "run.select_order",
+    "simulate": "run.simulate",
+    "simulate_bank": "run.simulate",
+    "smooth": "run.smooth",
+    "stability_radius": "analysis.rho",
+    "stack": "run.stack",
+    "trans_kalman": "design.trans_kalman",
+    "uncorrelated": "models.uncorrelated",
+    "unknown_input_existence": "analysis.unknown_input",
+    "write_model": "models.files",
+}
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = import_module(f"{__name__}.{_HOMES[name]}")
+    found = globals()[name] = home if _HOMES[name] == name else getattr(home, name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(["__version__", *__all__])

@@ -21,7 +21,8 @@ MODULES = sorted(
 @pytest.mark.parametrize("name", MODULES)
 def test_docstring_examples_run(name):
     module = importlib.import_module(name)
-    names = vars(estimable) | {"np": np, "float64": np.float64} | vars(module)
+    public = {name: getattr(estimable, name) for name in estimable.__all__}
+    names = public | {"np": np, "float64": np.float64} | vars(module)
     finder = doctest.DocTestFinder(exclude_empty=True)
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
     for example in finder.find(module, globs=dict(names)):

@@ -1,14 +1,18 @@
 """The package is built as it says: names, imports one way, sizes, words."""
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from jaxtyping import TypeCheckError
 
 import estimable
+from estimable.kernels import small
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "estimable"
@@ -84,10 +88,21 @@ def test_files_and_functions_are_short_enough_to_read(path):
 
 def test_public_names_are_exactly_the_sorted_list():
     assert estimable.__all__ == sorted(estimable.__all__)
-    assert all(hasattr(estimable, name) for name in estimable.__all__)
-    modules = {room(path) for path in FILES} | {"precision"}
-    public = {name for name in vars(estimable) if not name.startswith("_")} - modules
-    assert public <= set(estimable.__all__)
+    assert dir(estimable) == sorted(["__version__", *estimable.__all__])
+    with pytest.raises(AttributeError, match="module 'estimable' has no attribute 'Kalmann'"):
+        estimable.Kalmann  # noqa: B018
+
+
+def test_type_checkers_see_the_names_and_homes_that_python_loads():
+    tree = ast.parse((SOURCE / "__init__.pyi").read_text())
+    lines = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    seen = {
+        alias.asname: node.module or alias.name for node in lines for alias in node.names if alias.name == alias.asname
+    }
+    assert seen == estimable._HOMES
+    for name, home in seen.items():
+        module = importlib.import_module(f"estimable.{home}")
+        assert getattr(estimable, name) is (module if home == name else getattr(module, name))
 
 
 def test_every_public_name_is_documented():
@@ -95,11 +110,26 @@ def test_every_public_name_is_documented():
         assert getattr(estimable, name).__doc__, name
 
 
-def test_importing_loads_nothing_heavy():
-    heavy = ["scipy", "pandas", "plotly", "typer", "rich", "xarray", "control", "llvmlite", "matplotlib"]
-    code = f"import sys, estimable; print([name for name in {heavy} if name in sys.modules])"
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert printed.strip() == "[]"
+def loaded_by(code):
+    """The modules that a new process has loaded after `code`."""
+    code = f"import sys; {code}; print(*sys.modules)"
+    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_importing_costs_what_importing_jax_costs():
+    beyond = loaded_by("import estimable") - loaded_by("import jax")
+    assert beyond == {"estimable", "estimable.errors", "estimable.precision"}
+
+
+def test_using_any_name_loads_nothing_heavy():
+    heavy = {"scipy", "pandas", "plotly", "typer", "rich", "xarray", "control", "llvmlite", "matplotlib"}
+    heavy |= {"jaxtyping", "unittest", "asyncio"}
+    assert not heavy & loaded_by("from estimable import *")
+
+
+def test_shapes_are_checked_in_the_tests():
+    with pytest.raises(TypeCheckError, match="factor"):
+        small.factor(np.ones((2, 3)))
 
 
 def test_float64_is_enabled_and_earlier_float32_arrays_are_warned_of():

@@ -6,8 +6,8 @@ Z with Σ = Z Z' the covariance of the error of θ at the gain in use, λ in (0,
 """
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
+from .shapes import Float
 from .small import Real, apply, triangularise
 
 NEAREST = 1e-4  # of 1: how near a reflection coefficient may come (a pole of one lag: 0.9999, 10,000 samples of memory)

@@ -9,7 +9,8 @@ later row; with the full covariance used here the estimate and its covariance ar
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+
+from .shapes import Float
 
 
 class BatchGain(NamedTuple):

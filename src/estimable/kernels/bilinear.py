@@ -7,8 +7,8 @@ of them is the linear part alone (third moments of a Gaussian are zero). Athans,
 """
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
+from .shapes import Float
 from .small import Real, apply, product
 
 

@@ -9,7 +9,8 @@ References: R. W. Bass (2005), ρ and the bandwidth; N. J. Higham, Functions of 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+
+from .shapes import Float
 
 Real = np.ndarray
 SMALLEST = 1e-6       # norm at which a course ends

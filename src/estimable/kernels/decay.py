@@ -10,7 +10,8 @@ from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+
+from .shapes import Float
 
 Real = np.ndarray
 SMALLEST = 1e-13      # of the norm at the start: what comes after it no sum shows

@@ -8,8 +8,8 @@ times its transpose, so that the printed line 11, which is not symmetric and can
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
 
+from .shapes import Bool, Float
 from .small import Real, apply, product, solve_lower, solve_upper, triangularise
 
 DEFICIENT = 1e-12  # of the norm of a column of D: what is left of it beside the others is rounding

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
 
 from .riccati import dlyap
+from .shapes import Bool, Float
 from .small import Real, apply, product
 
 

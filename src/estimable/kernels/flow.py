@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Float
 
 from .expansion import hessian, jacobian
+from .shapes import Float
 from .small import Real, gram, product
 
 RELATIVE, ABSOLUTE, MOST = 1e-9, 1e-12, 4096  # tolerances and steps of the adaptive integrator

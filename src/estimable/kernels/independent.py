@@ -12,9 +12,9 @@ Journal 11 (1973) 1259-1265, for the same rotations with their roots.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
 
 from .kalman import CONTRADICTION, KNOWN, Posterior, terms
+from .shapes import Bool, Float
 from .small import Real, apply, gram, product, repeat, sums_after
 
 

@@ -6,8 +6,8 @@ Sillence (1999): F[k] = [[A, b u[k]], [0, 1]], H = [C 0].
 """
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
+from .shapes import Float
 from .small import Real
 
 

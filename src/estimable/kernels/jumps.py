@@ -12,8 +12,8 @@ sum of c and their d that of d; M. Pollak, Annals of Statistics 13 (1985) 206-22
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
+from .shapes import Float
 from .small import Real, apply, product
 
 

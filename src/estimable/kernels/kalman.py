@@ -16,8 +16,8 @@ output at a time); Å. Björck, BIT 7 (1967) 1-21 (accuracy of modified Gram-Sch
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
 
+from .shapes import Bool, Float
 from .small import Real, apply, gram, product, repeat, triangularise
 
 KNOWN = 1e-26         # a variance this far below the square of what it is computed from, or of the datum, is rounding

@@ -10,7 +10,8 @@ References: P. Van Dooren, IEEE TAC 26 (1981) 111, §III (staircase); M. L. J. H
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+
+from .shapes import Float
 
 ZERO = 1e-12          # relative size below which a coupling is rounding
 DOUBTFUL = 1e-8       # and below which nobody can say

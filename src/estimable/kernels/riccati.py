@@ -16,9 +16,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ..errors import AssumptionError
+from .shapes import Float
 
 DOUBLINGS = 50        # 2^50 steps: a mode that has not died out then is at the limit of stability, to rounding
 RESIDUAL = 1e-13      # of the size of the equation's terms, above which the second method is tried too

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Float
+
+from .shapes import Float
 
 SMALL = 8
 ROUNDING = 8 * np.finfo(float).eps  # of the norm of a row of L: `triangularise` leaves half of that uncertain at n = 64

@@ -17,9 +17,9 @@ filters); C. C. Paige, SIAM J. Numer. Anal. 16 (1979) 165-171 (least squares wit
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
 
 from .kalman import KNOWN, MEMORY, SNAPPED
+from .shapes import Bool, Float
 from .small import Real, apply, product, repeat, triangularise
 
 

@@ -12,10 +12,10 @@ M. van Herk, Pattern Recognition Letters 13 (1992) 517-521 (windows by blocks).
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
 
 from ..frozen import frozen
 from . import kalman
+from .shapes import Bool, Float
 from .small import Real, apply, product, solve_lower, triangularise
 
 ROUNDING = 1e-13  # a pivot this far below the column that it is left of says nothing

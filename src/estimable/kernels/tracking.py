@@ -8,9 +8,9 @@ A δ = (B~ - B) u, so that ξ = x + δ obeys A ξ = B~ u and can be set to r at 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
 from .auxiliary_model import stabilise
+from .shapes import Float
 from .small import Real, apply, factor, product, solve_lower
 
 DOUBT = 0.5  # standard deviations: a divisor smaller than that counts as that large

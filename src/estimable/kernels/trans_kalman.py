@@ -14,10 +14,10 @@ is the minimax, and that Kalman filter's noise is the least favourable.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from .fixed_gain import stationary
 from .riccati import dare, dlyap
+from .shapes import Float
 
 Real = np.ndarray
 ROUNDING = 1e-13      # of the loss, at which the corners that count are levelled out

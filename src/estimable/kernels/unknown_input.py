@@ -8,9 +8,9 @@ either would be: no case is told apart here.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
 from .kalman import SNAPPED
+from .shapes import Float
 from .small import Real, apply, product, triangularise
 
 LARGE = 2.0**20  # X is scaled back from here on, so that a new input is not lost beside what an unstable state has become
