@@ -25,7 +25,8 @@ class Loop(NamedTuple):
     """A program run row by row: which of its inputs are fixed, carried from row to row, or read from the row.
 
     Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
-    `carry` and `last` lie in memory as doubles. `repeats`: whether to look for what has become the same.
+    `carry` and `last` lie in memory as doubles. `repeats`: whether to look for what has become the same; if not, nothing is
+    taken to have settled (`kernels/small.settled`).
     """
 
     program: Program
@@ -174,6 +175,8 @@ class _Text:
             if name in self.places:
                 i, entry, kind = self.places[name]
                 names[name] = self.scalars.load(name, f"%{block}.row{i}", entry, kind, self.lines)
+            elif self.loop.program.operations[name].name == "settles" and not self.loop.repeats:
+                names[name] = self.scalars.constant(False)
             else:
                 names[name] = self.scalars.define(name, names, self.lines)
         return names

@@ -146,7 +146,9 @@ def _repeat(rows: list) -> bool:
     """Whether the rows are many and their truths (what was seen) seldom change, so that what repeats is worth looking for."""
     truths = [leaf if axis is None else leaf.swapaxes(0, 1) for leaf, axis in rows if leaf.dtype == bool]
     changes = [(t[1:] != t[:-1]).reshape(len(t) - 1, -1) for t in truths if len(t) >= FEW]
-    changed = [np.ascontiguousarray(change.T).any(axis=0) for change in changes]  # along short rows NumPy takes 15 x as long
+    changed = [
+        np.ascontiguousarray(change.T).any(axis=0) for change in changes
+    ]  # along short rows NumPy takes 15 x as long
     leaf, axis = rows[0]
     return leaf.shape[0 if axis is None else 1] >= FEW and all(change.mean() < OFTEN for change in changed)
 

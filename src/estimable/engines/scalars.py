@@ -139,6 +139,8 @@ class Scalars:
         """The operations that LLVM has no single word for."""
         if name == "neg":
             return f"fneg {self.number} {a[0]}"
+        if name == "settles":
+            return f"and {self.truth} {a[0]}, {a[0]}"
         if name == "not":
             return f"xor {self.truth} {a[0]}, {self.constant(True)}"
         if name == "number":
@@ -150,9 +152,9 @@ class Scalars:
             return f"fcmp olt {self.number} {size}, {self.constant(float('inf'))}"
         further = "ogt" if name == "max" else "olt"  # max and min: a NaN wins, as in JAX
         beyond = self.assign(f"fcmp {further} {self.number} {a[0]}, {a[1]}", lines)
+        chosen = self.assign(f"select {self.truth} {beyond}, {self.number} {a[0]}, {self.number} {a[1]}", lines)
         undefined = self.assign(f"fcmp uno {self.number} {a[0]}, {a[0]}", lines)
-        first = self.assign(f"or {self.truth} {beyond}, {undefined}", lines)
-        return f"select {self.truth} {first}, {self.number} {a[0]}, {self.number} {a[1]}"
+        return f"select {self.truth} {undefined}, {self.number} {a[0]}, {self.number} {chosen}"
 
 
 def _hexadecimal(value: float) -> str:

@@ -61,9 +61,9 @@ SCALAR: dict[str, Callable] = {
     "and": lambda a, b: a and b, "or": lambda a, b: a or b, "xor": lambda a, b: a != b, "not": lambda a: not a,
     "select": lambda p, a, b: a if p else b, "is_finite": math.isfinite,
     **{name: getattr(math, name) for name in TRANSCENDENTAL},
-    "number": float, "truth": lambda a: a != 0, "truncate": lambda a: float(math.trunc(a)),
+    "number": float, "settles": lambda a: a, "truth": lambda a: a != 0, "truncate": lambda a: float(math.trunc(a)),
 }  # fmt: skip
-TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite", "truth"}
+TRUTHS = {"eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite", "truth", "settles"}
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
 HOISTED = {"div", "sqrt", "log"}  # slow, and without effect on what is not chosen
 NAMED = {"add_any": "add"}
@@ -236,6 +236,8 @@ def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
     name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
+    if name in CALLS and parameters.get("name") == "settles":
+        return [line.each("settles", *arrays)]
     if name in CALLS:
         inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
         jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
@@ -244,7 +246,7 @@ def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.n
         return _moved(equation.primitive, arrays, parameters)
     if name in FOLDS:
         return [line.fold(FOLDS[name], arrays[0], tuple(parameters["axes"]))]
-    if name in SCALAR and name not in ("select", "number", "truth", "truncate"):
+    if name in SCALAR and name not in ("select", "number", "truth", "truncate", "settles"):
         return [line.each(name, *arrays)]
     if name in SPECIAL:
         return [SPECIAL[name](line, equation, arrays)]

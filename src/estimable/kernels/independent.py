@@ -80,15 +80,16 @@ def _take(a: _Rows, j, r, seen, known) -> _Rows:
     after = r * r + sums_after(g * v)
     α = after + g * v
     f = α[0]
-    informs = seen & (f > known)
+    informs = f > jnp.where(seen, known, jnp.inf)
     inverse = 1 / jnp.where(α > 0, α, 1.0)
     inverse_after = jnp.append(inverse[1:], 1 / jnp.where(r > 0, r * r, 1.0))
+    shrunk = jnp.where(α > 0, after * inverse, 1.0)
     met = sums_after(a.factor * v[None, :])                                # 0 where α_{l+1} is
     precision = jnp.where(informs, inverse[0], 0.0)
     gain = (met[:, 0] + a.factor[:, 0] * v[0]) * precision
     return _Rows(
         factor=a.factor - met * jnp.where(informs, g * inverse_after, 0.0)[None, :],
-        weight=a.weight * jnp.where(informs & (α > 0), after * inverse, 1.0),
+        weight=a.weight * jnp.where(informs, shrunk, 1.0),
         residual=a.residual - gain * a.residual[j],
         variance=jnp.where(at_j & informs, f, a.variance),
         surprise=jnp.where(at_j, a.residual[j] ** 2 * precision, a.surprise),
