@@ -62,8 +62,10 @@ def _slycot(routine, *arguments, **options):
 
 def _compared(name, contenders, residual):
     for contender, run in contenders.items():
+        whose = "ours" if contender.startswith("estimable") else "library"
         if run is None:
-            yield row(name, contender, absent="not installed")
+            yield row(name, contender, absent="not installed", whose=whose)
             continue
         seconds, first, X = best(run)
-        yield row(name, contender, seconds, first, float(np.linalg.norm(residual(X)) / np.linalg.norm(X)))
+        error = float(np.linalg.norm(residual(X)) / np.linalg.norm(X))
+        yield row(name, contender, seconds, first, error, whose=whose)

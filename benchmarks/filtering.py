@@ -1,21 +1,43 @@
 """W1 to W5: one record, a bank, outputs missing, online, and large models."""
 
+import os
 import time
 
 import numpy as np
 
 from estimable import InputError, Kalman, Prior, Record, estimate, estimate_bank, online, stack
 
-from . import handwritten, peers
+from . import handwritten, peers, peers_bank, peers_jax
 from .common import best, problem, recorded, row, textbook
 
+LIBRARIES = {
+    "statsmodels": peers.statsmodels,
+    "statsmodels, conserve_memory": peers.statsmodels_conserving,
+    "filterpy": peers.filterpy,
+    "pykalman": peers.pykalman,
+    "simdkalman": peers.simdkalman,
+    "dynamax": peers_jax.dynamax,
+    "cuthbert": peers_jax.cuthbert,
+    "kalman-py": peers_jax.kalman_py("numpy"),
+    "kalman-py, JAX": peers_jax.kalman_py("jax"),
+}
+LARGEST = {"cuthbert": 16}  # states
+BANKS = {
+    "statsmodels, one by one": peers_bank.statsmodels,
+    "simdkalman": peers_bank.simdkalman,
+    "dynamax": peers_bank.dynamax,
+    "cuthbert": peers_bank.cuthbert,
+}
 
-def compared(name, contender, run, exact, repeats):
-    """The row of a contender that gives (means, log-likelihood), either of them None."""
+
+def compared(name, contender, run, exact, repeats, whose="ours"):
+    """The row of a contender that gives (means, log-likelihood), either of them None; `run` may say why it is absent."""
+    if isinstance(run, str):
+        return row(name, contender, absent=run, whose=whose)
     seconds, first, (means, total) = best(run, repeats)
     error = None if means is None else float(np.abs(means - exact[0]).max())
     likelihood_error = None if total is None else abs(total - exact[1]) / abs(exact[1])
-    return row(name, contender, seconds, first, error, likelihood_error)
+    return row(name, contender, seconds, first, error, likelihood_error, whose=whose)
 
 
 def ours(model, prior, record, engine, keep="all"):
@@ -29,7 +51,7 @@ def ours(model, prior, record, engine, keep="all"):
 
 
 def one_record(name, T, missing):
-    """W1 and W3: one record of n = 4, p = 2."""
+    """W1 and W3: one record of n = 4, p = 2; who else runs it keeps everything."""
     model, prior = problem(4, 2)
     record = recorded(model, prior, T, missing)
     exact = textbook(model, prior, record.y)
@@ -37,29 +59,52 @@ def one_record(name, T, missing):
                          ("xla", "likelihood")):  # fmt: skip
         run = ours(model, prior, record, engine, keep)
         yield compared(name, f"estimable {engine}, keep={keep}", run, exact, 5)
-    others = {
-        "hand-written C, conventional": handwritten.contender(model, prior, record.y),
-        "hand-written C, square-root": handwritten.contender(model, prior, record.y, "kalman_ud"),
-        "statsmodels": peers.statsmodels(model, prior, record.y),
-        "NumPy loop": lambda: textbook(model, prior, record.y),
-    }
-    for contender, run in others.items():
-        yield row(name, contender, absent="not installed") if run is None else compared(name, contender, run, exact, 1)
+    for label, form in (("conventional", "kalman"), ("square-root", "kalman_ud")):
+        run = handwritten.contender(model, prior, record.y, form)
+        yield compared(name, f"hand-written C, {label}", run, exact, 5, "by hand")
+    yield from others(name, model, prior, record.y, exact, "all")
+
+
+def others(name, model, prior, y, exact, keep):
+    """The rows of the libraries, and of the NumPy loop."""
+    for contender, make in LIBRARIES.items():
+        largest = LARGEST.get(contender, model.n)
+        run = (
+            make(model, prior, y, keep)
+            if model.n <= largest
+            else f"left out beyond n = {largest}, where it takes minutes at T=2,000"
+        )
+        yield compared(name, contender, run, exact, 2, "library")
+    yield compared(name, "NumPy loop", lambda: textbook(model, prior, y), exact, 1, "by hand")
 
 
 def bank(name, runs, T):
     """W2: many different models, one record each; accuracy on the first twenty."""
     rng, prior = np.random.default_rng(0), Prior(np.zeros(4), np.eye(4))
     models = [problem(4, 2, seed)[0] for seed in range(runs)]
-    records = [Record(rng.normal(size=(T, 2)), dt=1) for _ in models]
-    algorithms, stacked = stack([Kalman(model) for model in models]), stack(records)
-    exact = np.array([textbook(models[i], prior, records[i].y)[1] for i in range(20)])
+    y = rng.normal(size=(runs, T, 2))
+    algorithms, stacked = stack([Kalman(model) for model in models]), stack([Record(each, dt=1) for each in y])
+    exact = np.array([textbook(models[i], prior, y[i])[1] for i in range(20)])
+
+    def told(contender, run, repeats, whose="ours"):
+        if isinstance(run, str):
+            return row(name, contender, absent=run, whose=whose)
+        seconds, first, totals = best(run, repeats)
+        error = float(np.max(np.abs(totals[:20] / exact - 1)))
+        return row(name, contender, seconds, first, log_likelihood_error=error, whose=whose)
+
     for engine in ("native", "lanes", "xla"):
-        seconds, first, result = best(
-            lambda engine=engine: estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood")
-        )
-        error = float(np.max(np.abs(result.log_likelihood[:20] / exact - 1)))
-        yield row(name, f"estimable {engine}, keep=likelihood", seconds, first, log_likelihood_error=error)
+
+        def run(engine=engine):
+            return estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood").log_likelihood
+
+        yield told(f"estimable {engine}, keep=likelihood", run, 5)
+    matrices = [np.stack([getattr(model, letter) for model in models]) for letter in "ACQR"]
+    for threads in (1, os.cpu_count()):
+        run = handwritten.bank(threads, *matrices, prior, y)
+        yield told(f"hand-written C, 8 lanes, threads={threads}", run, 5, "by hand")
+    for contender, make in BANKS.items():
+        yield told(contender, make(*matrices, prior, y), 2, "library")
 
 
 def one_step(name, n, p, steps):
@@ -78,9 +123,9 @@ def one_step(name, n, p, steps):
         first = time.perf_counter() - start
         seconds, *_ = best(lambda running=running: stepped(running, y), 3)  # the run goes on
         yield row(name, contender, seconds / steps, first, float(np.abs(means - exact[0]).max()))
-    run = peers.filterpy(model, prior, y)
-    told = row(name, "filterpy", absent="not installed") if run is None else compared(name, "filterpy", run, exact, 3)
-    yield told | {"seconds": told["seconds"] and told["seconds"] / steps}
+    for contender, make in (("filterpy", peers.filterpy), ("kalman-py", peers.kalman_py_online)):
+        told = compared(name, contender, make(model, prior, y, "means"), exact, 3, "library")
+        yield told | {"seconds": told["seconds"] and told["seconds"] / steps}
 
 
 def stepped(running, y):
@@ -92,20 +137,14 @@ def stepped(running, y):
     return infos
 
 
-def large(name, n, T):
-    """W5: one record of a larger model with two outputs, everything kept."""
+def large(name, n, T, keep):
+    """W5: one record of a larger model with two outputs, by the engine that is taken and by XLA."""
     model, prior = problem(n, 2)
     record = recorded(model, prior, T)
     exact = textbook(model, prior, record.y)
-    for engine in ("native", "xla"):
-        try:
-            yield compared(name, f"estimable {engine}", ours(model, prior, record, engine), exact, 3)
-        except InputError as refused:
-            yield row(name, f"estimable {engine}", absent=str(refused))
-    others = {
-        "statsmodels": peers.statsmodels(model, prior, record.y),
-        "filterpy": peers.filterpy(model, prior, record.y),
-        "NumPy loop": lambda: textbook(model, prior, record.y),
-    }
-    for contender, run in others.items():
-        yield row(name, contender, absent="not installed") if run is None else compared(name, contender, run, exact, 1)
+    taken = compared(name, "estimable auto", ours(model, prior, record, "auto", keep), exact, 3)
+    engine = estimate(Kalman(model), record, prior=prior, keep=keep).engine
+    yield taken | {"contender": f"estimable {engine}"}
+    if engine != "xla":
+        yield compared(name, "estimable xla", ours(model, prior, record, "xla", keep), exact, 3)
+    yield from others(name, model, prior, record.y, exact, keep)

@@ -1,6 +1,7 @@
-"""The hand-written C loop, compiled where there is a compiler."""
+"""The hand-written C loops, compiled where there is a compiler; a sentence stands in their place where there is none."""
 
 import ctypes
+import functools
 import shutil
 import subprocess
 import tempfile
@@ -8,21 +9,29 @@ from pathlib import Path
 
 import numpy as np
 
-SOURCE = Path(__file__).with_name("handwritten.c")
+NO_COMPILER = "no C compiler"
 
 
-def contender(model, prior, y, form="kalman"):
-    """A function that filters the record once and returns (means, log-likelihood); None without a compiler.
-
-    `form`: "kalman" (conventional) or "kalman_ud" (square-root), the functions of the source.
-    """
+@functools.cache
+def library(source):
+    """The compiled source of this folder; None without a compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return None
-    library = Path(tempfile.mkdtemp()) / "handwritten.so"
-    flags = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-shared", "-fPIC"]
-    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(library), "-lm"], check=True)
-    kalman = getattr(ctypes.CDLL(str(library)), form)
+    made = Path(tempfile.mkdtemp()) / "handwritten.so"
+    flags = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-shared", "-fPIC", "-pthread"]
+    subprocess.run([compiler, *flags, str(Path(__file__).with_name(source)), "-o", str(made), "-lm"], check=True)
+    return ctypes.CDLL(str(made))
+
+
+def contender(model, prior, y, form="kalman"):
+    """A function that filters the record once and returns (means, log-likelihood).
+
+    `form`: "kalman" (conventional) or "kalman_ud" (square-root), the functions of handwritten.c.
+    """
+    if library("handwritten.c") is None:
+        return NO_COMPILER
+    kalman = getattr(library("handwritten.c"), form)
     kalman.restype, kalman.argtypes = ctypes.c_double, [ctypes.c_long, *[ctypes.c_void_p] * 9]
     noise = model.Q if form == "kalman" else np.linalg.cholesky(model.Q)
     start = prior.covariance if form == "kalman" else upper_factors(prior.covariance)
@@ -33,6 +42,22 @@ def contender(model, prior, y, form="kalman"):
         means, covariances = np.empty((len(y), 4)), np.empty((len(y), 4, 4))
         total = kalman(len(y), *(a.ctypes.data for a in (A, C, noise, R, x, P, y, means, covariances)))
         return means, total
+
+    return run
+
+
+def bank(threads, A, C, Q, R, prior, y):
+    """A function that returns the log-likelihood of each run of a bank, by handwritten_lanes.c."""
+    if library("handwritten_lanes.c") is None:
+        return NO_COMPILER
+    kalman = library("handwritten_lanes.c").kalman_bank
+    kalman.restype, kalman.argtypes = None, [*[ctypes.c_long] * 3, *[ctypes.c_void_p] * 8]
+    given = [np.ascontiguousarray(M) for M in (A, C, Q, R, prior.mean, prior.covariance, y)]
+
+    def run():
+        totals = np.empty(len(y))
+        kalman(threads, *y.shape[:2], *(a.ctypes.data for a in (*given, totals)))
+        return totals
 
     return run
 

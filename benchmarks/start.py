@@ -1,27 +1,63 @@
-"""W9: seconds from a cold start, of whole processes."""
+"""W9 and W11: seconds from a cold start, of whole processes, and of the first call in one."""
 
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
+
+import estimable
 
 from .common import row
 
+PLACES = (
+    Path(estimable.__file__).parents[1],
+    Path(__file__).parents[1],
+)  # of the package that is measured, and of this one
+
+
+def process(code, **variables):
+    """Seconds of a new process, and what it printed."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"} | variables
+    path = [*map(str, PLACES), environment.get("PYTHONPATH", "")]
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, path))
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, cwd=folder, env=environment)
+        return time.perf_counter() - start, ran.stdout.decode()
+
 
 def starts(name):
-    """Imports, and the demo in a new process, whose machine code may be on the disk."""
-
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-
-    def process(code):
-        with tempfile.TemporaryDirectory() as folder:
-            start = time.perf_counter()
-            subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, cwd=folder, env=environment)
-            return time.perf_counter() - start
-
-    jax, ours = (min(process(f"import {module}") for _ in range(3)) for module in ("jax", "estimable"))
-    demo = process("import sys; sys.argv=['estimable','demo','--json']; from estimable.commands import main; main()")
+    """Imports, and the demo in a new process: with nothing on the disk, and with the machine code of the one before."""
+    jax, ours = (min(process(f"import {module}")[0] for _ in range(5)) for module in ("jax", "estimable"))
     yield row(name, "import estimable", ours)
-    yield row(name, "import jax", jax)
-    yield row(name, "estimable demo, a new process", demo)
+    yield row(name, "import jax", jax, whose="library")
+    demo = "import sys; sys.argv=['estimable','demo','--json']; from estimable.commands import main; main()"
+    with tempfile.TemporaryDirectory() as cache:
+        for contender in ("estimable demo, nothing on the disk", "estimable demo, machine code on the disk"):
+            yield row(name, contender, process(demo, ESTIMABLE_CACHE=cache)[0])
+
+
+FIRST = """
+import time, jax, numpy as np
+from estimable import Kalman, Record, estimate
+from benchmarks.common import problem
+(model, prior), record = problem({n}, 2), Record(np.zeros((200, 2)), dt=1)
+jax.block_until_ready(jax.jit(lambda x: x + 1)(1.0))
+start = time.perf_counter()
+estimate(Kalman(model), record, prior=prior, engine="{engine}")
+print(time.perf_counter() - start)
+"""
+
+
+def first_calls(name, n):
+    """`seconds`: of the first call that filters a record of 200 samples."""
+    native, xla = (FIRST.format(n=n, engine=engine) for engine in ("native", "xla"))
+    with tempfile.TemporaryDirectory() as cache:
+        for contender, code in (
+            ("native, nothing on the disk", native),
+            ("native, machine code on the disk", native),
+            ("xla", xla),
+        ):
+            yield row(name, f"estimable {contender}", float(process(code, ESTIMABLE_CACHE=cache)[1]))
