@@ -118,16 +118,17 @@ def test_a_bank_equals_a_loop(name):
 def test_online_equals_offline_and_resumes(name, tmp_path):
     data, algorithm = record(3), build(name)
     whole = estimate(algorithm, data, prior=FILE.prior)
-    running = online(algorithm, prior=FILE.prior, hold="first_order")
+    running, quick = (online(algorithm, prior=FILE.prior, hold="first_order", engine=e) for e in ("auto", "native"))
     known = [data.inputs.index(name) for name in algorithm.names.inputs]
     measured = [data.outputs.index(name) for name in algorithm.names.outputs]
     for k in range(len(data) - 1):
         if k == 7:
             running.save(tmp_path / "half.npz")
             running = load(tmp_path / "half.npz")
-        info = running.correct(data.y[k, measured])
-        assert_allclose(info.mean, whole.mean[k], rtol=1e-12, atol=rounding(whole.mean))
-        running.predict(data.u[k, known], u_end=data.u[k + 1, known] if known else None, dt=0.01)
+        for run in (running, quick):
+            info = run.correct(data.y[k, measured])
+            assert_allclose(info.mean, whole.mean[k], rtol=1e-12, atol=rounding(whole.mean))
+            run.predict(data.u[k, known], u_end=data.u[k + 1, known] if known else None, dt=0.01)
 
 
 @ENTRIES

@@ -1,5 +1,7 @@
 """Steps from Python as machine code: what `estimate` gives, in every order of calls, saved and resumed."""
 
+import pickle
+
 import jax
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from numpy.testing import assert_allclose
 from cases import case
 from estimable import InputError, Kalman, Prior, RunError, StateSpace, UnknownGain, estimate, load, online, save
 
-FEATURES = ({}, {"cross": True}, {"missing": 0.8})
+FEATURES = ({}, {"cross": True}, {"missing": 0.8}, {"varying": True})
 
 
 def run(algorithm, c, engine):
@@ -37,6 +39,35 @@ def test_machine_code_says_at_each_sample_what_xla_says(features):
         assert_allclose([info.mean for info in told], whole.mean, rtol=1e-11, atol=1e-12)
 
 
+@pytest.mark.parametrize("hold", ["zero_order", "first_order"])
+def test_steps_of_a_continuous_model_may_differ_in_length(hold):
+    model = StateSpace([[0.0, 1.0], [-2.0, -0.5]], [[0.0], [1.0]], C=[[1.0, 0.0]], Q=0.1 * np.eye(2), R=[[0.1]], dt=0)
+    rng, u = np.random.default_rng(0), np.zeros(1)
+    native, xla = (online(Kalman(model), prior=PRIOR, engine=engine, hold=hold) for engine in ("native", "xla"))
+    for dt in (0.1, None, 0.25, 0.1, 0.1, None):
+        y, end = rng.normal(size=1), rng.normal(size=1)
+        told, expected = (running.correct(y) for running in (native, xla))
+        assert_equal(told, expected)
+        for running in (native, xla):
+            running.predict(u, u_end=end if hold == "first_order" else None, dt=dt)
+        u = end
+    assert native.progress.dt == xla.progress.dt == 0.1
+    assert_equal(native.progress.state, xla.progress.state)
+
+
+def test_plain_lists_are_taken_as_they_are_and_others_looked_at():
+    lists, arrays = (online(Kalman(MODEL), prior=PRIOR, engine="native") for _ in range(2))
+    for y in ([1.0, float("nan")], [1, 2], [True, 2.0], (0.5, 0.5)):
+        told, expected = lists.correct(y), arrays.correct(np.asarray(y, float))
+        assert_equal(told.whole(), expected.whole())
+        lists.predict([0.5])
+        arrays.predict(np.array([0.5]))
+    for y in ([[1.0, 2.0]], [1.0], [1.0, None], ["1", "2"]):
+        with pytest.raises(InputError, match="`y` must"):
+            lists.correct(y)
+    assert_equal(lists.correct([0.0, 0.0]).whole(), arrays.correct(np.zeros(2)).whole())
+
+
 MODEL = StateSpace([[0.5, 0.1], [0.0, 0.9]], [[1.0], [0.5]], C=np.eye(2), Q=np.eye(2), R=np.eye(2), dt=1)
 CORRELATED = StateSpace(
     [[0.5, 0.1], [0.0, 0.9]], [[1.0], [0.5]], C=np.eye(2), Q=np.eye(2), R=[[1, 0.5], [0.5, 1]], dt=1
@@ -63,6 +94,9 @@ def test_an_info_keeps_what_it_said_and_a_saved_run_resumes(tmp_path):
     running.predict(np.array([1.0]))
     running.correct(np.array([5.0, 5.0]))
     assert np.array_equal(first.mean, mean)
+    assert_equal(pickle.loads(pickle.dumps(first)), first.whole())
+    with pytest.raises(AttributeError):
+        first.mean = mean
     save(tmp_path / "run.npz", running)
     resumed = load(tmp_path / "run.npz")  # on XLA
     for other in (running, resumed):
@@ -80,6 +114,10 @@ def test_what_is_wrong_with_a_plain_array_is_still_said():
     with pytest.raises(InputError, match="`u` must not hold NaN"):
         running.predict(np.array([np.nan]))
     assert running.progress is before
+    running.predict(np.array([2.0]))
+    with pytest.raises(InputError, match="`u` must not hold NaN"):
+        running.predict(np.array([np.nan]))
+    assert running.progress.held == [2.0]
     exact = online(Kalman(StateSpace([[1.0]], R=[[0.0]], dt=1)), prior=Prior([0.0], [[0.0]]), engine="native")
     exact.correct(np.array([0.0]))
     exact.predict()
@@ -88,7 +126,6 @@ def test_what_is_wrong_with_a_plain_array_is_still_said():
 
 
 def test_what_cannot_be_machine_code_online_is_said():
-    continuous = StateSpace([[-1.0]], R=[[1.0]], dt=0)
-    with pytest.raises(InputError, match="cannot run Kalman online: a continuous model, whose steps may differ"):
-        online(Kalman(continuous), prior=Prior([0.0], [[1.0]]), engine="native")
-    assert online(Kalman(continuous), prior=Prior([0.0], [[1.0]])).correct([1.0]).mean == [0.5]
+    large = StateSpace(np.eye(12), R=np.eye(12), dt=1)
+    with pytest.raises(InputError, match=r'engine = "native" cannot run Kalman online: .* Use "auto" or "xla"\.'):
+        online(Kalman(large), prior=Prior(np.zeros(12), np.eye(12)), engine="native")

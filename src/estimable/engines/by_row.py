@@ -57,25 +57,35 @@ class _Lookup(NamedTuple):
 def laid_out(algorithm: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, Any, Any, tuple]:
     """(algorithm, samples, intervals, axes) in which nothing is looked up by row."""
     a, r, p = axes
-    leaves, structure = jax.tree_util.tree_flatten(algorithm)
-    leaves = [np.asarray(leaf) for leaf in leaves]
-    shapes = tuple((leaf.shape if a is None else leaf.shape[1:], leaf.dtype.str) for leaf in leaves)
-    lookup = _lookup(structure, shapes)
-    if lookup is None:
-        return algorithm, samples, intervals, axes
     T = samples.seen.shape[0 if r is None else 1]
-    look = lookup.look if a is None else jax.vmap(lookup.look, in_axes=(0, None))
-    moving = [np.asarray(array) for array in jax.jit(look)(leaves, jnp.arange(T))]
-    first = [array[0] if a is None else array[:, 0] for array in moving]
+    by_row, moving = looked_up(algorithm, T, a)
+    if by_row is algorithm:
+        return algorithm, samples, intervals, axes
     if a is None and r == 0:
         moving = [np.broadcast_to(array, (len(samples.seen), *array.shape)) for array in moving]
     elif a == 0 and r is None:
-        samples, intervals = (jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (len(first[0]), *leaf.shape)), part)
+        samples, intervals = (jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (len(moving[0]), *leaf.shape)), part)
                               for part in (samples, intervals))  # fmt: skip
         r = 0
-    same = [leaves[i] for i in lookup.sources]
-    by_row = ByRow(same, first, lookup.places, lookup.structure)
     return by_row, (samples, moving), (intervals, moving), (a, r, p)
+
+
+def looked_up(algorithm: Any, T: int, axis: int | None = None) -> tuple[Any, list[np.ndarray]]:
+    """The algorithm without what it looks up by row, and that, for T rows; itself and nothing where it looks up nothing.
+
+    `axis`: that of a batch of algorithms, or None.
+    """
+    leaves, structure = jax.tree_util.tree_flatten(algorithm)
+    leaves = [np.asarray(leaf) for leaf in leaves]
+    shapes = tuple((leaf.shape if axis is None else leaf.shape[1:], leaf.dtype.str) for leaf in leaves)
+    lookup = _lookup(structure, shapes)
+    if lookup is None:
+        return algorithm, []
+    look = lookup.look if axis is None else jax.vmap(lookup.look, in_axes=(0, None))
+    moving = [np.asarray(array) for array in jax.jit(look)(leaves, jnp.arange(T))]
+    first = [array[0] if axis is None else array[:, 0] for array in moving]
+    same = [leaves[i] for i in lookup.sources]
+    return ByRow(same, first, lookup.places, lookup.structure), moving
 
 
 @lru_cache(256)

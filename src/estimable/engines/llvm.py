@@ -27,6 +27,30 @@ class Compiled:
         self.address(rows, *(array.ctypes.data for array in (fixed, carry, last, *arrays)))
 
 
+class OneRow:
+    """A loop that carries nothing, for one row: a function of one address.
+
+    There lie the addresses of `fixed`, and of the arrays of `loop.row` and `loop.each`. It keeps Python's lock, and returns the
+    last number that it wrote as an integer.
+    """
+
+    def __init__(self, loop: Loop):
+        _processor()
+        arrays, last = 1 + len(loop.row) + len(loop.each), len(loop.each[-1].names) - 1
+        lines = []
+        for i in range(arrays):
+            lines += [f"%at{i} = getelementptr inbounds ptr, ptr %places, i64 {i}", f"%array{i} = load ptr, ptr %at{i}"]
+        pointers = ", ".join(
+            f"ptr {name}" for name in ("%array0", "null", "null", *(f"%array{i}" for i in range(1, arrays)))
+        )
+        lines += [f"call void @run(i64 1, {pointers})",
+                  f"%place = getelementptr inbounds double, ptr %array{arrays - 1}, i64 {last}",
+                  "%number = load double, ptr %place", "%code = fptosi double %number to i64", "ret i64 %code"]  # fmt: skip
+        text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
+        self._engine = _engine(write(loop, 1) + text)
+        self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
+
+
 @cache
 def _processor() -> tuple[str, str]:
     """Name and features of this processor, with LLVM made ready for it."""

@@ -9,84 +9,129 @@ from typing import Any
 import jax
 import numpy as np
 
-from .llvm import Compiled
+from .llvm import OneRow
 from .loops import Array, Loop
-from .straight_line import UnsupportedError, lower
+from .straight_line import UnsupportedError, lower_jaxpr
+
+
+class Place:
+    """A state in memory: `flat`, of the `form` of the tree that it is; and the steps that lead on, by what they are called."""
+
+    def __init__(self, state: Any):
+        self.form = form_of(state)
+        self.flat = np.zeros(_size(self.form))
+        self.after: dict[str, Step] = {}
+
+    @property
+    def state(self) -> Any:
+        """The state, as the arrays it is now."""
+        return reader(self.form)(self.flat.tobytes())
 
 
 class Step:
-    """`function(fixed, state, *inputs)`, which gives a state and what is told of it, at fixed places in memory.
+    """A step from one place to another.
 
-    Write `inputs` (arrays), call, and read `next` (the flat state that comes out) and `told` (flat); `take` reads the state
-    of another step. Raises `UnsupportedError` where the function has no straight line.
+    Write `inputs` (flat arrays) and `run()`: it reads the state `here`, writes that `there` and what is `told` (flat), and
+    returns the code that the function gives. `fixed` may be written too. Raises `ValueError` where both places are one.
     """
 
-    def __init__(self, function: Callable, fixed: Any, state: Any, *inputs: Any):
-        leaves, structure = jax.tree_util.tree_flatten((fixed, state, inputs))
-        shapes = tuple((np.shape(leaf), np.asarray(leaf).dtype.str) for leaf in leaves)
-        code = _code(function, structure, shapes)
-        if isinstance(code, UnsupportedError):
-            raise code
-        flat, numbers = _flat(state), [_flat(array) for array in inputs]
-        self.memory = np.concatenate([flat, *numbers])
-        self.state, self._state_of = self.memory[: len(flat)], code.state
-        bounds = np.cumsum([len(flat), *map(len, numbers)])
-        self.inputs = [self.memory[a:b] for a, b in pairwise(bounds)]
-        out = np.empty(code.size)
-        self.next, self.told = out[: code.states], out[code.states :]
-        self.tell = code.tell
-        self._kept = _flat(fixed), np.zeros(1), out, code
-        places = (self._kept[0], self._kept[1], self._kept[1], self.memory, out)
-        self.run = partial(code.compiled.address, 1, *(ctypes.c_void_p(array.ctypes.data) for array in places))
-        self.after: dict[str, Step] = {}
-
-    def next_state(self) -> Any:
-        """The state that came out, as the arrays it is."""
-        return self._state_of(self.next.copy())
+    def __init__(self, code: "Code", fixed: np.ndarray, here: Place, there: Place):
+        if here is there:
+            raise ValueError("a step reads a state while it writes the next one: they lie in different places")
+        self.there, self.fields = there, code.fields
+        bounds = np.cumsum([0, *code.inputs])
+        memory, self.told = np.zeros(bounds[-1]), np.zeros(code.told)
+        self.inputs = [memory[a:b] for a, b in pairwise(bounds)]
+        arrays = fixed, here.flat, memory, there.flat, self.told
+        places = np.array([array.ctypes.data for array in arrays])
+        self._kept = arrays, places, code
+        self.run = partial(code.compiled.address, ctypes.c_void_p(places.ctypes.data))
 
 
-class _Code:
-    """The machine code of a step, and how its flat outputs are read."""
+class Code:
+    """The machine code of a step, of which form the next state is, and how what is told is read, field by field."""
 
     def __init__(self, function: Callable, structure: Any, shapes: tuple):
-        fixed, state, inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
-        state_out, told = jax.eval_shape(function, fixed, state, *inputs)
-        program = lower(lambda *arguments: jax.tree_util.tree_leaves(function(*arguments)), fixed, state, *inputs)
-        count = len(jax.tree_util.tree_leaves(fixed))
-        names = [tuple(int(name) for array in arrays for name in array.ravel())
-                 for arrays in (program.inputs[:count], program.inputs[count:], program.outputs)]  # fmt: skip
-        self.compiled = Compiled(Loop(program, names[0], (), (Array(names[1]),), (), (Array(names[2]),), ()))
-        self.size, self.states = (
-            len(names[2]),
-            sum(int(np.prod(leaf.shape)) for leaf in jax.tree_util.tree_leaves(state_out)),
-        )
-        self.state, self.tell = _reader(state_out), _reader(told)
+        fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
+        traced, (self.next, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
+        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(told))}
+        self.inputs = [_size(array) for array in inputs]
+        program = lower_jaxpr(traced)
+        counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
+        read = [_names(part) for part in _split(program.inputs, *counts)]
+        written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(self.next)))]
+        self.told = len(written[1])
+        row, each = map(Array, read[1:]), map(Array, written)
+        self.compiled = OneRow(Loop(program, read[0], (), tuple(row), (), tuple(each), ()))
+
+
+def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
+    """The code of `function(fixed, state, *inputs)`, which gives the next state, a record that is told and a code.
+
+    Raises `UnsupportedError` where the function has no straight line.
+    """
+    leaves, structure = jax.tree_util.tree_flatten((fixed, state, *inputs))
+    code = _code(function, structure, tuple((leaf.shape, leaf.dtype.str) for leaf in map(form_of, leaves)))
+    if isinstance(code, UnsupportedError):
+        raise code
+    return code
 
 
 @lru_cache(256)
-def _code(*arguments: Any) -> _Code | UnsupportedError:
+def _code(*arguments: Any) -> Code | UnsupportedError:
     """The code of a step, or why there is none: neither is worked out twice."""
     try:
-        return _Code(*arguments)
+        return Code(*arguments)
     except UnsupportedError as reason:
         return reason
 
 
-def _flat(tree: Any) -> np.ndarray:
+def flat(tree: Any) -> np.ndarray:
+    """All numbers of a tree."""
     leaves = [np.ravel(np.asarray(leaf, float)) for leaf in jax.tree_util.tree_leaves(tree)]
     return np.concatenate(leaves) if leaves else np.empty(0)
 
 
-def _reader(shapes: Any) -> Callable[[np.ndarray], Any]:
-    """A function from a flat array to these shapes."""
-    leaves, structure = jax.tree_util.tree_flatten(shapes)
-    bounds = np.cumsum([0, *(int(np.prod(leaf.shape)) for leaf in leaves)])
+def form_of(tree: Any) -> Any:
+    """A tree with shapes and types in the place of its arrays."""
+    return jax.tree_util.tree_map(
+        lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf), getattr(leaf, "dtype", np.asarray(leaf).dtype)), tree
+    )
 
-    def read(flat: np.ndarray) -> Any:
-        parts = [
-            flat[a:b].reshape(leaf.shape).astype(leaf.dtype, copy=False)
-            for a, b, leaf in zip(bounds[:-1], bounds[1:], leaves, strict=True)
-        ]
-        return jax.tree_util.tree_unflatten(structure, parts)
 
-    return read
+def reader(form: Any, at: int = 0) -> Callable[[bytes], Any]:
+    """A function from memory to arrays of this form, of which the first begins at number `at`."""
+    leaves, structure = jax.tree_util.tree_flatten(form)
+    starts = np.cumsum([at, *map(_size, leaves)]).tolist()
+    each = [_array_reader(leaf, start) for leaf, start in zip(leaves, starts, strict=False)]
+    if isinstance(form, jax.ShapeDtypeStruct):
+        return each[0]
+    return lambda memory: jax.tree_util.tree_unflatten(structure, [read(memory) for read in each])
+
+
+def _array_reader(form: Any, at: int) -> Callable[[bytes], np.ndarray]:
+    shape, at = form.shape, at * np.dtype(float).itemsize
+    if form.dtype == float:
+        return lambda memory: np.ndarray(shape, float, memory, at)
+    return lambda memory: np.ndarray(shape, float, memory, at).astype(form.dtype)
+
+
+def _placed(fields: dict[str, Any]) -> list[tuple[str, Any, int]]:
+    """The fields, and the number at which each begins."""
+    starts = np.cumsum([0, *map(_size, fields.values())]).tolist()
+    return [(name, form, at) for (name, form), at in zip(fields.items(), starts, strict=False)]
+
+
+def _size(form: Any) -> int:
+    """How many numbers a tree has."""
+    return sum(int(np.prod(np.shape(leaf))) for leaf in jax.tree_util.tree_leaves(form))
+
+
+def _names(arrays: Any) -> tuple[int, ...]:
+    """The scalars of these arrays."""
+    return tuple(int(name) for array in arrays for name in array.ravel())
+
+
+def _split(items: Any, *bounds: int) -> list[Any]:
+    """The items before, between and after the bounds."""
+    return [items[a:b] for a, b in pairwise((0, *bounds, len(items)))]

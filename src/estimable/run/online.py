@@ -9,7 +9,6 @@ import numpy as np
 from .. import checks
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
-from ..engines.straight_line import UnsupportedError
 from ..errors import RunError
 from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS
@@ -68,10 +67,10 @@ class Online:
         """All that the run is now."""
         if self._progress is None:
             quick: Any = self._quick
-            info = jax.tree_util.tree_map(np.asarray, quick.info)
+            (state, held), info = quick.state, jax.tree_util.tree_map(np.asarray, quick.info)
             self._progress = replace(
-                self._base, state=quick.state(), info=info, held=np.array(quick.held), sample=quick.sample,
-                corrected=quick.corrected, dt=float(quick.dt) if quick.sample else self._base.dt,
+                self._base, state=state, info=info, held=held, sample=quick.sample, corrected=quick.corrected,
+                dt=quick.dt if quick.sample else self._base.dt,
             )  # fmt: skip
         return self._progress
 
@@ -80,7 +79,12 @@ class Online:
         self._progress, self._base, self._quick = progress, progress, None
 
     def __repr__(self) -> str:
-        return f"Online({type(self.algorithm).__name__} at sample {self.progress.sample})"
+        return f"Online({type(self.algorithm).__name__} at sample {self._now.sample})"
+
+    @property
+    def _now(self) -> Any:
+        """Where the run stands: `sample`, `corrected`, `dt` and `hold`."""
+        return self._base if self._quick is None else self._quick
 
     @property
     def algorithm(self) -> Any:
@@ -98,15 +102,14 @@ class Online:
         Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
         """
         quick = self._quick
-        if quick is not None and u is None and arrived is None and quick.accepts(y):
-            code, refused = quick.correct(y, quick.rest)
-            if not refused:
-                return self._moved(code)
+        if quick is not None and arrived is None and quick.correct(y, u) == 0:
+            self._progress = None
+            return quick.info
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
         y = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
-        if self.progress.corrected and model.S is not None:
+        if self._now.corrected and model.S is not None:
             faults.add(
                 "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
             )
@@ -115,7 +118,11 @@ class Online:
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
         if quick is not None:
-            return self._moved(quick.correct(y, applied)[0])
+            code = quick.correct(y, applied)
+            assert code is not None  # plain by now
+            self._settle(code)
+            self._progress = None
+            return quick.info
         fate = None
         if takes_fates(self.algorithm):
             fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
@@ -132,10 +139,7 @@ class Online:
         `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
         """
         quick = self._quick
-        if quick is not None and u is None and quick.input == (0,):
-            u = quick.rest
-        plain = quick is not None and u_end is None and arrived is None and dt is None and quick.accepts_input(u)
-        if quick is not None and plain and not quick.predict(u, u):
+        if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
             self._progress = None
             return
         faults = checks.Faults()
@@ -145,7 +149,7 @@ class Online:
             faults.add(f"`u` must be given to predict: the model has {self._counted_inputs()}.")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         end = applied
-        if self.progress.hold == "first_order" and self._inputs:
+        if self._now.hold == "first_order" and self._inputs:
             if u_end is None:
                 faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
             else:
@@ -154,7 +158,8 @@ class Online:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
         faults.finish()
         if quick is not None:
-            quick.predict(applied, end)
+            quick.prepare(dt)
+            quick.predict(applied, end if quick.moving_input else None, None)
             self._progress = None
             return
         interval = Interval(applied, end, None, np.asarray(dt, float))
@@ -163,15 +168,8 @@ class Online:
             self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
         )
 
-    def _moved(self, code: int) -> Any:
-        """What a quick step said."""
-        if code:
-            self._settle(code)
-        self._progress = None
-        return self.info
-
     def _settle(self, code: int) -> None:
-        outcome = Outcome.of(code, self.progress.sample, None)
+        outcome = Outcome.of(code, self._now.sample, None)
         if outcome.code:
             raise RunError(outcome)
 
@@ -184,9 +182,9 @@ class Online:
     def _step(self, dt: Any, faults: checks.Faults) -> Any:
         model = model_of(self.algorithm)
         if dt is None:
-            if model.is_continuous and self.progress.dt is None:
+            if model.is_continuous and self._now.dt is None:
                 faults.add("`dt` must be given to the first predict: the model is continuous.")
-            return self.progress.dt if model.is_continuous else model.dt
+            return self._now.dt if model.is_continuous else model.dt
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         if (
             dt is not None
@@ -210,7 +208,7 @@ class Online:
             return u
         if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
-        return np.where(arrived == 1, u, self.progress.held if self.progress.lost == "hold" else 0.0)
+        return np.where(arrived == 1, u, self.progress.held if self._base.lost == "hold" else 0.0)
 
     def _rest(self):
         point = model_of(self.algorithm).operating_point
@@ -228,7 +226,7 @@ class Online:
 
     def _check_room(self, faults: checks.Faults) -> None:
         steps = model_of(self.algorithm).steps
-        if steps is not None and self.progress.sample >= steps:
+        if steps is not None and self._now.sample >= steps:
             faults.add(f"the model varies over {steps} rows of time, and all of them are used up.")
 
     def _at_step(self, dt: float | None):
@@ -246,11 +244,7 @@ def _quick(progress: Progress) -> Quick:
     """The run as machine code."""
     if takes_fates(progress.algorithm):
         checks.refuse('engine = "native" takes no inputs of unknown fate online. Use "auto" or "xla".')
-    try:
-        return Quick(progress)
-    except UnsupportedError as reason:
-        name = type(progress.algorithm).__name__
-        checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
+    return Quick(progress)
 
 
 def online(
@@ -258,10 +252,10 @@ def online(
 ) -> Online:
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
-    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small discrete models that do not vary;
-    microseconds a sample where y and u are float64 arrays), or "xla", which "auto" takes. `hold`: how the input moves between
-    samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)` and
-    `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and `load(path)` resumes.
+    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models; a microsecond or two
+    a sample where y and u are float64 arrays, or lists of floats), or "xla", which "auto" takes. `hold`: how the input moves
+    between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)`
+    and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and `load(path)` resumes.
 
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
