@@ -40,11 +40,13 @@ def compared(name, contender, run, exact, repeats, whose="ours"):
     return row(name, contender, seconds, first, error, likelihood_error, whose=whose)
 
 
-def ours(model, prior, record, engine, keep="all"):
-    """A function that gives our (means, log-likelihood)."""
+def ours(model, prior, record, engine, keep="all", ran=None):
+    """A function that gives our (means, log-likelihood); the set `ran` then has the engine that ran."""
+    ran = set() if ran is None else ran
 
     def run():
         result = estimate(Kalman(model), record, prior=prior, engine=engine, keep=keep)
+        ran.add(result.engine)
         return result.mean, result.log_likelihood
 
     return run
@@ -142,9 +144,9 @@ def large(name, n, T, keep):
     model, prior = problem(n, 2)
     record = recorded(model, prior, T)
     exact = textbook(model, prior, record.y)
-    taken = compared(name, "estimable auto", ours(model, prior, record, "auto", keep), exact, 3)
-    engine = estimate(Kalman(model), record, prior=prior, keep=keep).engine
-    yield taken | {"contender": f"estimable {engine}"}
-    if engine != "xla":
+    ran = set()
+    taken = compared(name, "estimable", ours(model, prior, record, "auto", keep, ran), exact, 3)
+    yield taken | {"contender": f"estimable {min(ran)}"}
+    if ran != {"xla"}:
         yield compared(name, "estimable xla", ours(model, prior, record, "xla", keep), exact, 3)
     yield from others(name, model, prior, record.y, exact, keep)
