@@ -111,7 +111,8 @@ class Step:
             self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), end, row, wrote)
             last[first : first + real] = end.T[:real]
             for array, a, b in zip(each, self.at[:-1], self.at[1:], strict=True):
-                array[first : first + real] = wrote[:, a:b].transpose(2, 0, 1)[:real]
+                for column in range(a, b):  # one at a time: NumPy then copies along the rows
+                    array[first : first + real, :, column - a] = wrote[:, column, :real].T
 
         return run
 

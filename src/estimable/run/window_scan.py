@@ -20,7 +20,7 @@ from ..results import Info, Interval, Sample
 from .binding import select as keep_of
 
 MOST = 3  # states and gains, or outputs: above, compiling takes longer than it saves on a record or two
-AT_ONCE = 32  # runs whose beliefs between the passes stay in the processor's cache
+AT_ONCE = 128  # runs whose beliefs between the passes stay in the processor's cache
 
 
 def fits(algorithm: Any) -> bool:
