@@ -1,12 +1,10 @@
 """Loops of scalars in machine code, kept on disk under a name made of the text, the versions and the processor."""
 
 import ctypes
-import hashlib
-import os
 from functools import cache
-from pathlib import Path
 from typing import Any
 
+from . import kept
 from .loops import Loop, write
 from .straight_line import UnsupportedError
 
@@ -78,42 +76,16 @@ def _engine(text: str) -> Any:
     import llvmlite.binding as llvm
 
     words = "|".join((text, llvmlite.__version__, *_processor()))
-    path = _cache_folder() / f"{hashlib.sha256(words.encode()).hexdigest()}.o"
-    kept = _kept(path)
+    path = kept.place(words, "o")
+    found = kept.read(path)
     module = llvm.parse_assembly(text)
     module.verify()
-    if kept is None:
+    if found is None:
         options = llvm.create_pipeline_tuning_options(speed_level=3)
         options.slp_vectorization = False
         builder = llvm.create_pass_builder(_machine(), options)
         builder.getModulePassManager().run(module, builder)
     engine = llvm.create_mcjit_compiler(module, _machine())
-    engine.set_object_cache(lambda _, compiled: _keep(path, compiled), lambda _: kept)
+    engine.set_object_cache(lambda _, compiled: kept.write(path, compiled), lambda _: found)
     engine.finalize_object()
     return engine
-
-
-def _cache_folder() -> Path:
-    """Where objects are kept: ESTIMABLE_CACHE, or the user's cache."""
-    given = os.environ.get("ESTIMABLE_CACHE")
-    return Path(given or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "estimable"))
-
-
-def _kept(path: Path) -> bytes | None:
-    """An object that is there and whole; a damaged one would take the process with it."""
-    try:
-        found = path.read_bytes()
-    except OSError:
-        return None
-    return found[32:] if hashlib.sha256(found[32:]).digest() == found[:32] else None
-
-
-def _keep(path: Path, compiled: bytes) -> None:
-    """Write an object whole or not at all; a folder that cannot be written is no error."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_bytes(hashlib.sha256(compiled).digest() + compiled)
-        draft.replace(path)
-    except OSError:
-        return

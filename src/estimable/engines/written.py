@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from .kept import once
 from .lasting import lasting
 from .straight_line import Program, UnsupportedError, lower, lower_jaxpr
 
@@ -113,6 +114,11 @@ def write_shapes(
     structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple = ()
 ) -> Written | UnsupportedError:
     """The step, or why there is none: neither is worked out twice."""
+    return once(attempt, structure, shapes, keep, select, zeros)
+
+
+def attempt(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written | UnsupportedError:
+    """The step, or why there is none."""
     try:
         return _write(structure, shapes, keep, select, zeros)
     except UnsupportedError as reason:
