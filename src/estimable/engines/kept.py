@@ -98,8 +98,8 @@ def _named(kind: type, *parts: Any) -> str:
 
 def _own(thing: Any) -> str:
     """The name of a class or function of this package, or of one built in."""
-    module, name = getattr(thing, "__module__", ""), getattr(thing, "__qualname__", "<>")
+    module, name = str(getattr(thing, "__module__", "")), getattr(thing, "__qualname__", "<>")
     bound = getattr(thing, "__self__", None) is not None
-    if bound or "<" in name or module.split(".")[0] not in ("builtins", __package__.split(".")[0]):
+    if bound or "<" in name or module.split(".")[0] not in ("builtins", __name__.split(".")[0]):
         raise UnnamedError
     return f"{module}.{name}"
