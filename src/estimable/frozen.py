@@ -5,6 +5,8 @@ a shape or a branch, and must be hashable. A leaf that holds a text (a named cho
 """
 
 import dataclasses
+import operator
+from collections.abc import Callable
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
@@ -36,12 +38,14 @@ def frozen(cls: type[Cls]) -> type[Cls]:
     """
     record = dataclasses.dataclass(frozen=True, eq=False)(cls)
     leaves, statics = leaf_fields(record), static_fields(record)
+    numbers, fixed, no_words = _getter(leaves), _getter(statics), (None,) * len(leaves)
 
-    def flatten(thing):
-        values = [getattr(thing, name) for name in leaves]
+    def flatten(thing):  # some thirty times in a call of a driver: as short as it can be
+        values = numbers(thing)
+        if not any([isinstance(value, str) for value in values]):
+            return values, (fixed(thing), no_words)
         words = tuple(value if isinstance(value, str) else None for value in values)
-        children = [None if isinstance(value, str) else value for value in values]
-        return children, (tuple(getattr(thing, name) for name in statics), words)
+        return tuple(None if isinstance(value, str) else value for value in values), (fixed(thing), words)
 
     def flatten_with_keys(thing):
         children, aux = flatten(thing)
@@ -57,6 +61,13 @@ def frozen(cls: type[Cls]) -> type[Cls]:
 
     jax.tree_util.register_pytree_with_keys(record, flatten_with_keys, unflatten, flatten)
     return record
+
+
+def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple]:
+    """A function that gives the named fields of a record."""
+    if len(names) > 1:
+        return operator.attrgetter(*names)
+    return lambda thing: tuple(getattr(thing, name) for name in names)
 
 
 def replace(thing: Cls, **changes: Any) -> Cls:
