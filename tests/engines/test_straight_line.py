@@ -392,9 +392,9 @@ def test_lanes_are_refused_where_nothing_is_side_by_side():
 
 
 def test_lanes_leave_long_lines_to_the_others():
-    model = StateSpace(0.9 * np.eye(6), C=np.ones((2, 6)), R=np.eye(2), dt=1)
-    records, prior = [Record(np.zeros((3, 2)), dt=1)] * 2, Prior(np.zeros(6), np.eye(6))
-    with pytest.raises(InputError, match='"lanes" cannot run Kalman here: more than 2,000 operations'):
+    model = StateSpace(0.9 * np.eye(7), C=np.ones((2, 7)), R=np.eye(2), dt=1)
+    records, prior = [Record(np.zeros((3, 2)), dt=1)] * 2, Prior(np.zeros(7), np.eye(7))
+    with pytest.raises(InputError, match='"lanes" cannot run Kalman here: more than 2,600 operations'):
         estimate_bank(Kalman(model), records, prior=prior, engine="lanes")
 
 

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
@@ -194,7 +194,7 @@ def columns(leaves: list, places: list, size: int) -> np.ndarray:
     return out
 
 
-def on_all_processors(work: Any, items: range) -> None:
+def on_all_processors(work: Any, items: Sequence[int]) -> None:
     """Each item once, in threads: machine code and copies release Python's lock."""
     if len(items) == 1:
         work(items[0])

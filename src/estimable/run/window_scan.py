@@ -28,10 +28,21 @@ def fits(algorithm: Any) -> bool:
     if not isinstance(algorithm, Kalman | UnknownGain) or np.any(getattr(algorithm, "forgetting", 1.0) != 1.0):
         return False
     ready: Any = algorithm.ready
-    gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
     noises = np.diagonal(np.asarray(ready.V), axis1=-2, axis2=-1)
-    unknown, outputs = np.shape(ready.A)[-1] + gains, noises.shape[-1]
-    return ready.independent and bool((noises > 0).all()) and max(unknown, outputs) <= MOST
+    return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
+
+
+def is_short(algorithm: Any) -> bool:
+    """Whether the lines of both passes are short enough for lanes: at most 2,500 operations."""
+    states, unknown, outputs = _sizes(algorithm)
+    return states <= 2 and unknown <= 3 and outputs <= 2
+
+
+def _sizes(algorithm: Any) -> tuple[int, int, int]:
+    """States, states and gains, outputs."""
+    gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
+    p, n = np.shape(algorithm.ready.C)[-2:]
+    return n, n + gains, p
 
 
 def scan_bank(
