@@ -41,7 +41,8 @@ def is_short(algorithm: Any) -> bool:
 def _sizes(algorithm: Any) -> tuple[int, int, int]:
     """States, states and gains, outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
-    p, n = np.shape(algorithm.ready.C)[-2:]
+    ready: Any = algorithm.ready
+    p, n = np.shape(ready.C)[-2:]
     return n, n + gains, p
 
 
