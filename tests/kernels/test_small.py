@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
 
-from estimable.kernels.small import settled, triangularise
+from estimable.kernels.small import factors, settled, traced_factors, triangularise
 
 F, W = np.array([[0.9, 0.3], [-0.2, 0.7]]), np.array([[0.5, 0.0], [0.1, 0.3]])
 
@@ -37,3 +37,14 @@ def test_derivatives_are_those_of_what_was_computed():
     start = np.array([[1.0, 0.0], [0.5, 2.0]])
     slope = jax.grad(lambda scale: jnp.sum(settled(scale * start, start)))(1.0)
     assert_allclose(slope, start.sum())
+
+
+def test_factors_of_known_matrices_are_those_of_traced_ones():
+    Z = np.random.default_rng(0).normal(size=(2, 3, 4, 4))
+    P = Z @ Z.mT
+    P[0, 0], P[1, 2, 1], P[1, 2, :, 1] = 0, 0, 0  # nothing is uncertain, and one of four is not
+    L = factors(P)
+    assert_allclose(L, traced_factors(P), rtol=1e-13, atol=1e-13)
+    assert_allclose(L @ L.mT, P, atol=1e-13)
+    assert_allclose(jax.jit(factors)(P), L, rtol=1e-13, atol=1e-13)
+    assert np.array_equal(factors(np.ones((2, 2))), [[1, 0], [1, 0]])  # of rank one

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.core import Tracer
 
 from .shapes import Float
 
@@ -146,5 +147,24 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     return repeat(n, eliminate, (jnp.asarray(P), jnp.zeros((n, n))))[1]
 
 
-factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
-"""`factor` of every matrix in a stack."""
+def factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
+    """`factor` of every matrix in a stack: of known numbers in NumPy, for which a process has nothing to compile first."""
+    return traced_factors(P) if isinstance(P, Tracer) else known_factors(P)
+
+
+traced_factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
+
+
+def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
+    """`factor` again, of all matrices at once."""
+    left = np.asarray(P)
+    left = (left + np.swapaxes(left, -1, -2)) / 2
+    n, L = left.shape[-1], np.zeros(left.shape)
+    floor = n * np.finfo(float).eps * np.diagonal(left, axis1=-2, axis2=-1)
+    for j in range(n):
+        pivot = left[..., j, j]
+        positive = pivot > floor[..., j]
+        common = left[..., j:, j] / np.sqrt(np.where(positive, pivot, 1.0))[..., None]
+        L[..., j:, j] = np.where(positive[..., None], common, 0.0)
+        left[..., j:, j:] -= L[..., j:, j, None] * L[..., None, j:, j]
+    return L
