@@ -118,7 +118,7 @@ def test_a_bank_equals_a_loop(name):
 def test_online_equals_offline_and_resumes(name, tmp_path):
     data, algorithm = record(3), build(name)
     whole = estimate(algorithm, data, prior=FILE.prior)
-    running, quick = (online(algorithm, prior=FILE.prior, hold="first_order", engine=e) for e in ("auto", "native"))
+    running, quick = (online(algorithm, prior=FILE.prior, hold="first_order", engine=e) for e in ("xla", "native"))
     known = [data.inputs.index(name) for name in algorithm.names.inputs]
     measured = [data.outputs.index(name) for name in algorithm.names.outputs]
     for k in range(len(data) - 1):

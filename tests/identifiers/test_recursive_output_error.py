@@ -88,6 +88,9 @@ def test_online_equals_offline():
         info = running.correct(record.y[k], record.u[k], arrived=record.arrived[k])
         assert_allclose(info.mean, path.mean[k], rtol=1e-10, atol=1e-12)
         running.predict(record.u[k], arrived=record.arrived[k])
+    assert running.engine == "native"
+    with pytest.raises(es.InputError, match="`u` must be given to correct"):
+        running.correct([1.0])
 
 
 def test_engines_agree():

@@ -98,12 +98,13 @@ def test_an_info_keeps_what_it_said_and_a_saved_run_resumes(tmp_path):
     with pytest.raises(AttributeError):
         first.mean = mean
     save(tmp_path / "run.npz", running)
-    resumed = load(tmp_path / "run.npz")  # on XLA
+    resumed = load(tmp_path / "run.npz")
     for other in (running, resumed):
         other.predict(np.array([2.0]))
     y = np.array([0.0, 1.0])
-    assert_equal(running.correct(y).whole(), resumed.correct(y))
+    assert_equal(running.correct(y), resumed.correct(y))
     assert_equal(running.info, resumed.info)
+    assert running.engine == resumed.engine == "native"
 
 
 def test_what_is_wrong_with_a_plain_array_is_still_said():
@@ -129,3 +130,20 @@ def test_what_cannot_be_machine_code_online_is_said():
     large = StateSpace(np.eye(12), R=np.eye(12), dt=1)
     with pytest.raises(InputError, match=r'engine = "native" cannot run Kalman online: .* Use "auto" or "xla"\.'):
         online(Kalman(large), prior=Prior(np.zeros(12), np.eye(12)), engine="native")
+    assert online(Kalman(large), prior=Prior(np.zeros(12), np.eye(12))).engine == "xla"
+
+
+def test_where_a_step_takes_other_equations_xla_goes_on(monkeypatch):
+    model, rng = StateSpace([[-1.0]], Q=[[1.0]], R=[[0.1]], dt=0), np.random.default_rng(0)
+    runs = [online(Kalman(model), prior=Prior([0.0], [[1.0]]), engine=engine) for engine in ("auto", "native", "xla")]
+    for k, y in enumerate(rng.normal(size=(4, 1))):
+        told = [running.correct(y) for running in runs]
+        assert_equal(told[0], told[-1])
+        if k == 2:
+            assert [running.engine for running in runs] == ["native", "native", "xla"]
+            monkeypatch.setattr("estimable.run.quick._form", lambda tree: None)
+            with pytest.raises(InputError, match=r"online: a step of 0\.2 s takes other equations than those before\."):
+                runs.pop(1).predict(dt=0.2)
+        for running in runs:
+            running.predict(dt=0.1 if k < 2 else 0.2)
+    assert runs[0].engine == "xla"

@@ -56,7 +56,12 @@ def _first_able(
             return engine, run(algorithm, *arguments, **options)
         except UnsupportedError as why:
             reason = str(why)
-        if (engine, reason) not in _told:
-            _told.add((engine, reason))
-            log.debug('engine = "%s" does not run %s: %s', engine, name, reason)
+        pass_over(engine, name, reason)
     checks.refuse(f'engine = "{engines[-1]}" cannot run {name} here: {reason}. Use "auto" or "xla".')
+
+
+def pass_over(engine: str, name: str, reason: str) -> None:
+    """Say once, at debug level, why an engine does not run an algorithm."""
+    if (engine, reason) not in _told:
+        _told.add((engine, reason))
+        log.debug('engine = "%s" does not run %s: %s', engine, name, reason)

@@ -1,8 +1,6 @@
 """What an identifier knows of a record before it has seen one: its channels, and no model."""
 
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 
 class Channels(NamedTuple):
@@ -29,7 +27,6 @@ class Channels(NamedTuple):
         """Number of outputs."""
         return len(self.outputs)
 
-    @property
-    def D(self) -> Any:
-        """Which inputs may enter which outputs directly, (p, m)."""
-        return np.full((self.p, self.m), float(self.direct))
+    def feeds_through(self, inputs: list[int]) -> bool:
+        """Whether u[k] can enter y[k], whichever columns are asked for."""
+        return self.direct

@@ -9,6 +9,7 @@ import numpy as np
 from .. import checks
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
+from ..engines.straight_line import UnsupportedError
 from ..errors import RunError
 from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS
@@ -60,7 +61,8 @@ class Online:
         self._progress: Progress | None = progress
         self._base = progress
         self._sampled: dict = {}
-        self._quick = _quick(progress) if engine == "native" else None
+        self._asked = engine
+        self._quick = self._machine_code(progress)
 
     @property
     def progress(self) -> Progress:
@@ -92,6 +94,11 @@ class Online:
         return self._base.algorithm
 
     @property
+    def engine(self) -> str:
+        """Which engine runs the steps: "native" or "xla"."""
+        return "xla" if self._quick is None else "native"
+
+    @property
     def info(self) -> Info | None:
         """What the last `correct` said; None before the first."""
         return self._base.info if self._quick is None else self._quick.info
@@ -117,7 +124,7 @@ class Online:
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
-        if quick is not None:
+        if quick is not None and self._is_prepared(quick, "correct"):
             code = quick.correct(y, applied)
             assert code is not None  # plain by now
             self._settle(code)
@@ -157,8 +164,7 @@ class Online:
         elif u_end is not None:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
         faults.finish()
-        if quick is not None:
-            quick.prepare(dt)
+        if quick is not None and self._is_prepared(quick, "predict", dt):
             quick.predict(applied, end if quick.moving_input else None, None)
             self._progress = None
             return
@@ -167,6 +173,34 @@ class Online:
         self.progress = replace(
             self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
         )
+
+    def _machine_code(self, progress: Progress) -> Quick | None:
+        """The run as machine code, or None where XLA runs it."""
+        if self._asked == "xla" or (self._asked == "auto" and jax.default_backend() != "cpu"):
+            return None
+        try:
+            if takes_fates(progress.algorithm):
+                raise UnsupportedError("inputs of unknown fate")
+            return Quick(progress)
+        except UnsupportedError as reason:
+            self._pass_over(str(reason))
+        return None
+
+    def _is_prepared(self, quick: Quick, kind: str, dt: float | None = None) -> bool:
+        """Whether machine code is ready for a step; XLA goes on where it cannot be."""
+        try:
+            quick.prepare(kind, dt)
+            return True
+        except UnsupportedError as reason:
+            self._pass_over(str(reason))
+        self.progress = self.progress
+        return False
+
+    def _pass_over(self, reason: str) -> None:
+        name = type(self.algorithm).__name__
+        if self._asked == "native":
+            checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
+        choice.pass_over("native", name, reason)
 
     def _settle(self, code: int) -> None:
         outcome = Outcome.of(code, self._now.sample, None)
@@ -240,22 +274,16 @@ class Online:
         return self._sampled[dt]
 
 
-def _quick(progress: Progress) -> Quick:
-    """The run as machine code."""
-    if takes_fates(progress.algorithm):
-        checks.refuse('engine = "native" takes no inputs of unknown fate online. Use "auto" or "xla".')
-    return Quick(progress)
-
-
 def online(
     algorithm: Any, *, prior: Prior | None, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
 ) -> Online:
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
-    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models; a microsecond or two
-    a sample where y and u are float64 arrays, or lists of floats), or "xla", which "auto" takes. `hold`: how the input moves
-    between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold". Then, for each sample, `.correct(y)`
-    and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and `load(path)` resumes.
+    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models on a CPU: some two
+    microseconds a sample where y and u are float64 arrays, or lists of floats), "xla" (some hundreds), or "auto", the first that
+    can. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold".
+    Then, for each sample, `.correct(y)` and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and
+    `load(path)` resumes. `.engine` says which runs it.
 
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """

@@ -1,13 +1,12 @@
 """A run at one sample a call in machine code: where a call is plain, this is all of it; else `online` looks first."""
 
 import math
-from typing import Any, NoReturn
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks
 from ..engines.by_row import ByRow, looked_up
 from ..engines.single import Place, Step, code_of, flat, form_of
 from ..engines.straight_line import UnsupportedError
@@ -71,12 +70,13 @@ jax.tree_util.register_pytree_node(
 
 
 class Quick:
-    """The steps of one run, and where it stands. Raises `InputError` where they cannot be machine code."""
+    """The steps of one run, and where it stands. Raises `UnsupportedError` where they cannot be machine code."""
 
     def __init__(self, progress: Any):
         self.algorithm, self.model, self.hold = progress.algorithm, model_of(progress.algorithm), progress.hold
         self.sample, self.corrected, self.info = progress.sample, progress.corrected, progress.info
-        self.dt = progress.dt if self.model.is_continuous else self.model.dt
+        self.continuous = self.model.is_continuous
+        self.dt = progress.dt if self.continuous else self.model.dt
         self.end = self.model.steps or math.inf
         inputs = [self.model.inputs.index(name) for name in self.algorithm.names.inputs]
         self.outputs, self.inputs = (self.model.p,), (len(inputs),)
@@ -93,9 +93,9 @@ class Quick:
         """The outcome code, and the run moves on where it is 0; None where an argument needs another look first."""
         if not _plain(y, self.outputs) or not (_plain(u, self.inputs) if u is not None else not self.direct):
             return None
-        if self.sample >= self.end or (self.once and self.corrected):
+        step = self.here.after.get("correct")
+        if step is None or self.sample >= self.end or (self.once and self.corrected):
             return None
-        step = self.here.after.get("correct") or self._step("correct", self.here)
         sample, direct, row = step.inputs
         sample[...] = y
         if self.rows is not None:
@@ -114,9 +114,9 @@ class Quick:
 
     def predict(self, u: Any, u_end: Any, dt: Any) -> int | None:
         """0 where the run is at the next sample; None where an argument needs another look first."""
-        if self.sample >= self.end or not self._plain_inputs(u, u_end) or not self._lasts(dt):
+        step = self.here.after.get("predict")
+        if step is None or self.sample >= self.end or not self._plain_inputs(u, u_end) or not self._lasts(dt):
             return None
-        step = self.here.after.get("predict") or self._step("predict", self.here)
         start, end, row = step.inputs
         if u is not None:
             start[...] = u
@@ -132,11 +132,12 @@ class Quick:
             self.dt = self.clock
         return code
 
-    def prepare(self, dt: Any) -> None:
-        """Let the next step of a continuous model last `dt` seconds."""
-        if self.model.is_continuous:
+    def prepare(self, kind: str, dt: Any = None) -> None:
+        """Make the step of this kind from here, of `dt` seconds where the model is continuous. Raises `UnsupportedError`."""
+        if kind == "predict" and self.continuous:
             self._set(dt, self._numbers(dt))
             self.dt = dt
+        self._step(kind, self.here)
 
     @property
     def state(self) -> Any:
@@ -150,12 +151,14 @@ class Quick:
     def _lasts(self, dt: Any) -> bool:
         """Whether the numbers of a step of `dt` seconds are there, or can be fetched."""
         if dt is None:
+            if not self.continuous:
+                return True
             dt = self.dt
         if not isinstance(dt, float):
             return False
         if dt == self.clock:
             return True
-        known = self.model.is_continuous and dt in self.lengths
+        known = self.continuous and dt in self.lengths
         if known:
             self._set(dt, self.lengths[dt])
         return known
@@ -169,7 +172,7 @@ class Quick:
         if dt not in self.lengths:
             algorithm, moving = self._sampled(dt)
             if _form(algorithm) != self.form:
-                self._refuse(f"a step of {dt:g} s takes other equations than those before")
+                raise UnsupportedError(f"a step of {dt:g} s takes other equations than those before")
             if len(self.lengths) == LENGTHS:
                 self.lengths.clear()
             self.lengths[dt] = flat((algorithm, dt)), _by_row(moving)
@@ -180,7 +183,7 @@ class Quick:
 
     def _begin(self, state: Any) -> None:
         """Where the run starts, and the steps of a cycle; `correct` may come before the first length is known."""
-        self.clock, dt = self.dt, self.model.dt if self.dt is None else self.dt
+        self.clock, dt = self.dt, float(self.dt or self.model.dt or 0.0)
         algorithm, moving = self._sampled(dt)
         self.form = _form(algorithm)
         self.fixed, self.rows = flat((algorithm, dt)), _by_row(moving)
@@ -188,7 +191,7 @@ class Quick:
         self.here = self._place(state)
         self.here.flat[:] = flat(state)
         place = self.here
-        for kind in ("correct", "predict", "correct", "predict"):
+        for kind in ("correct", "predict", "correct", "predict")[self.corrected :]:
             place = self._step(kind, place).there
 
     def _step(self, kind: str, here: Place) -> Step:
@@ -197,10 +200,7 @@ class Quick:
             fixed, row = self.example
             u, end = np.zeros(self.inputs), np.zeros(self.inputs if self.moving_input else 0)
             inputs = (np.zeros(self.outputs), u, row) if kind == "correct" else (u, end, row)
-            try:
-                code = code_of(FUNCTIONS[kind], fixed, here.form, *inputs)
-            except UnsupportedError as reason:
-                self._refuse(str(reason))
+            code = code_of(FUNCTIONS[kind], fixed, here.form, *inputs)
             here.after[kind] = step = Step(code, self.fixed, here, self._place(code.next, here))
             step.inputs[1 if kind == "correct" else 0][:] = self.rest
         return here.after[kind]
@@ -213,10 +213,6 @@ class Quick:
             free = [Place(state)]
             places += free
         return free[0]
-
-    def _refuse(self, reason: str) -> NoReturn:
-        name = type(self.algorithm).__name__
-        checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
 
 
 def _plain(numbers: Any, shape: tuple[int]) -> bool:
