@@ -286,6 +286,8 @@ def _indexed(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray
     """Gathers, scatters and dynamic slices whose indices are constants."""
     name, count = equation.primitive.name, {"gather": 1, "dynamic_slice": 1, "scatter": 1, "dynamic_update_slice": 2}
     movable = count[equation.primitive.name]
+    if name == "gather" and (found := _gathered(line, equation, *arrays)) is not None:
+        return found
     operands = []
     for i, array in enumerate(arrays):
         if i < movable or (name == "scatter" and i == 2):
@@ -297,6 +299,22 @@ def _indexed(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray
         operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), equation.invars[i].aval.dtype))
     with jax.ensure_compile_time_eval():
         return np.asarray(equation.primitive.bind(*operands, **equation.params))
+
+
+def _gathered(line: _Line, equation: Any, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
+    """What is gathered at known indices that are inside, as rows of a matrix, without JAX; None for anything else."""
+    numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
+    leading, values = indices.shape[:-1], [line.value(int(entry)) for entry in indices.ravel()]
+    inner = tuple(size for axis, size in enumerate(sizes) if axis not in numbers.collapsed_slice_dims)
+    last = numbers.offset_dims == tuple(range(len(leading), len(leading) + len(inner)))
+    if not last or numbers.operand_batching_dims or any(value is None for value in values):
+        return None
+    begin = np.zeros((math.prod(leading), array.ndim), int)
+    begin[:, list(numbers.start_index_map)] = np.reshape(values, (len(begin), indices.shape[-1]))
+    if (begin < 0).any() or (begin + sizes > array.shape).any():
+        return None
+    parts = [array[tuple(map(slice, start, start + sizes))].reshape(inner) for start in begin]
+    return np.array(parts, int).reshape(*leading, *inner)
 
 
 def _select(line: _Line, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
@@ -357,7 +375,7 @@ SPECIAL: dict[str, Callable] = {
         line.each("number", line.each("gt", a[0], line.constants(np.zeros(a[0].shape)))),
         line.each("number", line.each("lt", a[0], line.constants(np.zeros(a[0].shape)))),
     ),
-    "iota": lambda line, equation, _: line.constants(_moved(equation.primitive, [], equation.params)[0]),
+    "iota": lambda line, equation, _: line.constants(np.indices(equation.params["shape"])[equation.params["dimension"]]),
     "stop_gradient": lambda line, _, arrays: arrays[0],
     "gather": _indexed, "dynamic_slice": _indexed, "scatter": _indexed, "dynamic_update_slice": _indexed,
 }  # fmt: skip
