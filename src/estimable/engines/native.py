@@ -18,6 +18,7 @@ from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
 FEW = 64  # rows, in which nothing settles for long
+CACHE = 2**19  # bytes that a processor has near
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 DTYPES = {"double": float, "i64": int, "i8": bool}
 
@@ -79,7 +80,8 @@ class Step:
         each = [np.empty((size, T, len(array.names)), DTYPES[array.kind]) for array in self.each]
         last = np.empty((size, self.last))
         go = self._alone if self.lanes == 1 else self._side_by_side
-        on_all_processors(go(T, leaves, constants, starts, each, last), range(0, size, self.lanes))
+        together = self.lanes * self._groups(T, size) if self.lanes > 1 else 1
+        on_all_processors(go(T, leaves, constants, starts, each, last), range(0, size, together))
         log_likelihoods, outcomes = (each[i][..., 0] for i in self.told)
         failed_at = np.argmax(outcomes != 0, axis=1)
         kept = each[: len(self.shapes)] if self.keep != "last" else np.split(last, sizes(self.kept)[:-1], axis=-1)
@@ -98,29 +100,48 @@ class Step:
         return run
 
     def _side_by_side(self, T: int, leaves: list, constants, starts, each: list, last) -> Callable[[int], None]:
-        """A function that runs `lanes` runs from one on."""
+        """A function that runs several groups of `lanes` runs from one run on, laid out together."""
         flat = [leaf.reshape(*leaf.shape[:2], math.prod(leaf.shape[2:])) for leaf in leaves]
+        count = self._groups(T, len(starts))
 
         def run(first: int) -> None:
-            runs, real = self.group(first, len(starts))
+            runs, real = self.group(first, len(starts), count)
             row, wrote, end = (
-                np.empty((*shape, self.lanes)) for shape in ((T, len(self.columns)), (T, self.at[-1]), (self.last,))
+                np.empty((count, *shape, self.lanes))
+                for shape in ((T, len(self.columns)), (T, self.at[-1]), (self.last,))
             )
             for column, (i, j) in enumerate(self.columns):
-                row[:, column] = flat[i][runs, :, j].T if len(flat[i]) > 1 else flat[i][0, :, j, None]
-            self.compiled(T, constants[runs].T.copy(), starts[runs].T.copy(), end, row, wrote)
-            last[first : first + real] = end.T[:real]
+                row[:, :, column] = self._apart(flat[i][runs, :, j]) if len(flat[i]) > 1 else flat[i][0, :, j, None]
+            fixed, carry = (np.ascontiguousarray(self._apart(array[runs])) for array in (constants, starts))
+            places = [(array.ctypes.data, array.strides[0]) for array in (fixed, carry, end, row, wrote)]
+            for group in range(count):
+                self.compiled.address(T, *(place + group * step for place, step in places))
+            last[first : first + real] = self._together(end)[:real]
             for array, a, b in zip(each, self.at[:-1], self.at[1:], strict=True):
                 for column in range(a, b):  # one at a time: NumPy then copies along the rows
-                    array[first : first + real, :, column - a] = wrote[:, column, :real].T
+                    array[first : first + real, :, column - a] = self._together(wrote[:, :, column])[:real]
 
         return run
 
-    def group(self, first: int, size: int) -> tuple[Any, int]:
-        """The runs that go side by side from `first` on, and how many are real: the last group repeats the last run."""
-        real = min(self.lanes, size - first)
-        runs = np.minimum(np.arange(first, first + self.lanes), size - 1)
-        return (slice(first, first + real) if real == self.lanes else runs), real
+    def _apart(self, runs: np.ndarray) -> np.ndarray:
+        """(runs, entries) as (groups, entries, lanes)."""
+        return runs.reshape(len(runs) // self.lanes, self.lanes, runs.shape[1]).swapaxes(1, 2)
+
+    def _together(self, groups: np.ndarray) -> np.ndarray:
+        """(groups, entries, lanes) as (runs, entries)."""
+        return groups.swapaxes(1, 2).reshape(len(groups) * self.lanes, groups.shape[1])
+
+    def _groups(self, T: int, size: int) -> int:
+        """How many groups are laid out together: what stays in a processor's cache, and work for all processors."""
+        bytes_each = 8 * self.lanes * T * (len(self.columns) + self.at[-1])
+        return max(1, min(CACHE // bytes_each, -(-size // (self.lanes * (os.cpu_count() or 1)))))
+
+    def group(self, first: int, size: int, count: int = 1) -> tuple[Any, int]:
+        """The runs of `count` groups from `first` on, and how many are real: the last group repeats the last run."""
+        lanes = count * self.lanes
+        real = min(lanes, size - first)
+        runs = np.minimum(np.arange(first, first + lanes), size - 1)
+        return (slice(first, first + real) if real == lanes else runs), real
 
 
 def sizes(shapes: Any) -> np.ndarray:
@@ -145,13 +166,15 @@ def compiled_step(written: Written, keep: str, lanes: int, repeats: bool = False
 
 def _repeat(rows: list) -> bool:
     """Whether the rows are many and their truths (what was seen) seldom change, so that what repeats is worth looking for."""
-    truths = [leaf if axis is None else leaf.swapaxes(0, 1) for leaf, axis in rows if leaf.dtype == bool]
-    changes = [(t[1:] != t[:-1]).reshape(len(t) - 1, -1) for t in truths if len(t) >= FEW]
-    changed = [
-        np.ascontiguousarray(change.T).any(axis=0) for change in changes
-    ]  # along short rows NumPy takes 15 x as long
     leaf, axis = rows[0]
-    return leaf.shape[0 if axis is None else 1] >= FEW and all(change.mean() < OFTEN for change in changed)
+    if leaf.shape[0 if axis is None else 1] < FEW:
+        return False
+    truths = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool]
+    changes = [(t[:, 1:] != t[:, :-1]).any(axis=0) for t in truths]
+    columns = [
+        np.ascontiguousarray(c.reshape(len(c), -1).T) for c in changes
+    ]  # along short rows NumPy takes 15 x as long
+    return all(column.any(axis=0).mean() < OFTEN for column in columns)
 
 
 class _Start:

@@ -45,14 +45,14 @@ def estimate_bank(
     rows = (bound.samples, bound.intervals)
     engine, run = windows.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
-    outcomes = tuple(
-        Outcome.of(int(code), int(k), bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i])
-        for i, (code, k) in enumerate(zip(run.code, run.failed_at, strict=True))
-    )
+    outcomes = [Outcome.of(0, 0, None)] * len(run.code)
+    for i in np.flatnonzero(run.code):
+        t = bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i]
+        outcomes[i] = Outcome.of(int(run.code[i]), int(run.failed_at[i]), t)
     _settle(outcomes, on_failure)
     info = jax.tree_util.tree_map(lambda leaf: leaf[:, None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[..., -1:]
-    return EstimateBank(info, t, run.log_likelihood, outcomes, engine, bound.names)
+    return EstimateBank(info, t, run.log_likelihood, tuple(outcomes), engine, bound.names)
 
 
 def _bind(algorithms: Any, records: Any, prior: Any) -> Bound:
@@ -92,7 +92,7 @@ def _check_times(bank: Record) -> None:
         )
 
 
-def _settle(outcomes: tuple[Outcome, ...], on_failure: str) -> None:
+def _settle(outcomes: list[Outcome], on_failure: str) -> None:
     for i, outcome in enumerate(outcomes):
         if outcome.code and on_failure == "raise":
             raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))
