@@ -4,14 +4,15 @@ import ctypes
 from collections.abc import Callable
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from .kept import once
 from .llvm import OneRow
 from .loops import Array, Loop
-from .straight_line import UnsupportedError, lower_jaxpr
+from .straight_line import Program, UnsupportedError, lower_jaxpr
 
 
 class Place:
@@ -51,18 +52,25 @@ class Step:
 class Code:
     """The machine code of a step, of which form the next state is, and how what is told is read, field by field."""
 
-    def __init__(self, function: Callable, structure: Any, shapes: tuple):
-        fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
-        traced, (self.next, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
-        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(told))}
-        self.inputs = [_size(array) for array in inputs]
-        program = lower_jaxpr(traced)
-        counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
-        read = [_names(part) for part in _split(program.inputs, *counts)]
+    def __init__(self, step: "Lowered"):
+        self.next, self.inputs = step.next, step.inputs
+        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(step.told))}
+        program, read = step.program, [_names(part) for part in _split(step.program.inputs, *step.bounds)]
         written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(self.next)))]
         self.told = len(written[1])
         row, each = map(Array, read[1:]), map(Array, written)
         self.compiled = OneRow(Loop(program, read[0], (), tuple(row), (), tuple(each), ()))
+
+
+class Lowered(NamedTuple):
+    """A step as a straight line: the forms of the next state and of what is told, the sizes of the inputs, and where in the
+    program's inputs `fixed` and the state end."""
+
+    next: Any
+    told: Any
+    inputs: list[int]
+    bounds: list[int]
+    program: Program
 
 
 def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
@@ -80,8 +88,17 @@ def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
 @lru_cache(256)
 def _code(*arguments: Any) -> Code | UnsupportedError:
     """The code of a step, or why there is none: neither is worked out twice."""
+    step = once(attempt, *arguments)
+    return step if isinstance(step, UnsupportedError) else Code(step)
+
+
+def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | UnsupportedError:
+    """The straight line of a step, or why there is none."""
+    fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
+    traced, (after, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
+    bounds = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)]).tolist()
     try:
-        return Code(*arguments)
+        return Lowered(form_of(after), form_of(told), [_size(part) for part in inputs], bounds, lower_jaxpr(traced))
     except UnsupportedError as reason:
         return reason
 

@@ -21,6 +21,11 @@ from .quick import Quick
 
 
 @jax.jit
+def _init(algorithm, prior):
+    return algorithm.init(prior)
+
+
+@jax.jit
 def _correct(algorithm, k, state, sample):
     return algorithm.at(k).correct(state, sample)
 
@@ -299,5 +304,5 @@ def online(
         check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()
-    state = algorithm.sampled(Clock.every(model.dt, hold)).init(prior)
+    state = _init(algorithm.sampled(Clock.every(model.dt, hold)), prior)
     return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost), engine)
