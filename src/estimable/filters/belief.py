@@ -59,16 +59,17 @@ def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Beli
     """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
     if belief.drift_mean is not None:
         raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
-    b, p = belief, C.shape[0]
-    if model.independent and b.diffuse.shape[1] == 0:
-        r = model.V[np.arange(p), np.arange(p)]
-        post = independent.correct(b.mean, b.factor, C, d, r, sample.y, sample.seen, b.size)
-    else:
-        post = kalman.correct(
-            b.mean, b.factor, b.diffuse, C, d, model.V, Ω, sample.y, sample.seen, b.size, b.log_scale
-        )  # fmt: skip
+    b, post = belief, posterior(belief, C, d, model.V, Ω, sample, independently=model.independent)
     before = b.factor if b.before is None else b.before
     return Belief(post.m, post.Z, post.X, b.size, b.log_scale, post.drift, post.Z_drift, before), post
+
+
+def posterior(b: Belief, C, d, V, Ω, sample, *, independently: bool) -> kalman.Posterior:
+    """The belief b conditioned on what was seen; `independently`: V is known to be diagonal, and Ω is None."""
+    if independently and b.diffuse.shape[1] == 0:
+        i = np.arange(C.shape[0])
+        return independent.correct(b.mean, b.factor, C, d, V[i, i], sample.y, sample.seen, b.size)
+    return kalman.correct(b.mean, b.factor, b.diffuse, C, d, V, Ω, sample.y, sample.seen, b.size, b.log_scale)
 
 
 def predict(belief: Belief, F, c, W, Ω) -> Belief:

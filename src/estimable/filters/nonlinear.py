@@ -17,7 +17,7 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..results import Info, Names, outcome_code
-from .belief import Belief, believe, side_by_side
+from .belief import Belief, believe, posterior, side_by_side
 
 
 def check(algorithm: Any) -> None:
@@ -185,8 +185,7 @@ def _condition(algorithm: Any, b: Belief, sample: Any, mean, L):
     line = algorithm.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
     V = noise_of(line, ready.V, algorithm.truncated)
-    return line, kalman.correct(b.mean, b.factor, b.diffuse, line.slope, d, V, None, sample.y, sample.seen, b.size,
-                                b.log_scale)  # fmt: skip
+    return line, posterior(b, line.slope, d, V, None, sample, independently=ready.independent and V is ready.V)
 
 
 def constant(algorithm: Any, walk: Any, lasting: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
 from .nonlinear import NonlinearModel
-from .sampled import Clock, SampledModel, sample
+from .sampled import Clock, SampledModel, is_diagonal, sample
 from .state_space import StateSpace
 
 
@@ -16,7 +16,7 @@ from .state_space import StateSpace
 class Functions:
     """A `NonlinearModel` with its noises on unit white ones: w = white e, v = V e'. θ are the parameters of the model.
 
-    `moving`: the input moves linearly between samples. The state's origin is zero.
+    `moving`: the input moves linearly between samples. The state's origin is zero. `independent`: V is diagonal.
     """
 
     f: Any = static()
@@ -29,6 +29,7 @@ class Functions:
     G: Any
     white: Any
     V: Any
+    independent: bool = static(default=False)
 
     def at(self, k) -> "Functions":
         """The plant at row k: it does not vary."""
@@ -96,6 +97,11 @@ class Matrices:
         """The factor of the measurement noise, (p, p)."""
         return self.model.V
 
+    @property
+    def independent(self) -> bool:
+        """Whether each output has a noise of its own."""
+        return self.model.independent
+
     def output(self, x, θ, u):
         """y without its noise, (p,)."""
         model = self.model
@@ -119,5 +125,5 @@ def plant(model: StateSpace | NonlinearModel, clock: Clock) -> Functions | Matri
     G = model.G if model.noise_input is None else jnp.zeros((model.n, model.Q.shape[-1]))
     return Functions(
         model.f, model.h, model.noise_input, model.substeps, model.is_continuous, clock.hold == "first_order",
-        model.parameters, G, factors(model.Q), factors(model.R),
+        model.parameters, G, factors(model.Q), factors(model.R), is_diagonal(model.R),
     )  # fmt: skip

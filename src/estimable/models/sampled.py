@@ -75,15 +75,13 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
     deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
     return SampledModel(
         model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
-        tuple(sorted(deterministic | _varying_noise(model))), _are_independent(model),
+        tuple(sorted(deterministic | _varying_noise(model))), model.S is None and is_diagonal(model.R),
     )  # fmt: skip
 
 
-def _are_independent(model: StateSpace) -> bool:
-    """Whether R is known to be diagonal, in every row of time and batch, and S is zero."""
-    if model.S is not None or checks.is_traced(model.R):
-        return False
-    return not np.any(np.asarray(model.R) * (1 - np.eye(model.p)))
+def is_diagonal(R: Any) -> bool:
+    """Whether R (.., p, p) is known to be diagonal, in every row of time and batch."""
+    return not checks.is_traced(R) and not np.any(np.asarray(R) * (1 - np.eye(np.shape(R)[-1])))
 
 
 def _varying_noise(model: StateSpace) -> set[str]:
