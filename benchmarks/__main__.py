@@ -57,7 +57,9 @@ def measured(some):
 def parser():
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, prog="python -m benchmarks")
-    options.add_argument("--quick", action="store_true", help="a tenth of the rows and runs: two minutes in place of ten")
+    options.add_argument(
+        "--quick", action="store_true", help="a tenth of the rows and runs: two minutes in place of ten"
+    )
     options.add_argument("--json", action="store_true", help="rows as JSON in place of a table")
     options.add_argument("--markdown", action="store_true", help="write docs/benchmarks.md too")
     options.add_argument(

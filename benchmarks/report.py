@@ -60,7 +60,7 @@ def page(rows, options):
 
 *Question it answers: how fast is it, beside other libraries and beside a loop written by hand for that one case?*
 
-Made by `python -m benchmarks {options}` on {machine}, {versions}.
+Made by `python -m benchmarks {options}` on {machine}, {versions}. The other libraries are those of extra `bench`.
 
 In short, for each workload that others run too; more than 1: ours is faster. Ours is the first row of the workload in the
 second table.

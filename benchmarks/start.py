@@ -30,7 +30,8 @@ def process(code, **variables):
 
 def starts(name):
     """Imports, and the demo in a new process: with nothing on the disk, and with the machine code of the one before."""
-    jax, ours = (min(process(f"import {module}")[0] for _ in range(5)) for module in ("jax", "estimable"))
+    times = [[process(f"import {module}")[0] for module in ("jax", "estimable")] for _ in range(5)]
+    jax, ours = (min(each) for each in zip(*times, strict=True))
     yield row(name, "import estimable", ours)
     yield row(name, "import jax", jax, whose="library")
     demo = "import sys; sys.argv=['estimable','demo','--json']; from estimable.commands import main; main()"
