@@ -32,7 +32,7 @@ def workloads(quick):
         (loops, f"W8 {runs:,} closed loops of the F-16, 1,650 samples each", runs),
         (starts, "W9 start"),
         *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
-        *((first_calls, f"W11 first call, n={n} p=2", n) for n in (2, 4, 8)),
+        *((first_calls, f"W11 first call, n={n} p=2", n) for n in (2, 4, 8, 64)),
     ]  # fmt: skip
 
 
