@@ -49,7 +49,7 @@ class UnknownInput:
     NaN where it told of an unknown input only: the others judge the model.
 
     Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper; otherwise
-    what is undetermined is carried along, n + d (delay + 1) directions: 2 times with one unknown input, 3 with two.
+    what is undetermined is carried along, n + d (delay + 1) directions: 4 times with one unknown input, 5 with two.
 
     Reference: S. Gillijns, B. De Moor, Automatica 43 (2007) 111-116 and 934-937; H. Fang (2009), ch. 2, Algorithm 1.
 

@@ -160,8 +160,9 @@ def _told(a: _Array, g, β, opens, seen, states: int) -> Real:
     along = apply(a.finite, g) * jnp.where(f > 0, 1 / jnp.where(f > 0, f, 1.0), 0.0)
     row = jnp.where(opens, v, jnp.where(seen, β, 0.0))
     left = X - jnp.where(opens, reflected, along)[:, None] * row[None, :]
-    zero = opens & (pivot[None, :] | _is_rounding(left, jnp.max(jnp.abs(X), axis=1)[:, None]))
-    return jnp.where(zero, 0.0, left)
+    least = jnp.where(opens, SNAPPED * jnp.max(jnp.abs(X), axis=1), -1.0)   # what is left below that is rounding
+    left = jnp.where(pivot[None, :] & opens, 0.0, left)
+    return jnp.where(jnp.abs(left) <= least[:, None], 0.0, left)
 
 
 def _is_rounding(difference, terms):
