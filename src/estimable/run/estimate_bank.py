@@ -82,7 +82,7 @@ def _first(part: Any) -> Any:
 
 def _check_times(bank: Record) -> None:
     """The records of a bank are sampled alike."""
-    if bank.t is None or bank.t.shape[-1] == 1:
+    if bank.t is None or bank.t.shape[-1] == 1 or (bank.t == bank.t[0]).all():
         return
     steps = np.diff(bank.t, axis=-1)
     apart = np.abs(steps - steps[0]).max(axis=-1) > UNIFORM * steps.min()
