@@ -19,8 +19,10 @@ def library(source):
     if compiler is None:
         return None
     made = Path(tempfile.mkdtemp()) / "handwritten.so"
-    flags = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-shared", "-fPIC", "-pthread"]
-    subprocess.run([compiler, *flags, str(Path(__file__).with_name(source)), "-o", str(made), "-lm"], check=True)
+    flags = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-fPIC", "-pthread"]
+    subprocess.run([compiler, *flags, "-c", str(Path(__file__).with_name(source)), "-o", f"{made}.o"], check=True)
+    # without -ffast-math: with it the library would round small numbers to zero in the whole process
+    subprocess.run([compiler, "-shared", "-pthread", f"{made}.o", "-o", str(made), "-lm"], check=True)
     return ctypes.CDLL(str(made))
 
 

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from cases import case
 from estimable import InputError, Kalman, Prior, RunError, StateSpace, UnknownGain, estimate, load, online, save
+from estimable.engines.straight_line import UnsupportedError
 
 FEATURES = ({}, {"cross": True}, {"missing": 0.8}, {"varying": True})
 
@@ -126,11 +127,17 @@ def test_what_is_wrong_with_a_plain_array_is_still_said():
         exact.correct(np.array([1.0]))
 
 
-def test_what_cannot_be_machine_code_online_is_said():
-    large = StateSpace(np.eye(12), R=np.eye(12), dt=1)
-    with pytest.raises(InputError, match=r'engine = "native" cannot run Kalman online: .* Use "auto" or "xla"\.'):
-        online(Kalman(large), prior=Prior(np.zeros(12), np.eye(12)), engine="native")
-    assert online(Kalman(large), prior=Prior(np.zeros(12), np.eye(12))).engine == "xla"
+def test_what_cannot_be_machine_code_online_is_said(monkeypatch):
+    def refuse(traced):
+        raise UnsupportedError("the primitive sort")
+
+    monkeypatch.setattr("estimable.engines.single.lower", refuse)
+    large = StateSpace(np.eye(13), R=np.eye(13), dt=1)  # too many operations for scalars
+    with pytest.raises(
+        InputError, match=r'engine = "native" cannot run Kalman online: the primitive sort. Use "auto" or "xla"\.'
+    ):
+        online(Kalman(large), prior=Prior(np.zeros(13), np.eye(13)), engine="native")
+    assert online(Kalman(large), prior=Prior(np.zeros(13), np.eye(13))).engine == "xla"
 
 
 def test_where_a_step_takes_other_equations_xla_goes_on(monkeypatch):

@@ -9,6 +9,7 @@ import os
 import pickle
 import platform
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -63,7 +64,8 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
     if content is not None:
         return pickle.loads(content)
     made = make(*arguments)
-    write(path, pickle.dumps(made))
+    with suppress(pickle.PicklingError, TypeError, AttributeError):  # what cannot be kept is made again
+        write(path, pickle.dumps(made))
     return made
 
 

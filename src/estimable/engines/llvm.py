@@ -5,18 +5,19 @@ from functools import cache
 from typing import Any
 
 from . import kept
-from .loops import Loop, write
+from .array_loop import ArrayLoop
+from .loops import Loop
 from .straight_line import UnsupportedError
 
 
 class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
-    def __init__(self, loop: Loop, lanes: int = 1):
+    def __init__(self, loop: Loop | ArrayLoop, lanes: int = 1):
         _processor()  # without LLVM there is nothing to write for
         self.lanes, self.loop = lanes, loop
-        self._engine = _engine(write(loop, lanes))
-        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * (3 + len(loop.row) + len(loop.each)))
+        self._engine = _engine(loop.assembly(lanes))
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * loop.pointers)
         self.address = kind(self._engine.get_function_address("run"))
 
     def __call__(self, rows: int, fixed, carry, last, *arrays) -> None:
@@ -28,24 +29,24 @@ class Compiled:
 class OneRow:
     """A loop that carries nothing, for one row: a function of one address.
 
-    There lie the addresses of `fixed`, and of the arrays of `loop.row` and `loop.each`. It keeps Python's lock, and returns the
-    last number that it wrote as an integer.
+    There lie the addresses of `fixed`, and of the arrays that are read and written. It keeps Python's lock, under which all
+    steps may share its memory, and returns number `last` of the last array as an integer.
     """
 
-    def __init__(self, loop: Loop):
+    def __init__(self, loop: Loop | ArrayLoop, last: int):
         _processor()
-        arrays, last = 1 + len(loop.row) + len(loop.each), len(loop.each[-1].names) - 1
-        lines = []
+        arrays, assembly, lines = loop.pointers - 2, loop.assembly(1), []
         for i in range(arrays):
             lines += [f"%at{i} = getelementptr inbounds ptr, ptr %places, i64 {i}", f"%array{i} = load ptr, ptr %at{i}"]
         pointers = ", ".join(
-            f"ptr {name}" for name in ("%array0", "null", "null", *(f"%array{i}" for i in range(1, arrays)))
+            f"ptr {name}" for name in ("%array0", "@memory", "null", *(f"%array{i}" for i in range(1, arrays)))
         )
         lines += [f"call void @run(i64 1, {pointers})",
                   f"%place = getelementptr inbounds double, ptr %array{arrays - 1}, i64 {last}",
                   "%number = load double, ptr %place", "%code = fptosi double %number to i64", "ret i64 %code"]  # fmt: skip
+        memory = f"@memory = internal global [{loop.bytes} x i8] zeroinitializer, align 64\n"
         text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
-        self._engine = _engine(write(loop, 1) + text)
+        self._engine = _engine(assembly + memory + text)
         self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
 
 

@@ -38,10 +38,19 @@ class Loop(NamedTuple):
     last: tuple[int, ...]
     repeats: bool = True
 
+    @property
+    def bytes(self) -> int:
+        """How much memory the function needs besides its arrays."""
+        return 0
 
-def write(loop: Loop, lanes: int) -> str:
-    """The function `run(rows, fixed, carry, last, an array of each of loop.row .., of loop.each ..)`."""
-    return _Text(loop, lanes).write()
+    @property
+    def pointers(self) -> int:
+        """How many arrays the function takes."""
+        return 3 + len(self.row) + len(self.each)
+
+    def assembly(self, lanes: int) -> str:
+        """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`."""
+        return _Text(self, lanes).write()
 
 
 class _Text:

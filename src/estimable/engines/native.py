@@ -2,25 +2,26 @@
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import jax
 import numpy as np
 
+from .batches import DTYPES, on_all_processors, shaped, sizes
 from .by_row import laid_out
+from .large import large_step
 from .llvm import Compiled
 from .loops import Array, Loop
-from .written import Written, batch, entries_read, write
+from .straight_line import UnsupportedError
+from .written import Written, batch, entries_read, example, write
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
 FEW = 64  # rows, in which nothing settles for long
 CACHE = 2**19  # bytes that a processor has near
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
-DTYPES = {"double": float, "i64": int, "i8": bool}
 
 
 def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str, select: Any) -> Run:
@@ -33,8 +34,12 @@ def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str,
 def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
     """Many runs at once: of (algorithm, samples and intervals, prior) those with axis 0 have a leading batch axis."""
     algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
-    written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
+    try:
+        written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
+    except UnsupportedError:
+        shapes = example(algorithm, prior, samples, intervals, axes)
+        return large_step(*shapes, keep, select, _repeat(rows)).run(size, fixed, rows)
     return compiled_step(written, keep, LANES if size > 1 else 1, _repeat(rows)).run(size, fixed, rows)
 
 
@@ -144,20 +149,6 @@ class Step:
         return (slice(first, first + real) if real == lanes else runs), real
 
 
-def sizes(shapes: Any) -> np.ndarray:
-    """Where each array ends among columns side by side."""
-    return np.cumsum([math.prod(leaf.shape) for leaf in jax.tree_util.tree_leaves(shapes)])
-
-
-def shaped(arrays: list, shapes: Any) -> Any:
-    """Arrays with flat entries as what has these shapes."""
-    leaves, structure = jax.tree_util.tree_flatten(shapes)
-    return jax.tree_util.tree_unflatten(structure, [
-        array.reshape(*array.shape[:-1], *leaf.shape).astype(leaf.dtype, copy=False)
-        for array, leaf in zip(arrays, leaves, strict=True)
-    ])  # fmt: skip
-
-
 @lru_cache(256)
 def compiled_step(written: Written, keep: str, lanes: int, repeats: bool = False) -> Step:
     """The compiled step: nothing is compiled twice."""
@@ -215,12 +206,3 @@ def columns(leaves: list, places: list, size: int) -> np.ndarray:
         leaf, axis = leaves[i]
         out[:, column] = leaf.ravel()[j] if axis is None else leaf.reshape(size, -1)[:, j]
     return out
-
-
-def on_all_processors(work: Any, items: Sequence[int]) -> None:
-    """Each item once, in threads: machine code and copies release Python's lock."""
-    if len(items) == 1:
-        work(items[0])
-        return
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(work, items))  # raises what a thread raised

@@ -6,8 +6,6 @@ whatever depends on them alone, and on the same choices, is the same too. Found 
 
 from typing import Any, NamedTuple
 
-from .straight_line import is_truth
-
 WORTH = 64  # operations: less is computed as fast as it is compared
 
 
@@ -69,9 +67,9 @@ def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
         inputs = op.name in ("input", "truth_input")
         alone = bool(op.arguments) and all(_closed(loop.program, slow, same, a) for a in op.arguments)
         moves = any(slow[a] for a in op.arguments)
-        slow.append(i in own or (not inputs and not same[i] and alone and (moves or not is_truth(loop.program, i))))
+        slow.append(i in own or (not inputs and not same[i] and alone and (moves or not loop.program.is_truth(i))))
     return slow
 
 
 def _closed(program: Any, slow: list[bool], same: list[bool], name: int) -> bool:
-    return slow[name] or same[name] or is_truth(program, name)
+    return slow[name] or same[name] or program.is_truth(name)

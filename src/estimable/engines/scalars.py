@@ -4,7 +4,7 @@ import struct
 from typing import Any
 
 from .logarithm import Logarithm
-from .straight_line import TRANSCENDENTAL, Program, is_truth
+from .straight_line import TRANSCENDENTAL, Program
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 LOGIC = {"and": "and", "or": "or", "xor": "xor"}
@@ -33,7 +33,7 @@ class Scalars:
 
     def constant(self, value: Any) -> str:
         """A constant, in every lane."""
-        word = ("true" if value else "false") if isinstance(value, bool) else _hexadecimal(value)
+        word = ("true" if value else "false") if isinstance(value, bool) else hexadecimal(value)
         if self.lanes == 1:
             return word
         kind = "i1" if isinstance(value, bool) else "double"
@@ -41,7 +41,7 @@ class Scalars:
 
     def is_truth(self, name: int) -> bool:
         """Whether a scalar is a truth."""
-        return is_truth(self.program, name)
+        return self.program.is_truth(name)
 
     def define(self, name: int, names: dict[int, str], lines: list[str]) -> str:
         """The scalar `name`, a constant or an operation on scalars that have names."""
@@ -157,5 +157,6 @@ class Scalars:
         return f"select {self.truth} {undefined}, {self.number} {a[0]}, {self.number} {chosen}"
 
 
-def _hexadecimal(value: float) -> str:
+def hexadecimal(value: float) -> str:
+    """A number as LLVM writes it, to the last bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"

@@ -7,8 +7,11 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from .array_loop import ArrayLoop
+from .arrays import lower
 from .kept import once
 from .llvm import OneRow
 from .loops import Array, Loop
@@ -53,30 +56,57 @@ class Code:
     """The machine code of a step, of which form the next state is, and how what is told is read, field by field."""
 
     def __init__(self, step: "Lowered"):
-        self.next, self.inputs = step.next, step.inputs
+        self.next, self.inputs, self.told = step.next, step.inputs, _size(step.told) + 1
         self.fields = {name: reader(form, at) for name, form, at in _placed(vars(step.told))}
-        program, read = step.program, [_names(part) for part in _split(step.program.inputs, *step.bounds)]
-        written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(self.next)))]
-        self.told = len(written[1])
-        row, each = map(Array, read[1:]), map(Array, written)
-        self.compiled = OneRow(Loop(program, read[0], (), tuple(row), (), tuple(each), ()))
+        self.compiled = OneRow(step.loop, self.told - 1)
+
+
+def _written_out(program: Program, fixed: Any, state: Any, following: Any) -> Loop:
+    """The step as a straight line of scalars."""
+    counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
+    read = [_names(part) for part in _split(program.inputs, *counts)]
+    written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(following)))]
+    row, each = map(Array, read[1:]), map(Array, written)
+    return Loop(program, read[0], (), tuple(row), (), tuple(each), ())
+
+
+def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
+    """The step as operations on arrays, of which those of each part lie one after the other."""
+
+    def run(*memories):
+        following, *told = function(*(_unpacked(part, m) for part, m in zip(parts[:2], memories, strict=False)),
+                                    *_unpacked(parts[2], memories[2]))  # fmt: skip
+        return _packed(following), _packed(told)
+
+    return ArrayLoop(lower(jax.make_jaxpr(run)(*(np.zeros(_size(part)) for part in parts))), None, 1, 0, 2)
+
+
+def _packed(tree: Any) -> Any:
+    """All numbers of a tree, inside JAX."""
+    return jnp.concatenate([jnp.ravel(leaf).astype(float) for leaf in jax.tree_util.tree_leaves(tree)])
+
+
+def _unpacked(form: Any, memory: Any) -> Any:
+    """A tree of this form from its numbers, inside JAX."""
+    leaves, structure = jax.tree_util.tree_flatten(form)
+    parts = _split(memory, *np.cumsum([_size(leaf) for leaf in leaves])[:-1].tolist()) if leaves else []
+    shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree_util.tree_unflatten(structure, shaped)
 
 
 class Lowered(NamedTuple):
-    """A step as a straight line: the forms of the next state and of what is told, the sizes of the inputs, and where in the
-    program's inputs `fixed` and the state end."""
+    """A step as a program: the forms of the next state and of what is told, and the sizes of the inputs."""
 
     next: Any
     told: Any
     inputs: list[int]
-    bounds: list[int]
-    program: Program
+    loop: Loop | ArrayLoop
 
 
 def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
     """The code of `function(fixed, state, *inputs)`, which gives the next state, a record that is told and a code.
 
-    Raises `UnsupportedError` where the function has no straight line.
+    Raises `UnsupportedError` where the function has no machine code.
     """
     leaves, structure = jax.tree_util.tree_flatten((fixed, state, *inputs))
     code = _code(function, structure, tuple((leaf.shape, leaf.dtype.str) for leaf in map(form_of, leaves)))
@@ -93,12 +123,16 @@ def _code(*arguments: Any) -> Code | UnsupportedError:
 
 
 def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | UnsupportedError:
-    """The straight line of a step, or why there is none."""
+    """The program of a step, of scalars or else of arrays, or why there is none."""
     fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
     traced, (after, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
-    bounds = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)]).tolist()
+    forms = form_of(after), form_of(told), [_size(part) for part in inputs]
     try:
-        return Lowered(form_of(after), form_of(told), [_size(part) for part in inputs], bounds, lower_jaxpr(traced))
+        return Lowered(*forms, _written_out(lower_jaxpr(traced), fixed, state, after))
+    except UnsupportedError:
+        pass
+    try:
+        return Lowered(*forms, _of_arrays(function, form_of(fixed), form_of(state), form_of(inputs)))
     except UnsupportedError as reason:
         return reason
 

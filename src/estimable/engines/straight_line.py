@@ -35,13 +35,12 @@ class Program(NamedTuple):
     inputs: tuple[np.ndarray, ...]
     outputs: tuple[np.ndarray, ...]
 
-
-def is_truth(program: Program, name: int) -> bool:
-    """Whether a scalar is a truth and not a number."""
-    op = program.operations[name]
-    if op.name == "select":
-        return is_truth(program, op.arguments[1])
-    return op.name in TRUTHS or op.name == "truth_input" or (op.name == "constant" and isinstance(op.value, bool))
+    def is_truth(self, name: int) -> bool:
+        """Whether a scalar is a truth and not a number."""
+        op = self.operations[name]
+        if op.name == "select":
+            return self.is_truth(op.arguments[1])
+        return op.name in TRUTHS or op.name == "truth_input" or (op.name == "constant" and isinstance(op.value, bool))
 
 
 def _divide(a: float, b: float) -> float:
@@ -78,6 +77,7 @@ CALLS = {
     "checkpoint",
     "remat",
     "remat2",
+    "custom_vmap_call",
 }
 FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and",
          "reduce_or": "or"}  # fmt: skip
@@ -233,15 +233,19 @@ def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple
     return None
 
 
+def called(parameters: dict) -> tuple[Any, Any]:
+    """The jaxpr that is called, and its constants."""
+    inner = next(parameters[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr", "call") if name in parameters)
+    return (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
+
+
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
     name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
     if name in CALLS and parameters.get("name") == "settles":
         return [line.each("settles", *arrays)]
     if name in CALLS:
-        inner = parameters.get("jaxpr", parameters.get("call_jaxpr", parameters.get("fun_jaxpr")))
-        jaxpr, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
-        return line.run(jaxpr, consts, arrays)
+        return line.run(*called(parameters), arrays)
     if name in MOVES or name in BY_NUMPY:
         return _moved(equation.primitive, arrays, parameters)
     if name in FOLDS:

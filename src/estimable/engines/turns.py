@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .native import LANES, Step, columns, compiled_step, on_all_processors, shaped, sizes
+from .batches import on_all_processors, shaped, sizes
+from .native import LANES, Step, columns, compiled_step
 from .written import batch, write
 from .xla import Run
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .kept import once
 from .lasting import lasting
-from .straight_line import Program, UnsupportedError, lower, lower_jaxpr
+from .straight_line import Program, UnsupportedError, lower_jaxpr
 
 LONG = 20_000  # outputs in all, seen or not
 OPEN = 200_000  # operations of a step before it is known what of its state is constant
@@ -59,17 +59,20 @@ def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tup
 
     In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
     """
-    a, r, p = axes
-    example = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
-    leaves, structure = jax.tree_util.tree_flatten(tuple(example))
+    structure, shapes = example(algorithm, prior, samples, intervals, axes)
     long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
-    zeros = _zeros(algorithm, a) if long else ()
-    written = write_shapes(
-        structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves), keep, select, zeros
-    )
+    written = write_shapes(structure, shapes, keep, select, _zeros(algorithm, axes[0]) if long else ())
     if isinstance(written, UnsupportedError):
         raise written
     return written
+
+
+def example(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, tuple]:
+    """The structure, and the shape and type of each array, of (algorithm, prior, sample, interval) in one row of one run."""
+    a, r, p = axes
+    one = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
+    leaves, structure = jax.tree_util.tree_flatten(tuple(one))
+    return structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves)
 
 
 def batch(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[int, list, list]:
@@ -125,7 +128,18 @@ def attempt(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple)
         return reason
 
 
-def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:
+class Traced(NamedTuple):
+    """The jaxprs of `init` and of a row, as `Written` describes them; `shapes` of the arrays of the state."""
+
+    start: Any
+    row: Any
+    fixed: int
+    states: int
+    kept: Any
+
+
+def trace(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced:
+    """What `init` and a row do."""
     examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
     algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
     told = {}
@@ -142,22 +156,26 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) 
         return jax.tree_util.tree_leaves(state), jax.tree_util.tree_leaves(kept), [log_likelihood, info.outcome]
 
     state = jax.eval_shape(lambda algorithm, prior: algorithm.init(prior), algorithm, prior)
-    start = lower(init, algorithm, prior)
     parts = (algorithm, prior, state, sample, interval)
     counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
-    fixed, states = counts[0] + counts[1], counts[2]
+    start, row = jax.make_jaxpr(init)(algorithm, prior), jax.make_jaxpr(step)(*parts)
+    return Traced(start, row, counts[0] + counts[1], counts[2], told["kept"])
+
+
+def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:
+    traced = trace(structure, shapes, keep, select)
+    fixed, states, start = traced.fixed, traced.states, lower_jaxpr(traced.start)
     always = dict.fromkeys(zeros, 0.0)
     known = _constants(start, fixed)
-    traced = jax.make_jaxpr(step)(*parts)
     # as short as it can be: where that is too long, nothing more is worked out
-    row = lower_jaxpr(traced, always | known)
+    row = lower_jaxpr(traced.row, always | known)
     if len(_still_known(known, row, fixed, states)) < len(known):
-        known = lasting(known, lower_jaxpr(traced, always, OPEN), fixed)
-        row = lower_jaxpr(traced, always | known)
+        known = lasting(known, lower_jaxpr(traced.row, always, OPEN), fixed)
+        row = lower_jaxpr(traced.row, always | known)
     while len(kept := _still_known(known, row, fixed, states)) < len(known):
         known = kept
-        row = lower_jaxpr(traced, always | known)
-    return Written(start, row, fixed, states, told["kept"])
+        row = lower_jaxpr(traced.row, always | known)
+    return Written(start, row, fixed, states, traced.kept)
 
 
 def _constants(start: Program, fixed: int) -> dict[tuple[int, int], Any]:

@@ -49,7 +49,7 @@ def _impulse_response(data, lags: int) -> np.ndarray:
         U = _lagged(datum.u, lags)[datum.seen]
         M, c = M + U.T @ U, c + U.T @ datum.y[datum.seen]
     M = np.asarray(M)
-    size = max(float(np.diagonal(M).max(initial=0.0)), np.finfo(float).tiny)
+    size = max(float(np.diagonal(M).max(initial=0.0)), np.finfo(float).tiny / RIDGE)
     return np.linalg.solve(M + RIDGE * size * np.eye(len(M)), np.asarray(c)).reshape(-1, lags)
 
 

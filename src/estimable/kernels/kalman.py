@@ -49,8 +49,8 @@ class Posterior(NamedTuple):
 
 
 class _Array(NamedTuple):
-    finite: Real           # rows: outputs, states, drifts; columns: unit white variables, and last the residual, which
-                           # is datum minus mean for an output, minus the increment of the mean for a state or drift
+    finite: Real           # rows: outputs, states, drifts; columns: unit white variables
+    residual: Real         # of each row: datum minus mean for an output, minus the increment of the mean for a state or drift
     diffuse: Real          # the same rows on the variables of infinite variance
     variance: Real         # of each output when its turn came (of its diffuse part where that opened)
     error: Real            # its residual then
@@ -79,29 +79,30 @@ def correct(
     (p, n), k = C.shape, Z.shape[1]
     e = jnp.where(seen, y - apply(C, m) - d, 0.0)
     Y = jnp.concatenate([product(C, Z), V], axis=1)                        # outputs on (x's variables, e)
-    finite = [jnp.concatenate([Y, e[:, None]], axis=1), jnp.concatenate([Z, jnp.zeros((n, p + 1))], axis=1)]
+    finite = [Y, jnp.concatenate([Z, jnp.zeros((n, p))], axis=1)]
     diffuse = [product(C, X), X]
     if Ω is not None:
-        finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω, jnp.zeros((n, 1))], axis=1))
+        finite.append(jnp.concatenate([jnp.zeros((n, k)), Ω], axis=1))
         diffuse.append(jnp.zeros_like(X))
     magnitude = jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size)          # of the datum and of its prediction
     known = KNOWN * (terms(C, Z) + jnp.sum(V * V, axis=1) + magnitude**2)
     determined = DETERMINED * terms(C, X)
 
     blank = jnp.zeros(p, bool)
-    array = _Array(jnp.concatenate(finite), jnp.concatenate(diffuse), jnp.ones(p), e, blank, blank)
+    residual = jnp.concatenate([e, jnp.zeros(n if Ω is None else 2 * n)])
+    array = _Array(jnp.concatenate(finite), residual, jnp.concatenate(diffuse), jnp.ones(p), e, blank, blank)
     array = repeat(p, lambda j, a: _take(a, j, seen[j], known[j], determined[j], k), array)
     ignored = seen & ~array.opened & ~array.informed
     density = jnp.log(2 * jnp.pi * array.variance)
     density = density + jnp.where(array.opened, 2 * log_scale, array.error**2 / array.variance)
     infinite = jnp.sum(diffuse[0] ** 2, axis=1) > determined
-    states, drifts = array.finite[p : p + n], array.finite[p + n :]
+    at_states, at_drifts = slice(p, p + n), slice(p + n, None)
     return Posterior(
-        m=m - states[:, -1],
-        Z=states[:, :-1],
-        X=array.diffuse[p : p + n],
-        drift=None if Ω is None else -drifts[:, -1],
-        Z_drift=None if Ω is None else drifts[:, :-1],
+        m=m - array.residual[at_states],
+        Z=array.finite[at_states],
+        X=array.diffuse[at_states],
+        drift=None if Ω is None else -array.residual[at_drifts],
+        Z_drift=None if Ω is None else array.finite[at_drifts],
         innovation=jnp.where(seen, e, jnp.nan),
         innovation_covariance=jnp.where(infinite[:, None] | infinite[None, :], jnp.nan, gram(Y)),
         log_likelihood=-jnp.sum(jnp.where(array.opened | array.informed, density, 0.0)) / 2,
@@ -122,8 +123,7 @@ def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:
     In the limit κ -> infinity the gain on a datum with a diffuse part β is X β / β β', and what it leaves,
     Z - k g and X (I - β' β / β β'), is exact: the covariance is stationary in the gain (Durbin & Koopman §5.2).
     """
-    row, β, k = a.finite[j], a.diffuse[j], a.finite.shape[1] - 1
-    g = jnp.where(jnp.arange(k + 1) < k, row, 0.0)                         # without the residual
+    g, β, e = a.finite[j], a.diffuse[j], a.residual[j]
     covariance, covariance_diffuse = apply(a.finite, g), apply(a.diffuse, β)
     f, f_diffuse = covariance[j], covariance_diffuse[j]                    # variance: f + κ f_diffuse
     opens = seen & (f_diffuse > determined)
@@ -133,10 +133,11 @@ def _take(a: _Array, j, seen, known, determined, states: int) -> _Array:
     X = _told(a, g, β, opens, seen, states) if len(β) else a.diffuse
     at_j = jnp.arange(a.error.shape[0]) == j
     return _Array(
-        finite=a.finite - gain[:, None] * row[None, :],
+        finite=a.finite - gain[:, None] * g[None, :],
+        residual=a.residual - gain * e,
         diffuse=X,
         variance=jnp.where(at_j, variance, a.variance),
-        error=jnp.where(at_j, row[k], a.error),
+        error=jnp.where(at_j, e, a.error),
         opened=a.opened | (at_j & opens),
         informed=a.informed | (at_j & informs),
     )

@@ -1,0 +1,96 @@
+"""Steps of models that are too large to be written out, as machine code of operations on arrays."""
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from .array_loop import ArrayLoop
+from .arrays import lower
+from .batches import DTYPES, on_all_processors, shaped, sizes
+from .kept import once
+from .llvm import Compiled
+from .straight_line import UnsupportedError
+from .written import Traced, trace
+from .xla import Run
+
+LINE = 64  # bytes of the cache that are fetched together
+
+
+class LargeStep:
+    """A compiled step. Runs of a bank follow one another on each processor."""
+
+    def __init__(self, program: Traced, keep: str, repeats: bool):
+        row, states = program.row, program.states
+        kept, told = row.outputs[states:-2], row.outputs[-2:]
+        each, last = ((*told, *kept), ()) if keep != "last" else (told, kept)
+        row = row._replace(outputs=(*row.outputs[:states], *each, *last))
+        self.kept, self.keep = program.kept, keep
+        self.each, self.last = ([row.operations[name] for name in names] for names in (each, last))
+        self.rows = [kind for _, kind in row.types[program.fixed + states :]]
+        self.loop = ArrayLoop(row, program.start, program.fixed, states, len(each), repeats)
+        self.compiled = Compiled(self.loop)
+
+    def run(self, size: int, fixed: list, rows: list) -> Run:
+        """Run all, on all processors. `fixed`, `rows`: (array, 0 where its first axis is that of the runs, else None)."""
+        read = [
+            (np.ascontiguousarray(leaf, DTYPES[kind]), axis) for (leaf, axis), kind in zip(rows, self.rows, strict=True)
+        ]
+        leaf, axis = read[0]
+        T = leaf.shape[0 if axis is None else 1]
+        each = [np.empty((size, T, math.prod(array.shape)), DTYPES[array.kind]) for array in self.each]
+        last = np.empty((size, sum(math.prod(array.shape) for array in self.last)))
+
+        def run(i: int) -> None:
+            given = [np.ravel(_of(i, *leaf)).astype(float) for leaf in fixed]
+            row = [_of(i, *leaf) for leaf in read]
+            memory = _memory(self.loop.bytes)
+            self.compiled(
+                T, np.concatenate([*given, np.zeros(1)]), memory, last[i], *row, *(array[i] for array in each)
+            )
+
+        on_all_processors(run, range(size))
+        log_likelihoods, outcomes = (array[..., 0] for array in each[:2])
+        failed_at = np.argmax(outcomes != 0, axis=1)
+        kept = np.split(last, sizes(self.kept)[:-1], axis=-1) if self.keep == "last" else each[2:]
+        codes = outcomes[np.arange(size), failed_at]
+        return Run(shaped(kept, self.kept), log_likelihoods.sum(axis=1), codes, failed_at, None)
+
+
+def large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: bool) -> LargeStep:
+    """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
+    step = _large_step(structure, shapes, keep, select, repeats)
+    if isinstance(step, UnsupportedError):
+        raise step
+    return step
+
+
+@lru_cache(256)
+def _large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: bool) -> LargeStep | UnsupportedError:
+    """The step, or why there is none: neither is worked out twice."""
+    program = once(attempt, structure, shapes, keep, select)
+    try:
+        return program if isinstance(program, UnsupportedError) else LargeStep(program, keep, repeats)
+    except UnsupportedError as reason:
+        return reason
+
+
+def attempt(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced | UnsupportedError:
+    """`init` and a row as programs of arrays, or why there is none."""
+    traced = trace(structure, shapes, keep, select)
+    try:
+        return traced._replace(start=lower(traced.start), row=lower(traced.row))
+    except UnsupportedError as reason:
+        return reason
+
+
+def _of(run: int, leaf: np.ndarray, axis: int | None) -> np.ndarray:
+    """What is a run's of an array."""
+    return leaf if axis is None else leaf[run]
+
+
+def _memory(size: int) -> np.ndarray:
+    """Bytes that begin where a line of the cache does."""
+    memory = np.empty(size + LINE, np.uint8)
+    return memory[-memory.ctypes.data % LINE :]
