@@ -199,7 +199,8 @@ def test_a_large_run_ends_in_the_same_way():
     assert ours.outcome.code == 1
 
 
-def test_why_a_large_step_has_no_machine_code_is_worked_out_once(monkeypatch):
+def test_why_a_large_step_has_no_machine_code_is_worked_out_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("ESTIMABLE_CACHE", str(tmp_path))
     model, prior, record = large(12, 2, 5)
     tried = []
 

@@ -38,7 +38,9 @@ class Foreign:
 
 
 @pytest.mark.parametrize(
-    "part", [lambda x: x, np.sin, Foreign(), partial(select, keep="all"), Replayed(1).at, {"a": 1}, {1}], ids=repr
+    "part",
+    [lambda x: x, np.sin, Foreign(), partial(select, keep="all"), Replayed(1).at, {"a": 1}, {1}],
+    ids=lambda part: type(part).__name__,
 )
 def test_what_has_no_name_beyond_this_process_gets_none(part):
     with pytest.raises(kept.UnnamedError):
