@@ -2,9 +2,12 @@
 
 import argparse
 import json
+import os
 import sys
+import tempfile
 import time
 from pathlib import Path
+from unittest import mock
 
 from .equations import lyapunov, riccati
 from .filtering import bank, large, one_record, one_step
@@ -37,20 +40,22 @@ def workloads(quick):
 
 
 def chosen(workloads, only):
-    """Those whose names begin with one of the words of `only`, which commas part; all of them for none."""
-    prefixes = tuple(word.strip() for word in only.split(","))
-    return [
-        each for each in workloads if any(f"{each[1]} ".startswith(f"{word} " if word else "") for word in prefixes)
-    ]
+    """Those that `only` names, as in "W1,W7"; all of them for none. Raises `ValueError` for a name that there is not."""
+    names = {each[1].split()[0] for each in workloads}
+    words = {word.strip() for word in only.split(",")} if only else names
+    if words - names:
+        raise ValueError(f"--only knows {', '.join(sorted(names, key=lambda name: int(name[1:])))}. Got {only}")
+    return [each for each in workloads if each[1].split()[0] in words]
 
 
 def measured(some):
-    """Their rows; what has run is told on stderr."""
+    """Their rows, with nothing on the disk to begin with; what has run is told on stderr."""
     rows, start = [], time.perf_counter()
-    for make, name, *sizes in some:
-        for told in make(name, *sizes):
-            print(f"{time.perf_counter() - start:6.1f} s  {name}: {told['contender']}", file=sys.stderr, flush=True)
-            rows.append(told)
+    with tempfile.TemporaryDirectory() as cache, mock.patch.dict(os.environ, ESTIMABLE_CACHE=cache):
+        for make, name, *sizes in some:
+            for told in make(name, *sizes):
+                print(f"{time.perf_counter() - start:6.1f} s  {name}: {told['contender']}", file=sys.stderr, flush=True)
+                rows.append(told)
     return rows
 
 
@@ -73,9 +78,10 @@ def main(arguments=None):
     options = parser().parse_args(arguments)
     if options.markdown and options.only:
         parser().error("--markdown writes the page of all workloads, measured in one run: leave out --only")
-    some = chosen(workloads(options.quick), options.only)
-    if not some:
-        parser().error(f"--only {options.only} names no workload: W1 to W11")
+    try:
+        some = chosen(workloads(options.quick), options.only)
+    except ValueError as unknown:
+        parser().error(str(unknown))
     rows = measured(some)
     if options.markdown:
         PAGE.write_text(page(rows, "--quick --markdown" if options.quick else "--markdown"))

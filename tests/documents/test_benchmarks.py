@@ -141,7 +141,7 @@ def test_workloads_are_chosen_by_their_names():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"), [("--only W1 --markdown", "leave out --only"), ("--only W99", "names no workload")]
+    ("arguments", "told"), [("--only W1 --markdown", "leave out --only"), ("--only W1,W99", "--only knows W1, W2")]
 )
 def test_what_makes_no_page_is_refused(arguments, told, capsys):
     with pytest.raises(SystemExit):
