@@ -44,8 +44,9 @@ def gram(Z: Float[Real, "n k"]) -> Float[Real, "n n"]:
 def sums_after(A: Float[Real, "... k"]) -> Float[Real, "... k"]:
     """In place of each entry, the sum of those after it along the last axis."""
     k = A.shape[-1]
-    if k > 2 * SMALL:
-        return jnp.flip(jnp.cumsum(jnp.flip(A, -1), -1), -1) - A
+    if k > SMALL:
+        from_each_on = lax.cumsum(jnp.asarray(A), axis=A.ndim - 1, reverse=True)
+        return jnp.concatenate([from_each_on[..., 1:], jnp.zeros((*A.shape[:-1], 1))], axis=-1)
     after = np.tri(k, k, -1).reshape((1,) * (A.ndim - 1) + (k, k))
     return jnp.sum(A[..., :, None] * after, axis=-2)
 
