@@ -5,6 +5,8 @@ which cannot be fused); above it they call the library or loop at run time. Noth
 deadlock inside a compiled function: mapped over a batch, LAPACK takes one matrix after another.
 """
 
+from contextlib import suppress
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -201,11 +203,20 @@ traced_factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
 
 
 def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
-    """`factor` again, of all matrices at once."""
-    left = np.asarray(P)
-    left = (left + np.swapaxes(left, -1, -2)) / 2
+    """`factor` again, of all matrices at once: by LAPACK where no pivot is taken for zero."""
+    P = np.asarray(P)
+    P = (P + np.swapaxes(P, -1, -2)) / 2
+    floor = P.shape[-1] * np.finfo(float).eps * np.diagonal(P, axis1=-2, axis2=-1)
+    with suppress(np.linalg.LinAlgError):
+        L = np.linalg.cholesky(P)
+        if (np.diagonal(L, axis1=-2, axis2=-1) ** 2 > floor).all():
+            return L
+    return _eliminated(P, floor)
+
+
+def _eliminated(left: Float[np.ndarray, "... n n"], floor: Float[np.ndarray, "... n"]) -> Float[np.ndarray, "... n n"]:
+    """The factors, column after column; a pivot below `floor` is taken for zero. `left` is used up."""
     n, L = left.shape[-1], np.zeros(left.shape)
-    floor = n * np.finfo(float).eps * np.diagonal(left, axis1=-2, axis2=-1)
     for j in range(n):
         pivot = left[..., j, j]
         positive = pivot > floor[..., j]
