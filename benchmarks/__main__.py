@@ -22,7 +22,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 def workloads(quick):
     """(what makes its rows, name, sizes) of each workload."""
-    T, runs, steps, rows = (10_000, 1_000, 1_000, 200) if quick else (100_000, 10_000, 2_000, 2_000)
+    T, runs, steps, rows = (10_000, 1_000, 1_000, 1_000) if quick else (100_000, 10_000, 2_000, 2_000)
     return [
         (one_record, f"W1 one record, n=4 p=2, T={T:,}", T, 0.0),
         (bank, f"W2 {runs:,} models of n=4 p=2, 200 samples each", runs, 200),
