@@ -1,5 +1,6 @@
 """Machine code of operations on arrays against JAX: random programs, every rule, every catalogue entry, large models."""
 
+import weakref
 from functools import lru_cache
 
 import jax
@@ -189,6 +190,18 @@ def test_a_large_model_steps_online_as_machine_code():
         assert_allclose(info.mean, result.mean[k], rtol=1e-11, atol=1e-12)
         assert_allclose(info.covariance, result.covariance[k], rtol=1e-11, atol=1e-12)
         running.predict(record.u[k])
+
+
+def test_a_large_result_leaves_no_memory_behind():
+    model, prior, record = large(12, 3)
+    for _ in range(2):
+        result = estimate(Kalman(model), record, prior=prior, engine="native")
+        whole = result.covariance
+        while whole.base is not None:
+            whole = whole.base
+        kept = weakref.ref(whole)
+        del result, whole
+        assert kept() is None
 
 
 def test_a_large_run_ends_in_the_same_way():

@@ -62,7 +62,7 @@ def large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: b
     """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
     step = _large_step(structure, shapes, keep, select, repeats)
     if isinstance(step, UnsupportedError):
-        raise step
+        raise UnsupportedError(*step.args)  # a new one: the kept one would keep all frames that it passes
     return step
 
 

@@ -111,7 +111,7 @@ def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
     leaves, structure = jax.tree_util.tree_flatten((fixed, state, *inputs))
     code = _code(function, structure, tuple((leaf.shape, leaf.dtype.str) for leaf in map(form_of, leaves)))
     if isinstance(code, UnsupportedError):
-        raise code
+        raise UnsupportedError(*code.args)  # a new one: the kept one would keep all frames that it passes
     return code
 
 

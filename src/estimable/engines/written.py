@@ -63,7 +63,7 @@ def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tup
     long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
     written = write_shapes(structure, shapes, keep, select, _zeros(algorithm, axes[0]) if long else ())
     if isinstance(written, UnsupportedError):
-        raise written
+        raise UnsupportedError(*written.args)  # a new one: the kept one would keep all frames that it passes
     return written
 
 
