@@ -62,7 +62,7 @@ def large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: b
     """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
     step = _large_step(structure, shapes, keep, select, repeats)
     if isinstance(step, UnsupportedError):
-        raise UnsupportedError(*step.args)  # a new one: the kept one would keep all frames that it passes
+        raise UnsupportedError(*step.args)
     return step
 
 
@@ -73,7 +73,7 @@ def _large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: 
     try:
         return program if isinstance(program, UnsupportedError) else LargeStep(program, keep, repeats)
     except UnsupportedError as reason:
-        return reason
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
 def attempt(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced | UnsupportedError:
@@ -82,7 +82,7 @@ def attempt(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced | U
     try:
         return traced._replace(start=lower(traced.start), row=lower(traced.row))
     except UnsupportedError as reason:
-        return reason
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
 def _of(run: int, leaf: np.ndarray, axis: int | None) -> np.ndarray:

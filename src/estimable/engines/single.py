@@ -111,7 +111,7 @@ def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
     leaves, structure = jax.tree_util.tree_flatten((fixed, state, *inputs))
     code = _code(function, structure, tuple((leaf.shape, leaf.dtype.str) for leaf in map(form_of, leaves)))
     if isinstance(code, UnsupportedError):
-        raise UnsupportedError(*code.args)  # a new one: the kept one would keep all frames that it passes
+        raise UnsupportedError(*code.args)
     return code
 
 
@@ -134,7 +134,7 @@ def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | Unsu
     try:
         return Lowered(*forms, _of_arrays(function, form_of(fixed), form_of(state), form_of(inputs)))
     except UnsupportedError as reason:
-        return reason
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
 def flat(tree: Any) -> np.ndarray:

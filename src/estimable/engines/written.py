@@ -63,7 +63,7 @@ def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tup
     long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
     written = write_shapes(structure, shapes, keep, select, _zeros(algorithm, axes[0]) if long else ())
     if isinstance(written, UnsupportedError):
-        raise UnsupportedError(*written.args)  # a new one: the kept one would keep all frames that it passes
+        raise UnsupportedError(*written.args)
     return written
 
 
@@ -125,7 +125,7 @@ def attempt(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple)
     try:
         return _write(structure, shapes, keep, select, zeros)
     except UnsupportedError as reason:
-        return reason
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
 class Traced(NamedTuple):
