@@ -114,12 +114,26 @@ class _Line:
         if name in CALLS:
             return self.run(*called(parameters), arguments)
         types = [_type(var.aval) for var in equation.outvars]
-        if name in SAME or (name == "convert_element_type" and types[0][1] == self.operations[arguments[0]].kind):
+        if self.changes_nothing(name, parameters, arguments, types[0]):
             return arguments
         if len(types) == 1 and name not in SEVERAL:
             return [self.folded(Operation(name, tuple(arguments), *types[0], value=parameters))]
         whole = self.add(Operation(name, tuple(arguments), (), "", self.inner(name, parameters)))
         return [self.add(Operation("result", (whole,), *kind, value=i)) for i, kind in enumerate(types)]
+
+    def changes_nothing(self, name: str, parameters: dict, arguments: list[int], result: tuple) -> bool:
+        """Whether an equation gives its argument back: as the transpose of a product a a' does."""
+        if name == "convert_element_type":
+            return result[1] == self.operations[arguments[0]].kind
+        if name != "transpose":
+            return name in SAME
+        product = self.operations[arguments[0]]
+        if product.name != "dot_general" or len(product.shape) != 2:
+            return False
+        a, other = product.arguments
+        turned = self.operations[other]
+        along = product.value["dimension_numbers"] == (((1,), (0,)), ((), ()))
+        return along and turned.name == "transpose" and turned.arguments == (a,) and parameters["permutation"] == (1, 0)
 
     def inner(self, name: str, parameters: dict) -> Any:
         """The parameters, with the programs inside as such: each is worked out once."""

@@ -197,7 +197,7 @@ def predict(
     Z_next, m_next = product(F, Z), apply(F, m) + c
     if drift is not None and Z_drift is not None:
         Z_next, m_next = Z_next + Z_drift, m_next + drift
-    L = triangularise(jnp.concatenate([Z_next, W], axis=1))
+    L = triangularise(Z_next, W)
     size = jnp.maximum(apply(jnp.abs(F), jnp.abs(m)) + jnp.abs(c), MEMORY * size)
     if X.shape[1] == 0:
         return Prediction(m_next, L, X, size, log_scale)

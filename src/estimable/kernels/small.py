@@ -16,7 +16,7 @@ from jax.core import Tracer
 from .shapes import Float
 
 SMALL = 8
-LARGE = 128             # rows: N N' and its factor take a third of the time of a QR factorisation
+LARGE = 48              # rows: N N' and its factor take a third of the time of a QR factorisation
 INDEPENDENT = 1e-3      # what must be left of a variance for three digits of sixteen to be all that N N' loses
 Real = jax.Array | np.ndarray
 
@@ -62,37 +62,42 @@ def repeat(count: int, step, carry):
     return carry
 
 
-def triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
-    """The lower triangular L with L L' = N N', each row to rounding relative to the norm of that same row.
+def triangularise(*N: Float[Real, "n _"]) -> Float[Real, "n n"]:
+    """The lower triangular L with L L' = N N' for an N in parts beside each other, each row to rounding relative to its norm.
 
     By modified Gram-Schmidt where it is written out, by Householder's QR above, and by Cholesky's factor of N N' where that is
     as good and the matrix large. A row that depends on those above it gets a zero on the diagonal, or rounding.
     """
-    n, k = N.shape
+    n, k = len(N[0]), sum(part.shape[1] for part in N)
     if n <= SMALL or k < n:
-        return gram_schmidt(N)
-    return _triangularise(jnp.asarray(N))
+        return gram_schmidt(beside(N))
+    return _triangularise(tuple(jnp.asarray(part) for part in N))
+
+
+def beside(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n k"]:
+    """The parts of N as one matrix."""
+    return N[0] if len(N) == 1 else jnp.concatenate(N, axis=1)
 
 
 @jax.custom_jvp
-def _triangularise(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
+def _triangularise(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     return _by_library(N)
 
 
 @_triangularise.defjvp
 def _triangularise_jvp(values, tangents):
-    return _triangularise(*values), jax.jvp(gram_schmidt, values, tangents)[1]
+    return _triangularise(*values), jax.jvp(lambda N: gram_schmidt(beside(N)), values, tangents)[1]
 
 
 @jax.custom_batching.sequential_vmap
-def _by_library(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
+def _by_library(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     """`triangularise` by LAPACK, one matrix after another."""
-    if len(N) < LARGE:
-        return householder(N)
-    P = jnp.asarray(gram(N))
+    if len(N[0]) < LARGE:
+        return householder(beside(N))
+    P = jnp.asarray(sum(gram(part) for part in N))                     # of a part that stays, once and for all
     L = lax.linalg.cholesky(P, symmetrize_input=False)
     left = diagonal(L) ** 2 >= INDEPENDENT * diagonal(P)               # of the variance of each row, given those above it
-    return lax.cond(jnp.all(left), lambda N, L: L, lambda N, L: householder(N), N, L)
+    return lax.cond(jnp.all(left), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
 
 
 def householder(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
@@ -103,7 +108,7 @@ def householder(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
 
 def diagonal(P: Float[Real, "n n"]) -> Float[Real, " n"]:
     """The diagonal of a square matrix."""
-    return jnp.sum(P * jnp.eye(len(P)), axis=1)
+    return jnp.ravel(P)[:: len(P) + 1]
 
 
 def gram_schmidt(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
