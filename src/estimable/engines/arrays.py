@@ -113,6 +113,8 @@ class _Line:
         name, parameters = NAMED.get(name, name), equation.params
         if name in CALLS:
             return self.run(*called(parameters), arguments)
+        if equation.effects or not equation.outvars:
+            raise UnsupportedError(f"the primitive {name} does something beside its results")
         types = [_type(var.aval) for var in equation.outvars]
         if self.changes_nothing(name, parameters, arguments, types[0]):
             return arguments
