@@ -62,6 +62,18 @@ def test_random_programs_give_what_jax_gives(steps, seed):
         assert_as_jax(function, a, b, rtol=1e-9)
 
 
+def _add(c, x):
+    return c + x, c
+
+
+def _sum(a):
+    return lax.scan(_add, jnp.zeros(14), a)
+
+
+def _undefined(a):
+    return jnp.argmax(a, 0), jnp.argmax(a[2]), jnp.sign(a), a.max(1)
+
+
 A = np.random.default_rng(0).normal(size=(9, 14))
 RULES = {
     "reshape": lambda a: (a.reshape(-1), a.T.reshape(14 * 9), (a * 2).reshape(14, 9).sum(0), a.reshape(9, 1, 14)),
@@ -79,6 +91,10 @@ RULES = {
     "choice": lambda a: [lax.cond(a[i, 0] > 0, lambda x: x * 2, lambda x: x.T.reshape(9, 14), a) for i in range(9)],
     "triangle": lambda a: jnp.abs(jnp.linalg.qr(a.T, mode="r")),
     "factor": lambda a: (jnp.linalg.cholesky(a @ a.T), jnp.isnan(jnp.linalg.cholesky(-a @ a.T)[0, 0])),
+    "one body twice": lambda a: (_sum(a[:3]), _sum(a), lax.scan(_add, jnp.zeros(14), a, reverse=True)),
+    "not a number": lambda a: _undefined(a.at[2, 1].set(jnp.nan)),
+    "truths": lambda a: ((a > 0) < (a > 1), (a > 0) >= (a > 1), jnp.maximum(a > 0, a > 1), jnp.min(a > -9, axis=0)),
+    "known": lambda a: (a * lax.exp2(2000.0), a * jnp.sin(jnp.inf), jnp.sqrt(-1.0)),
     "kinds": lambda a: ((a > 0).astype(float), (a * 3).astype(int), jnp.sign(a), a**-2, a**0, lax.rsqrt(jnp.abs(a))),
 }  # fmt: skip
 
@@ -86,6 +102,22 @@ RULES = {
 @pytest.mark.parametrize("name", RULES)
 def test_every_rule_gives_what_jax_gives(name):
     assert_as_jax(RULES[name], A)
+
+
+def test_a_carry_may_be_looked_up_in_the_one_before():
+    def step(c, _):
+        return c[np.array([2, 0, 1])], c
+
+    def function(a):
+        return lax.fori_loop(0, 4, lambda i, c: (c[1][::-1], c[0] * 2, c[0][1:] + c[1][:-1]), (a[0], a[1], a[0][1:]))
+
+    assert_as_jax(function, A)
+    program = lower(jax.make_jaxpr(lambda c: (step(c, None)[0], c * 1.0))(np.zeros(3)))
+    start = lower(jax.make_jaxpr(lambda: jnp.array([1.0, 2.0, 3.0]))())
+    loop = ArrayLoop(program, start, 0, 1, 1)
+    each, memory = np.empty((4, 3)), np.empty(4096, np.uint8)
+    Compiled(loop)(4, np.zeros(1), memory, np.zeros(1), each)
+    assert each.tolist() == [[1, 2, 3], [3, 1, 2], [2, 3, 1], [1, 2, 3]]
 
 
 @pytest.mark.parametrize("start", [-2, 0, 6, 8, 20])

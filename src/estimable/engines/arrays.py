@@ -5,15 +5,18 @@ scalars, as that of indices, is done here.
 """
 
 import math
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .straight_line import BY_NUMPY, CALLS, NAMED, SCALAR, UnsupportedError, called
+from .straight_line import BY_NUMPY, CALLS, NAMED, SCALAR, UnsupportedError, called, refuse_other_rounding
 
-KINDS = {"f": "double", "i": "i64", "u": "i64", "b": "i1"}
+KINDS = {"f": "double", "i": "i64", "b": "i1"}  # an int32 is held as an i64, and does not wrap
 DTYPES = {"double": float, "i64": int, "i1": bool}
 FEW = 64  # entries of arrays of indices that are worked out here
+REPEATED = ("num_consts", "num_carry", "length", "reverse")  # how a scan repeats its program
+BITWISE = {"and", "or", "xor", "not"}
 SEVERAL = {"scan", "cond", "split"}  # results, even if it is but one
 SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
 
@@ -77,7 +80,7 @@ class _Line:
     def __init__(self):
         self.operations: list[Operation] = []
         self.found: dict[tuple, int] = {}
-        self.inside: dict[tuple[int, ...], Repeated | Branches] = {}
+        self.inside: dict[tuple, Repeated | Branches] = {}
 
     def add(self, operation: Operation) -> int:
         """The name of an operation, new or met before."""
@@ -115,6 +118,7 @@ class _Line:
             return self.run(*called(parameters), arguments)
         if equation.effects or not equation.outvars:
             raise UnsupportedError(f"the primitive {name} does something beside its results")
+        refuse_other_rounding(name, parameters)
         types = [_type(var.aval) for var in equation.outvars]
         if self.changes_nothing(name, parameters, arguments, types[0]):
             return arguments
@@ -142,7 +146,7 @@ class _Line:
         if name not in ("scan", "cond"):
             return parameters
         inside = (parameters["jaxpr"],) if name == "scan" else parameters["branches"]
-        key = tuple(id(closed.jaxpr) for closed in inside)
+        key = (name, *(id(closed.jaxpr) for closed in inside), *(parameters.get(told) for told in REPEATED))
         if key not in self.inside:
             programs = tuple(_lowered(closed.jaxpr, closed.consts) for closed in inside)
             self.inside[key] = Branches(programs) if name == "cond" else Repeated(
@@ -182,28 +186,23 @@ class _Line:
 
 
 def _known(operation: Operation, values: list[np.ndarray]) -> np.ndarray | None:
-    """What an operation gives for known arrays; None where it is not known how."""
-    name, cast = operation.name, DTYPES[operation.kind]
-    if math.prod(operation.shape) > FEW:
+    """What an operation gives for known arrays; None where it is not known how, or where Python has no answer."""
+    name, shape, cast = operation.name, operation.shape, DTYPES[operation.kind]
+    if math.prod(shape) > FEW or (name in BITWISE and operation.kind != "i1"):
         return None
     if name in BY_NUMPY:
         return BY_NUMPY[name](*values, **operation.value)
     if name == "iota":
-        count = np.arange(operation.shape[operation.value["dimension"]])
-        return np.broadcast_to(
-            np.expand_dims(count, [i for i in range(len(operation.shape)) if i != operation.value["dimension"]]),
-            operation.shape,
-        )
+        return np.indices(shape)[operation.value["dimension"]]
     if name == "select_n" and len(values) == 3:
         return np.where(values[0], values[2], values[1])
     if name == "convert_element_type":
         return values[0].astype(cast)
-    if name in SCALAR and name != "select":
-        return (
-            np.vectorize(SCALAR[name], otypes=[cast])(*values)
-            if operation.shape
-            else np.asarray(SCALAR[name](*(v.item() for v in values)), cast)
-        )
+    if name not in SCALAR or name == "select":
+        return None
+    with suppress(ArithmeticError, ValueError, TypeError):
+        entries = zip(*(value.ravel().tolist() for value in np.broadcast_arrays(*values)), strict=True)
+        return np.array([SCALAR[name](*entry) for entry in entries], cast).reshape(shape)
     return None
 
 
@@ -213,7 +212,7 @@ def _type(aval: Any) -> tuple[tuple[int, ...], str]:
 
 def _kind(dtype: Any) -> str:
     """How an entry is held."""
-    if getattr(dtype, "kind", None) not in KINDS:
+    if getattr(dtype, "kind", None) not in KINDS or (dtype.kind == "f" and dtype.itemsize != 8):
         raise UnsupportedError(f"numbers of the kind {dtype}")
     return KINDS[dtype.kind]
 

@@ -207,15 +207,15 @@ class Blocks:
                 size *= count
             if size > 32:
                 self.copy(self.place(memory, value.kind, ["0"] * len(value.shape)),
-                          self.place(value.memory, value.kind, ["0"] * len(value.shape)), size)  # fmt: skip
+                          self.place(value.memory, value.kind, ["0"] * len(value.shape)), size, BYTES[value.kind])  # fmt: skip
                 return
         self.every(value.shape, lambda index: self.store(memory, value.kind, index, value.at(index)))
 
-    def copy(self, target: str, source: str, size: int) -> None:
+    def copy(self, target: str, source: str, size: int, align: int) -> None:
         """Copy bytes."""
         self.scalars.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         self.lines.append(
-            f"call void @llvm.memcpy.p0.p0.i64(ptr align 8 {target}, ptr align 8 {source}, i64 {size}, i1 false)"
+            f"call void @llvm.memcpy.p0.p0.i64(ptr align {align} {target}, ptr align {align} {source}, i64 {size}, i1 false)"
         )
 
     def kept(self, value: Value) -> Value:

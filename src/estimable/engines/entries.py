@@ -6,13 +6,14 @@ from .moves import stretched
 from .scalars import ARITHMETIC, COMPARE, INTRINSICS, LOGIC
 from .straight_line import UnsupportedError
 
-WHOLE = {"add", "sub", "mul"}
-WHOLE_COMPARE = {"eq": "eq", "ne": "ne", "lt": "slt", "le": "sle", "gt": "sgt", "ge": "sge"}
+INTEGER = {"add", "sub", "mul"}
+INTEGER_COMPARE = {"eq": "eq", "ne": "ne", "lt": "slt", "le": "sle", "gt": "sgt", "ge": "sge"}
 CONVERT = {
     ("i1", "double"): "uitofp i1 {} to double", ("i1", "i64"): "zext i1 {} to i64", ("i64", "i1"): "icmp ne i64 {}, 0",
-    ("i64", "double"): "sitofp i64 {} to double", ("double", "i64"): "fptosi double {} to i64",
+    ("i64", "double"): "sitofp i64 {} to double", ("double", "i64"): "call i64 @llvm.fptosi.sat.i64.f64(double {})",
     ("double", "i1"): "fcmp une double {}, 0.0",
 }  # fmt: skip
+TRUTHS = {"lt": "icmp ult", "le": "icmp ule", "gt": "icmp ugt", "ge": "icmp uge", "max": "or", "min": "and"}
 COMPOSED = {"select_n", "convert_element_type", "integer_pow", "square", "rsqrt", "sign"}
 ENTRIES = (
     {*ARITHMETIC, *LOGIC, *COMPARE, *INTRINSICS, "neg", "not", "is_finite", "max", "min"} - {"truncate"}
@@ -31,12 +32,14 @@ def each(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
 
 def scalar(blocks: Blocks, name: str, kinds: list[str], names: list[str]) -> str:
     """One operation on scalars, of numbers or truths or whole numbers."""
+    if name in TRUTHS and set(kinds) == {"i1"}:
+        return blocks.assign(f"{TRUTHS[name]} i1 {names[0]}, {names[1]}")
     if "i64" not in kinds:
         return blocks.scalars.operation(name, names, ["truth" if k == "i1" else "number" for k in kinds], blocks.lines)
-    if name in WHOLE:
+    if name in INTEGER:
         return blocks.assign(f"{name} i64 {names[0]}, {names[1]}")
-    if name in WHOLE_COMPARE:
-        return blocks.assign(f"icmp {WHOLE_COMPARE[name]} i64 {names[0]}, {names[1]}")
+    if name in INTEGER_COMPARE:
+        return blocks.assign(f"icmp {INTEGER_COMPARE[name]} i64 {names[0]}, {names[1]}")
     if name in ("max", "min"):
         first = blocks.assign(f"icmp {'sgt' if name == 'max' else 'slt'} i64 {names[0]}, {names[1]}")
         return blocks.assign(f"select i1 {first}, i64 {names[0]}, i64 {names[1]}")
@@ -55,6 +58,7 @@ def _composed(blocks: Blocks, operation: Operation, kinds: list[str], names: lis
     if name == "select_n":
         return _chosen(blocks, kinds, names)
     if name == "convert_element_type":
+        blocks.scalars.declared.add("declare i64 @llvm.fptosi.sat.i64.f64(double)")
         return blocks.assign(CONVERT[kinds[0], kind].format(names[0]))
     if name == "sign":
         return _sign(blocks, kind, names[0])
@@ -83,4 +87,6 @@ def _sign(blocks: Blocks, kind: str, value: str) -> str:
     if kind != "double":
         raise UnsupportedError("the sign of whole numbers")
     sides = [blocks.assign(f"fcmp {side} double {value}, 0.0") for side in ("ogt", "olt")]
-    return scalar(blocks, "sub", [kind] * 2, [blocks.assign(f"uitofp i1 {side} to double") for side in sides])
+    sign = scalar(blocks, "sub", [kind] * 2, [blocks.assign(f"uitofp i1 {side} to double") for side in sides])
+    undefined = blocks.assign(f"fcmp uno double {value}, {value}")
+    return blocks.assign(f"select i1 {undefined}, double {value}, double {sign}")

@@ -42,19 +42,22 @@ def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Any, again: s
         arguments = [values[a] for a in operation.arguments]
         if operation.name == "result":
             values[name] = arguments[0][operation.value]
+            if values[name] is None:
+                raise UnsupportedError(f"a result of the primitive {program.operations[operation.arguments[0]].name}")
             continue
-        if operation.name in WHOLE:
-            values[name] = WHOLE[operation.name](blocks, operation, arguments)
+        if operation.name in SEVERAL:
+            values[name] = SEVERAL[operation.name](blocks, operation, arguments)
             continue
         value = define(blocks, operation, arguments)
         values[name] = blocks.ready(value) if name in again else value
 
 
 def commit(blocks: Blocks, memories: list[Memory], values: list[Value]) -> None:
-    """Write arrays to where the former ones lie, when all have been computed."""
+    """Write arrays to where the former ones lie, when all have been computed: what may read there is written elsewhere first."""
     regions = {memory.region for memory in memories}
     moved = [(m, v) for m, v in zip(memories, values, strict=True) if v.memory is None or v.memory != m]
-    inside = [blocks.kept(v) if v.work or (v.memory and v.memory.region in regions) else v for _, v in moved]
+    apart = [v.known is not None or (v.memory is not None and v.memory.region not in regions) for _, v in moved]
+    inside = [v if safe else blocks.kept(v) for (_, v), safe in zip(moved, apart, strict=True)]
     for (memory, _), value in zip(moved, inside, strict=True):
         blocks.fill(memory, value)
 
@@ -92,13 +95,16 @@ def row_of(blocks: Blocks, value: Value, k: str) -> Value:
 
 
 def _qr(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value | None]:
-    if operation.value["full_matrices"] or operation.value["pivoting"] or len(values[0].shape) != 2:
+    shape = values[0].shape
+    if operation.value["full_matrices"] or operation.value["pivoting"] or len(shape) != 2 or shape[0] < shape[1]:
         raise UnsupportedError("a QR factorisation of this form")
     return [None, triangle(blocks, values[0])]
 
 
 def _choice(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value]:
     """One of two programs, of which only the chosen one runs."""
+    if len(operation.value.programs) != 2:
+        raise UnsupportedError("a choice among more than two")
     (no, yes), which, given = operation.value.programs, values[0].at([]), [blocks.ready(value) for value in values[1:]]
     types = [yes.operations[name] for name in yes.outputs]
     memories, label = [blocks.region(kind.shape, kind.kind) for kind in types], blocks.label()
@@ -113,4 +119,4 @@ def _choice(blocks: Blocks, operation: Operation, values: list[Value]) -> list[V
     return [blocks.lying(memory, kind.shape, kind.kind) for memory, kind in zip(memories, types, strict=True)]
 
 
-WHOLE = {"cond": _choice, "scan": _scan, "qr": _qr, "split": split}
+SEVERAL = {"cond": _choice, "scan": _scan, "qr": _qr, "split": split}

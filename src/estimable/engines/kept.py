@@ -8,6 +8,7 @@ import hashlib
 import os
 import pickle
 import platform
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -15,9 +16,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import jax
+import jaxlib.version
 import numpy as np
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic)
+FAILURES = (pickle.PickleError, AttributeError, ImportError, LookupError, EOFError, TypeError, ValueError, RuntimeError)
 Made = TypeVar("Made")
 
 
@@ -47,7 +50,7 @@ def write(path: Path, content: bytes) -> None:
     """Write a file whole or not at all; a folder that cannot be written is no error."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_suffix(f".{os.getpid()}")
+        draft = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
         draft.write_bytes(hashlib.sha256(content).digest() + content)
         draft.replace(path)
     except OSError:
@@ -61,21 +64,22 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
     except UnnamedError:
         return make(*arguments)
     content = read(path)
-    if content is not None:
-        return pickle.loads(content)
+    with suppress(*FAILURES):
+        if content is not None:
+            return pickle.loads(content)
     made = make(*arguments)
-    with suppress(pickle.PicklingError, TypeError, AttributeError):  # what cannot be kept is made again
+    with suppress(*FAILURES):  # what cannot be kept is made again
         write(path, pickle.dumps(made))
     return made
 
 
 @cache
 def source() -> str:
-    """What this package and those below it are: versions, and size and date of every file."""
+    """What this package and those below it are: versions, a setting, and what every file holds."""
     root = Path(__file__).parents[1]
-    files = sorted((str(path.relative_to(root)), path.stat()) for path in root.rglob("*.py"))
-    dates = [f"{name}:{told.st_size}:{told.st_mtime_ns}" for name, told in files]
-    return "|".join((jax.__version__, np.__version__, platform.python_version(), *dates))
+    text = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(root.rglob("*.py")))).hexdigest()
+    versions = jax.__version__, jaxlib.version.__version__, np.__version__, platform.python_version()
+    return "|".join((*versions, str(jax.config.read("jax_enable_x64")), text))
 
 
 def name_of(part: Any) -> str:

@@ -96,21 +96,20 @@ def large_gram(blocks: Blocks, a: Value) -> Value:
 
 
 def cholesky(blocks: Blocks, P: Value) -> Value:
-    """The lower triangular L with L L' = P; NaN on its diagonal where P is not positive definite."""
+    """The lower triangular L with L L' = P, and what P has above it; NaN where P is not positive definite."""
     n = P.shape[0]
     memory, info = blocks.region((n, n), "double"), blocks.region((1,), "i64")
     blocks.fill(memory, P)
     blocks.store(info, "i64", ["0"], "0")
     size = _given(blocks, "i32", n)
     _call(blocks, "dpotrf", [_given(blocks, "i8", "U"), size, memory.pointer, size, info.pointer])
-    failed = blocks.assign(f"icmp ne i64 {blocks.load(info, 'i64', ['0'])}, 0")
-
-    def mark(i: str) -> None:
-        entry = blocks.load(memory, "double", [i, i])
-        nan = number("double", float("nan"))
-        blocks.store(memory, "double", [i, i], blocks.assign(f"select i1 {failed}, double {nan}, double {entry}"))
-
-    blocks.loop(n, mark)
+    failed, label = blocks.assign(f"icmp ne i64 {blocks.load(info, 'i64', ['0'])}, 0"), blocks.label()
+    blocks.lines.append(f"br i1 {failed}, label %{label}.yes, label %{label}.end")
+    blocks.begin(f"{label}.yes")
+    nan = number("double", float("nan"))
+    blocks.every((n, n), lambda index: blocks.store(memory, "double", index, nan))
+    blocks.lines.append(f"br label %{label}.end")
+    blocks.begin(f"{label}.end")
     return blocks.lying(memory, (n, n), "double")
 
 

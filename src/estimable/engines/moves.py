@@ -214,7 +214,8 @@ def _places(operation: Operation, moved: np.ndarray, others: list) -> np.ndarray
         raise UnsupportedError(f"{operation.name} at an index that is computed")
     with jax.ensure_compile_time_eval():
         given = [jnp.asarray(other.known if isinstance(other, Value) else other) for other in others]
-        places = np.asarray(PRIMITIVES[operation.name].bind(jnp.asarray(moved), *given, **operation.value))
+        outside = {"fill_value": -1} if operation.name == "gather" else {}
+        places = np.asarray(PRIMITIVES[operation.name].bind(jnp.asarray(moved), *given, **operation.value | outside))
     if (places < 0).any():
         raise UnsupportedError(f"{operation.name} at an index outside")
     return places

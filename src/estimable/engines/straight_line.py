@@ -145,7 +145,7 @@ class _Line:
         if all(v is not None for v in values):
             try:
                 return self.add(Operation("constant", (), SCALAR[name](*values)))
-            except (OverflowError, ValueError):
+            except (ArithmeticError, ValueError):
                 pass
         if name in HOISTED and (chosen := self.operations[arguments[-1]]).name == "select":
             condition, first, second = chosen.arguments
@@ -233,6 +233,12 @@ def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple
     return None
 
 
+def refuse_other_rounding(name: str, parameters: dict) -> None:
+    """Machine code rounds halves to even numbers."""
+    if name == "round" and parameters["rounding_method"] != jax.lax.RoundingMethod.TO_NEAREST_EVEN:
+        raise UnsupportedError("halves rounded away from zero")
+
+
 def called(parameters: dict) -> tuple[Any, Any]:
     """The jaxpr that is called, and its constants."""
     inner = next(parameters[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr", "call") if name in parameters)
@@ -241,7 +247,9 @@ def called(parameters: dict) -> tuple[Any, Any]:
 
 def _equation(line: _Line, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
     """Names of the results of one equation."""
-    name, parameters = NAMED.get(equation.primitive.name, equation.primitive.name), equation.params
+    name: str = equation.primitive.name
+    name, parameters = NAMED.get(name, name), equation.params
+    refuse_other_rounding(name, parameters)
     if name in CALLS and parameters.get("name") == "settles":
         return [line.each("settles", *arrays)]
     if name in CALLS:

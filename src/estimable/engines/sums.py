@@ -131,7 +131,8 @@ def largest(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
     def write(index: list[str]) -> None:
         def further(k: str, state: tuple) -> tuple:
             entry = value.at([*index, k])
-            larger = blocks.assign(f"fcmp ogt double {entry}, {state[0][1]}")
+            beyond = blocks.assign(f"fcmp ugt double {entry}, {state[0][1]}")  # a NaN is, and nothing is beyond it
+            larger = blocks.assign(f"and i1 {beyond}, {blocks.assign(f'fcmp ord double {state[0][1]}, {state[0][1]}')}")
             return tuple(
                 (kind, blocks.assign(f"select i1 {larger}, {kind} {new}, {kind} {old}"))
                 for (kind, old), new in zip(state, (entry, k), strict=True)

@@ -1,4 +1,4 @@
-"""The Kalman filter in array form, by modified Gram-Schmidt.
+"""The Kalman filter in array form.
 
 Letters: m and Z, mean and factor of the covariance P = Z Z' (Z has at least n columns); X spans what nothing is known
 of, so that the covariance is Z Z' + κ X X' with κ -> infinity (X may have no column). Model: y = C x + d + v and
