@@ -1,5 +1,6 @@
 """Lines of LLVM's assembly with loops in them: what arrays in machine code are written with."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -56,6 +57,7 @@ class Blocks:
         self.lines: list[str] = []
         self.block = "entry"
         self.declared: list[str] = []
+        self.given: dict[str, str] = {}
         self.begun: list[str] = []
         self.loops = ['!0 = !{!"llvm.loop.unroll.disable"}']
         self.bytes = self.count = self.regions = 0
@@ -107,10 +109,7 @@ class Blocks:
     def region(self, shape: tuple[int, ...], kind: str) -> Memory:
         """New memory for an array, row after row."""
         start = self.bytes
-        size = BYTES[kind]
-        for count in shape:
-            size *= count
-        self.bytes += -(-size // ALIGNED) * ALIGNED
+        self.bytes += -(-_size(shape, kind) // ALIGNED) * ALIGNED
         self.regions += 1
         self.begun.append(f"%m{self.regions} = getelementptr inbounds i8, ptr %memory, i64 {start}")
         return Memory(f"%m{self.regions}", row_after_row(shape), region=self.regions)
@@ -129,6 +128,13 @@ class Blocks:
         name = f"@table{len(self.declared)}"
         self.declared.append(f"{name} = private constant [{array.size} x {held}] [{entries}], align 8")
         return Memory(name, row_after_row(array.shape))
+
+    def argument(self, text: str) -> str:
+        """The address of a known scalar, for a routine that takes its arguments by address."""
+        if text not in self.given:
+            self.given[text] = f"@given{len(self.given)}"
+            self.declared.append(f"{self.given[text]} = private constant {text}")
+        return self.given[text]
 
     def assembly(self, arguments: str) -> str:
         """The function `run` of the lines so far."""
@@ -202,9 +208,7 @@ class Blocks:
         if 0 in value.shape:
             return
         if value.memory is not None and value.memory.strides == memory.strides == row_after_row(value.shape):
-            size = BYTES[value.kind]
-            for count in value.shape:
-                size *= count
+            size = _size(value.shape, value.kind)
             if size > 32:
                 self.copy(self.place(memory, value.kind, ["0"] * len(value.shape)),
                           self.place(value.memory, value.kind, ["0"] * len(value.shape)), size, BYTES[value.kind])  # fmt: skip
@@ -234,6 +238,11 @@ def number(kind: str, value: Any) -> str:
     if kind == "i1":
         return "true" if value else "false"
     return str(int(value)) if kind == "i64" else hexadecimal(float(value))
+
+
+def _size(shape: tuple[int, ...], kind: str) -> int:
+    """How many bytes an array takes."""
+    return BYTES[kind] * math.prod(shape)
 
 
 def row_after_row(shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -33,12 +33,9 @@ def _call(blocks: Blocks, routine: str, arguments: list[str]) -> None:
 
 def _given(blocks: Blocks, kind: str, value) -> str:
     """The address of a known argument."""
-    text = f"i8 {ord(value)}" if kind == "i8" else f"{kind} {value if kind == 'i32' else number(kind, value)}"
-    found = [line.split(" ")[0] for line in blocks.declared if line.endswith(f"constant {text}")]
-    if not found:
-        found = [f"@given{len(blocks.declared)}"]
-        blocks.declared.append(f"{found[0]} = private constant {text}")
-    return found[0]
+    return blocks.argument(
+        f"i8 {ord(value)}" if kind == "i8" else f"{kind} {value if kind == 'i32' else number(kind, value)}"
+    )
 
 
 def _matrix(blocks: Blocks, value: Value) -> tuple[Value, bool, int]:

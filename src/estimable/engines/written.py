@@ -91,13 +91,6 @@ def entries_read(arrays: tuple[np.ndarray, ...]) -> tuple[list[tuple[int, int]],
     return [(i, j) for i, j, _ in found], tuple(n for _, _, n in found)
 
 
-def refuse_varying(algorithm: Any) -> None:
-    """Refuse a model that varies in time: its matrices are looked up by row."""
-    now = jax.eval_shape(lambda a: a.at(0), algorithm)
-    if jax.tree_util.tree_structure(now) != jax.tree_util.tree_structure(algorithm):
-        raise UnsupportedError("a model that varies in time")
-
-
 def _zeros(algorithm: Any, axis: int | None) -> tuple[tuple[int, int], ...]:
     """(array, entry) of the numbers that are zero in every run."""
     leaves = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(algorithm)]
