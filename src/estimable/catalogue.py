@@ -11,7 +11,7 @@ from .filters.change_detection import ChangeDetection
 from .filters.extended_kalman import ExtendedKalman
 from .filters.fixed_gain import FixedGain
 from .filters.gated import Gated
-from .filters.kalman import Kalman
+from .filters.kalman_filter import Kalman
 from .filters.moving_window import MovingWindow
 from .filters.second_order_kalman import SecondOrderKalman
 from .filters.smoothed import Smoothed
@@ -32,7 +32,7 @@ from .identifiers.prediction_errors import PredictionError
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.files import ModelFile
-from .models.nonlinear import NonlinearModel
+from .models.nonlinear_model import NonlinearModel
 
 
 class Entry(NamedTuple):

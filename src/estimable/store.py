@@ -13,10 +13,13 @@ from .controllers.proportional_integral import ProportionalIntegral
 from .controllers.state_feedback import StateFeedback
 from .controllers.tracking import Tracking
 from .data.record import Record
+from .estimation.fit_noise import NoiseFit
+from .estimation.online import Progress
+from .estimation.stack import Stacked
 from .filters.alpha_beta import Track
 from .filters.belief import Belief
 from .filters.change_detection import Watch
-from .filters.fang import FangState
+from .filters.fang_steps import FangState
 from .filters.moving_window import Copies
 from .filters.smoothed import Average
 from .filters.unknown_layout import Layout
@@ -33,6 +36,7 @@ from .models.prior import Prior
 from .models.state_space import StateSpace
 from .networks.links import BernoulliLink, DelayLink, GilbertElliottLink, PerfectLink
 from .networks.trace import Trace
+from .protocols import Resumable
 from .results import (
     Check,
     Estimate,
@@ -47,10 +51,7 @@ from .results import (
     SmoothedEstimate,
     Validation,
 )
-from .run.close_loop import ClosedLoop, ClosedLoopBank
-from .run.fit_noise import NoiseFit
-from .run.online import Online, Progress
-from .run.stack import Stacked
+from .simulation.close_loop import ClosedLoop, ClosedLoopBank
 
 FORMAT = 1
 
@@ -109,7 +110,7 @@ def load(path: str | Path) -> Any:
 
 def _encode(thing: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
     """A JSON value; numbers in arrays are put aside under their path."""
-    if isinstance(thing, Online):
+    if isinstance(thing, Resumable):
         return {"online": _encode(thing.progress, where, arrays)}
     name = type(thing).__name__
     if RECORDS.get(name) is type(thing):
@@ -130,7 +131,7 @@ def _encode(thing: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
 
 def _decode(code: Any, arrays) -> Any:
     if "online" in code:
-        return Online(_decode(code["online"], arrays))
+        return _decode(code["online"], arrays).resumed()
     if "array" in code:
         return arrays[code["array"]]
     if "tuple" in code:

@@ -7,7 +7,7 @@ import pytest
 
 from estimable import InputError, Prior, StateSpace, UnknownGain
 from estimable.commands.gain_summary import gain_summary, is_effectiveness
-from estimable.commands.innovations import innovation_check
+from estimable.commands.innovation_checks import innovation_check
 from estimable.commands.numbers import spread_of
 from estimable.commands.run_filter import record_options
 from estimable.commands.settings import read_settings

@@ -24,10 +24,10 @@ from estimable import (
     stack,
 )
 from estimable.engines import native, xla
+from estimable.estimation.binding import model_of
 from estimable.frozen import leaf_fields, replace
 from estimable.models.sampled import Clock
 from estimable.results import Info, Interval, Sample
-from estimable.run.binding import model_of
 
 FILE = read_model(packaged.path("f16-model.toml"))._replace(unknown=("elevator_deg",))
 RNG = np.random.default_rng(0)

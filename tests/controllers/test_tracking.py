@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import estimable as es
-from estimable.kernels import tracking as kernel
+from estimable.kernels import tracking_law as kernel
 
 PARAMETERS = np.array([-0.3, 0.6, 0.5, 0.2, 0.34])  # Fang (2009), §4.5
 NOISE = 0.05**2

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import binom
 
 from estimable import InputError, Kalman, Prior, Record, StateSpace, estimate, estimate_bank, simulate_bank
-from estimable.diagnostics import cross_correlation, diagnose, standardised, whiteness
+from estimable.diagnostics import check_innovations as diagnose
+from estimable.diagnostics import cross_correlation, standardised, whiteness
 
 T, PRIOR = 300, Prior([0.0, 0.0], np.eye(2))
 INPUT = np.sign(np.sin(0.31 * np.arange(T)))[:, None] + 0.3 * np.random.default_rng(0).normal(size=(T, 1))

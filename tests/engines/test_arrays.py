@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from estimable.engines.llvm.compilation.array_loop import ArrayLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
@@ -25,12 +26,11 @@ from engines.test_straight_line import (
 )
 from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, catalogue, estimate, online
 from estimable.engines import native
-from estimable.engines.array_loop import ArrayLoop
-from estimable.engines.arrays import lower
 from estimable.engines.batches import DTYPES
 from estimable.engines.large import _large_step
-from estimable.engines.llvm import Compiled
-from estimable.engines.straight_line import UnsupportedError
+from estimable.engines.llvm.compilation import Compiled
+from estimable.engines.program.arrays import lower
+from estimable.engines.program.straight_line import UnsupportedError
 from estimable.kernels import small
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from estimable.engines.llvm.compilation.scalar_loop import Array, Loop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -25,14 +26,14 @@ from estimable import (
     packaged,
     read_model,
 )
-from estimable.engines import choice, llvm, native
-from estimable.engines.llvm import Compiled
-from estimable.engines.loops import Array, Loop
-from estimable.engines.straight_line import UnsupportedError, lower
-from estimable.engines.written import write_shapes
+from estimable.engines import choice, native
+from estimable.engines.llvm import compilation as llvm
+from estimable.engines.llvm.compilation import Compiled
+from estimable.engines.lowering import write_shapes
+from estimable.engines.program.straight_line import UnsupportedError, lower
+from estimable.estimation.binding import select
 from estimable.frozen import frozen, replace
 from estimable.results import OUTCOMES, Info, Interval, Sample
-from estimable.run.binding import select
 from oracles.interpreter import interpret
 
 UNARY = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, estimate
-from estimable.figures.estimates import plot_estimate
+from estimable.figures.estimate_plots import plot_estimate
 from estimable.tables import standard_deviation
 
 NAMES = {"states": ["level"], "inputs": ["valve"], "outputs": ["gauge"]}

@@ -23,7 +23,7 @@ from estimable import (
     online,
     stack,
 )
-from estimable.run import window_scan, windows
+from estimable.estimation import window_scan, windows
 from oracles import textbook
 
 LENGTH = 4

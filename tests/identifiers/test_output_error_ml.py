@@ -18,7 +18,7 @@ from estimable import (
     identify,
 )
 from estimable.frozen import replace
-from estimable.kernels import output_error as kernel
+from estimable.kernels import output_error_response as kernel
 
 PLANT = OutputError([0.523, 0.349], [0.440, 0.762], noise_variance=0.1, dt=1)  # Fang (2009), §3.5
 DRAWS = 40  # of the 200 that the reproduction has

@@ -10,7 +10,7 @@ from estimable import HoKalman, InputError, MarkovParameters, OutputError, Recor
 from estimable.frozen import replace
 from estimable.kernels.banded import whitened
 from estimable.kernels.realisation import ho_kalman, markov
-from estimable.kernels.subspace import factor
+from estimable.kernels.subspace_algorithms import factor
 from estimable.kernels.subspace_spread import products_factor
 
 HAIR_DRYER = Path(__file__).parents[3] / "shared" / "data" / "hair-dryer.csv"

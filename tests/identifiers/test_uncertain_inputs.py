@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 import estimable as es
 from estimable import BernoulliLink, OutputError, OutputErrorML, Record, identify
 from estimable.frozen import replace
-from estimable.kernels import uncertain_inputs as kernel
+from estimable.kernels import uncertain_input_likelihood as kernel
 from oracles.uncertain_inputs import joint_log_likelihood
 
 PLANT = OutputError([-0.6], [1.0], noise_variance=0.1, dt=1)

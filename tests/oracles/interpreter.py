@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from estimable.engines.straight_line import SCALAR, Program
+from estimable.engines.program.straight_line import SCALAR, Program
 
 
 def interpret(program: Program, inputs: list[Any]) -> list[np.ndarray]:

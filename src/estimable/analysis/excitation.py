@@ -4,7 +4,7 @@ import numpy as np
 
 from ..data.record import Record
 from ..diagnostics.cramer_rao import UNTOLD, scale_of, slopes, undetermined
-from ..kernels import output_error as kernel
+from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 from ..results import Check, Excitation
 

@@ -8,7 +8,7 @@ from .. import checks
 from ..data.record import Record, match
 from ..errors import AssumptionError
 from ..frozen import frozen, static
-from ..kernels.gain_information import information_factor, posterior
+from ..kernels.gain_fisher_information import information_factor, posterior
 from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample

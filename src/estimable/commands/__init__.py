@@ -10,15 +10,15 @@ from io import TextIOWrapper
 import typer
 
 from . import options, show
-from .check import check
-from .demo import demo
+from .check_command import check
+from .demo_command import demo
 from .edge import Edge
-from .estimate import estimate
-from .gain import gain
-from .identify import identify
-from .reproduce import reproduce
-from .simulate import simulate
-from .tune import tune
+from .estimate_command import estimate
+from .gain_command import gain
+from .identify_command import identify
+from .reproduce_command import reproduce
+from .simulate_command import simulate
+from .tune_command import tune
 
 app = typer.Typer(
     name="estimable", cls=Edge, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,

@@ -10,7 +10,7 @@ from ..analysis.estimability import Estimability, estimability
 from ..analysis.gain_information import GainInformation, gain_information
 from ..analysis.loss_tolerance import LossTolerance, loss_tolerance
 from ..analysis.observability import Observability, Reachability, observability, reachability
-from ..analysis.unknown_input import UnknownInputExistence, unknown_input_existence
+from ..analysis.unknown_input_existence import UnknownInputExistence, unknown_input_existence
 from ..errors import EstimableError
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace

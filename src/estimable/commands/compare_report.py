@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from ..data.record import Record
 from ..errors import EstimableError
-from ..results.orders import OrderSelection
-from ..run.compare import Comparison, Ranked
+from ..identification.compare import Comparison, Ranked
+from ..results.order_selection import OrderSelection
 from .identify_files import Asked, Written, write_model_file, write_page
 from .identify_report import read
 from .numbers import counted
@@ -24,7 +24,7 @@ class Compared(NamedTuple):
 
 def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int], None] | None) -> Compared:
     """Read the record, compare the methods that suit it, and write the model and the page."""
-    from ..run.compare import compare
+    from ..identification.compare import compare
 
     record = read(asked.path, asked.outputs, asked.inputs, asked.reading)
     level = asked.level or "mean"
@@ -36,7 +36,7 @@ def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int]
 
 def selected(found: Comparison) -> OrderSelection | None:
     """What the order rests on; None where the record does not bear the smallest."""
-    from ..run.select_order import select_order
+    from ..identification.select_order import select_order
 
     assert found.task is not None
     try:

@@ -5,7 +5,7 @@ from typing import Any
 
 from .. import checks
 from ..figures.bands import bands
-from . import innovations, run_filter
+from . import innovation_checks, run_filter
 from .gain_text import header
 from .numbers import counted, decimals
 from .run_filter import Run
@@ -42,8 +42,8 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
         "unknown_input_delay": result.names.input_delay if result.names.unknown_inputs else None,
         "note": result.names.note or None,
         "log_likelihood": result.log_likelihood,
-        "nis": innovations.described(innovations.innovation_check(run.judged)),
-        "innovation_faults": innovations.faults(run.judged, run.record),
+        "nis": innovation_checks.described(innovation_checks.innovation_check(run.judged)),
+        "innovation_faults": innovation_checks.faults(run.judged, run.record),
         "out": None if out is None else str(out),
     }
 
@@ -63,7 +63,7 @@ def as_text(run: Run) -> list[Any]:
         earlier = f", {counted(delay, 'sample')} earlier" if kind == "unknown_input" and delay else ""
         for name, (mean, sigma) in named.items():
             table.add_row(name + earlier, *_shown(mean, sigma))
-    check = innovations.innovation_check(run.judged)
+    check = innovation_checks.innovation_check(run.judged)
     note = [run.result.names.note] if run.result.names.note else []
     return [
         *header(run),
@@ -71,8 +71,8 @@ def as_text(run: Run) -> list[Any]:
         "",
         table,
         f"Log-likelihood: {run.result.log_likelihood:.6g}.",
-        innovations.sentence(check),
-        *innovations.also(innovations.faults(run.judged, run.record)),
+        innovation_checks.sentence(check),
+        *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
     ]
 
 

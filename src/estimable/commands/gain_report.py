@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from . import gain_text, innovations
+from . import gain_text, innovation_checks
 from .gain_summary import GainSummary, GainWindow, is_effectiveness
 from .numbers import spread_of
 from .run_filter import Run
@@ -13,7 +13,7 @@ def write_gain_report(run: Run, summary: GainSummary, path: Path, *, story: tupl
     """Write the page: what was found, the diagrams, the checks, what was assumed, and `command`, which makes it again."""
     from ..report import report_of, write_report
 
-    check = innovations.innovation_check(run.judged)
+    check = innovation_checks.innovation_check(run.judged)
     report = report_of(
         run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
         title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(summary, check)),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..tables import standard_deviation
-from . import innovations, run_filter
+from . import innovation_checks, run_filter
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
 from .run_filter import Run
@@ -20,7 +20,7 @@ WIDEST = 100
 def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     """What `gain` and `demo` say to a machine."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
-    check, first = innovations.innovation_check(run.judged), next(iter(summary.changes), None)
+    check, first = innovation_checks.innovation_check(run.judged), next(iter(summary.changes), None)
     return {
         **run_filter.as_data(run),
         "outputs": result.names.outputs,
@@ -37,25 +37,25 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
         "after_s": [after.start, after.end],
         "findings": findings(summary, check),
         "log_likelihood": result.log_likelihood,
-        "nis": innovations.described(check),
-        "innovation_faults": innovations.faults(run.judged, run.record),
+        "nis": innovation_checks.described(check),
+        "innovation_faults": innovation_checks.faults(run.judged, run.record),
     }
 
 
 def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
     """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
-    check = innovations.innovation_check(run.judged)
+    check = innovation_checks.innovation_check(run.judged)
     return [
         *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *findings(summary, check), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",
-        innovations.sentence(check), *innovations.also(innovations.faults(run.judged, run.record)),
+        innovation_checks.sentence(check), *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
     ]  # fmt: skip
 
 
 def findings(summary: GainSummary, check: Any) -> tuple[str, ...]:
     """What the record says of each gain; first of all, whether the model explains the record."""
-    return (*innovations.warning(check), *summary.findings)
+    return (*innovation_checks.warning(check), *summary.findings)
 
 
 def header(run: Run) -> list[str]:

@@ -37,8 +37,8 @@ def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int |
     Raises `InputError` for what is wrong with the record, the method or its settings.
     """
     from .. import catalogue
-    from ..run.compare import divided
-    from ..run.identify import identify
+    from ..identification.compare import divided
+    from ..identification.identify import identify
 
     entry = catalogue.identifier(name)
     given = read_settings(settings)
@@ -80,7 +80,7 @@ def _made(entry: Any, given: dict[str, Any]) -> Any:
 
 def _write(asked: Asked, record: Record, method: Any, fit: Fit, level: str) -> Written:
     """The model of the fit, and the page of the same method fitted to the first part; less where that cannot be."""
-    from ..run.compare import absolute, compare, divided
+    from ..identification.compare import absolute, compare, divided
 
     model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
     write_model_file(model, asked.reading, asked.files.model)
@@ -158,7 +158,7 @@ def _noise_variance(fit: Fit) -> list[float]:
 
 def _chosen_order(record: Record, given: dict[str, Any], order: int | None) -> str | None:
     """The number of states, where it was not given; the sentence that says so."""
-    from ..run.select_order import select_order
+    from ..identification.select_order import select_order
 
     if order is not None:
         given["order"] = order
@@ -193,7 +193,7 @@ def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dic
 
 def _chosen_orders(record: Record, given: dict[str, Any]) -> str:
     """Choose the orders that were not given, by BIC; the sentence that says so."""
-    from ..run.choose_orders import choose_orders
+    from ..identification.choose_orders import choose_orders
 
     fixed: dict[str, Any] = {name: (given[name],) for name in ("na", "nb", "delay") if name in given}
     found = choose_orders(record, **fixed)

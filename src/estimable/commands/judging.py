@@ -18,8 +18,8 @@ def estimate_between_changes(algorithm: Any, record: Record, prior: Prior, onset
     A jump that was found must not count against the model; one that was not found does. A model that varies in time cannot
     be cut, and is run through.
     """
-    from ..run.binding import model_of
-    from ..run.estimate import estimate
+    from ..estimation.binding import model_of
+    from ..estimation.estimate import estimate
 
     cuts = [0, *sorted({onset for onset in onsets if 0 < onset < len(record)}), len(record)]
     if model_of(algorithm).varying or len(cuts) == 2:

@@ -105,8 +105,8 @@ def run_filter(
 
     Raises `InputError` for what is wrong with the files and settings, `RunError` where the numbers fail.
     """
+    from ..estimation.estimate import estimate
     from ..models.files import read_model
-    from ..run.estimate import estimate
 
     if name is not None:
         asked = catalogue.entry(name)

@@ -21,7 +21,7 @@ def simulated(
 ) -> Simulation:
     """Draw the record. Raises `InputError` with every fault of the call."""
     from ..models.output_error import OutputError
-    from ..run.simulate import simulate
+    from ..simulation.simulate import simulate
 
     given, faults = read_settings(settings), checks.Faults()
     faults.choice("MODEL", what, MODELS)

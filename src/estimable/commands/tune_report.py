@@ -10,7 +10,7 @@ from .. import checks
 from ..design.rho_plan import default_eta
 from ..design.rho_synthesis import RhoSynthesis, rho_synthesis
 from ..models.files import ModelFile, read_model
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from .check_report import sampled
 from .numbers import counted
 

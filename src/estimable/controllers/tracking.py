@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..analysis.zeros import invariant_zeros
 from ..frozen import frozen, replace, set_field, static
-from ..kernels import tracking as kernel
+from ..kernels import tracking_law as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..models.controlled import read_limits
 from ..models.state_space import StateSpace

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from .na_values import without_na
-from .record import REMEDY, Record
+from .record import Record
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces", ",": "commas"}
@@ -44,7 +43,7 @@ def read_record(
     found = checks.existing_file(path)
     try:
         frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
-        return from_frame(
+        return Record.from_pandas(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units,
             na_values=na_values,
         )  # fmt: skip
@@ -188,129 +187,6 @@ def _kind(value: Any) -> str:
         return "sparse"
     words = {"O": "a cell array", "U": "a text", "V": "a structure", "c": "complex"}
     return words.get(value.dtype.kind, " × ".join(map(str, value.shape)))
-
-
-def from_frame(frame, *, outputs, inputs, time, dt, arrived, lost, hold, units, na_values) -> Record:
-    """See `Record.from_pandas`."""
-    import pandas as pd
-
-    if not isinstance(frame, pd.DataFrame):
-        checks.refuse(f"`frame` must be a pandas DataFrame. Got {type(frame).__name__}.")
-    faults = checks.Faults()
-    outputs, inputs = faults.names("outputs", outputs, "", ""), faults.names("inputs", inputs, "", "")
-    if not outputs and not faults.sentences:
-        faults.add("`outputs` must name at least one column.")
-    arrivals = faults.names("arrived", [arrived] if isinstance(arrived, str) else arrived, "", "")
-    if arrivals and len(arrivals) not in (1, len(inputs)):
-        told = checks.listed(arrivals)
-        faults.add(f"`arrived` must name one column for all inputs, or one for each of the {len(inputs)}. Got {told}.")
-    columns = {name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals])}
-    if len(frame) == 0:
-        faults.add("there is no row below the header.")
-    marks = None if na_values is None else faults.array("na_values", np.atleast_1d(na_values), "marks")
-    t = _time(frame, time, dt, outputs, faults)
-    faults.finish()
-    columns |= {name: without_na(np.asarray(columns[name]), name, marks, faults) for name in (*outputs, *inputs)}
-    faults.finish()
-
-    def together(names):
-        return np.stack([np.asarray(columns[name]) for name in names], axis=1) if names else np.zeros((len(frame), 0))
-
-    repeated = arrivals * len(inputs) if len(arrivals) == 1 else arrivals
-    return Record(
-        together(outputs), together(inputs), dt=dt, t=t, outputs=outputs, inputs=inputs,
-        arrived=together(repeated) if arrivals else None, lost=lost, hold=hold, units=units,
-    )  # fmt: skip
-
-
-def _column(frame, name: str, faults: checks.Faults):
-    """The column of a name, or None."""
-    if name not in frame.columns:
-        columns = [str(column) for column in frame.columns]
-        near = checks.suggestion(name, columns)
-        faults.add(f"there is no column {name!r}. The columns are {checks.listed(columns)}.{near}")
-        return None
-    column = frame[name]
-    if getattr(column, "ndim", 1) != 1:
-        faults.add(f"there is more than one column {name!r}.")
-        return None
-    return column
-
-
-def _numbers(frame, name: str, faults: checks.Faults) -> np.ndarray | None:
-    """A column as float64; empty cells are NaN."""
-    column = _column(frame, name, faults)
-    return None if column is None else _as_numbers(column, f"column {name!r}", "numbers", faults)
-
-
-def _as_numbers(column, label: str, wanted: str, faults: checks.Faults) -> np.ndarray | None:
-    import pandas as pd
-
-    if getattr(column.dtype, "kind", "O") in "mMc" or isinstance(column.dtype, pd.PeriodDtype):
-        faults.add(f"{label} must hold {wanted}. It holds {column.dtype}.")
-        return None
-    try:
-        numbers = pd.Series(pd.to_numeric(column, errors="coerce")).astype(float).to_numpy()
-    except (OverflowError, TypeError, ValueError) as error:
-        faults.add(f"{label} must hold {wanted}: {error}.")
-        return None
-    wrong = np.isnan(numbers) & column.notna().to_numpy()
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        held = checks.short(column.iloc[row])
-        faults.add(f"{label} must hold {wanted}. Row {row + 1} below the header holds {held}.")
-        return None
-    if np.isinf(numbers).any():
-        faults.add(f"{label} must be finite. Row {int(np.argmax(np.isinf(numbers))) + 1} below the header is not.")
-        return None
-    return numbers
-
-
-def _time(frame, time: Any, dt: Any, outputs: tuple[str, ...], faults: checks.Faults) -> np.ndarray | None:
-    """Seconds from a column, or from the index; None where `dt` counts, or something is at fault."""
-    import pandas as pd
-
-    index = frame.index
-    if time is None:
-        timed = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex) or index.name == "time"
-        return _seconds(index.to_series(), "the index", faults) if timed and dt is None else None
-    if not isinstance(time, str):
-        faults.add(f"`time` must be the name of one column. Got {checks.short(time)}.")
-        return None
-    if time in outputs:
-        faults.add(f"`time` names {time!r}, which is an output too.")
-        return None
-    if time == index.name and time not in frame.columns:
-        return _seconds(index.to_series(), "the index", faults)
-    column = _column(frame, time, faults)
-    return None if column is None else _seconds(column, f"the time column {time!r}", faults)
-
-
-def _seconds(column, label: str, faults: checks.Faults) -> np.ndarray | None:
-    """Timestamps as seconds after the first; durations and numbers as they are."""
-    import pandas as pd
-
-    if len(column) == 0:
-        return None
-    if column.isna().any():
-        faults.add(f"{label} must not be empty or NaN. Row {int(np.argmax(column.isna())) + 1} below the header is.")
-        return None
-    if column.dtype.kind not in "mMfiub":
-        stamps = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
-        column = stamps if stamps.notna().all() else column
-    if column.dtype.kind in "mM":
-        since = column - column.iloc[0] if column.dtype.kind == "M" else column
-        t = since.dt.total_seconds().to_numpy(float)
-    else:
-        t = _as_numbers(column, label, "seconds, or timestamps like 2026-01-31 12:00:00.5", faults)
-    if t is not None and np.any(back := np.diff(t) <= 0):
-        row = int(np.argmax(back)) + 1
-        faults.add(
-            f"{label} must increase. From row {row} to row {row + 1} below the header it goes from {float(t[row - 1])} "
-            f"to {float(t[row])} s: {REMEDY}."
-        )
-        return None
-    return t
 
 
 def column_names(path: Any) -> list[str]:

@@ -10,9 +10,9 @@ from .. import checks
 from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
+from .frames import REMEDY, channels_of
 
 LOST = ("zero", "hold")
-REMEDY = "sort the rows, and drop repeated ones"
 UNIFORM = 1e-6  # relative scatter of time steps up to which sampling counts as regular: what rounding in a file leaves
 
 
@@ -82,12 +82,10 @@ class Record:
 
         Raises `InputError` where a column is not there, or holds what is not a number, with the row.
         """
-        from .reading import from_frame
-
-        return from_frame(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units,
-            na_values=na_values,
-        )  # fmt: skip
+        channels = channels_of(
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values
+        )
+        return Record(**channels, dt=dt, lost=lost, hold=hold, units=units)
 
     def __repr__(self) -> str:
         lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"

@@ -7,7 +7,7 @@ import numpy as np
 from .. import checks
 from ..errors import AssumptionError
 from ..frozen import frozen
-from ..kernels.fixed_gain import stationary
+from ..kernels.joseph import stationary
 from ..kernels.riccati import UNSETTLED, care, dare
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace

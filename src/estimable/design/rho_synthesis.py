@@ -59,6 +59,10 @@ class RhoSynthesis:
         series = {**self.criteria, "composite": self.composite}
         return {name: Optimum(i, float(self.bandwidth[i]), float(series[name][i])) for name, i in found.items()}
 
+    def times_worse(self, name: str) -> Any:
+        """How many times worse than its own best a criterion is at each design, (N,): 1 at its optimum."""
+        return _times_worse(name, self.criteria[name])
+
     def filter_of_sample(self, dt: float) -> Any:
         """Of a continuous design, the gain (n, p) of a sample that lasts `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
 
@@ -74,7 +78,7 @@ class RhoSynthesis:
 
     def plot(self) -> Any:
         """All criteria over the bandwidth, each relative to its best, with the optima marked: a plotly figure."""
-        from ..figures.tuning import plot_tuning
+        from ..figures.tuning_plots import plot_tuning
 
         return plot_tuning(self)
 
@@ -188,11 +192,11 @@ def _relative(scaling: Any) -> Any:
 
 def _composite(criteria: dict[str, Any], weights: dict[str, float]) -> Any:
     """The weighted geometric mean of how many times worse than its best each criterion is."""
-    logs = [weight * np.log(relative(name, criteria[name])) for name, weight in weights.items() if weight > 0]
+    logs = [weight * np.log(_times_worse(name, criteria[name])) for name, weight in weights.items() if weight > 0]
     return np.exp(sum(logs) / sum(weights.values()))
 
 
-def relative(name: str, values: Any) -> Any:
+def _times_worse(name: str, values: Any) -> Any:
     """How many times worse than its best a criterion is: 1 at its optimum."""
     best = values[_best(name, values)]
     return best / values if BEST[name] == "largest" else values / best

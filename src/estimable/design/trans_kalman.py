@@ -8,8 +8,8 @@ from .. import checks
 from ..analysis.rho import RhoMargin, rho_margin
 from ..errors import AssumptionError
 from ..frozen import frozen, replace, static
-from ..kernels import trans_kalman as kernel
-from ..kernels.fixed_gain import stationary
+from ..kernels import minimax_gain as kernel
+from ..kernels.joseph import stationary
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
 

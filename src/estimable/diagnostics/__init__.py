@@ -1,9 +1,9 @@
 """Is the estimate consistent with what it claims? Pure functions of arrays and results."""
 
 from .changes import Change, changes
+from .check_innovations import Diagnosis, diagnose
 from .consistency import Consistency, nees, nis
 from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, information
-from .diagnose import Diagnosis, diagnose
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
 from .responses import frequency_response, poles, simulation_sigma, spread_of, step_response, zeros

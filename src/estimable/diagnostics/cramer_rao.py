@@ -7,7 +7,7 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..errors import AssumptionError
-from ..kernels import output_error as kernel
+from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 
 UNTOLD = 1e-9  # eigenvalue of the scaled information, of its largest, below which a direction counts as not told of

@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..kernels import expansion, flow
 from ..kernels.small import factor, product, triangularise
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import plant
 from ..results import Interval
 

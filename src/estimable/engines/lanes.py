@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from .by_row import laid_out
-from .straight_line import TRANSCENDENTAL, Program, UnsupportedError
-from .written import Written, batch, write
+from .lowering import Written, batch, write
+from .program.straight_line import TRANSCENDENTAL, Program, UnsupportedError
+from .time_varying import laid_out
 from .xla import Run
 
 JAX: dict[str, Callable] = {

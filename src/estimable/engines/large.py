@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from .array_loop import ArrayLoop
-from .arrays import lower
 from .batches import DTYPES, on_all_processors, shaped, sizes
-from .kept import once
-from .llvm import Compiled
-from .straight_line import UnsupportedError
-from .written import Traced, trace
+from .disk_cache import once
+from .llvm.array_loop import ArrayLoop
+from .llvm.compilation import Compiled
+from .lowering import Traced, trace
+from .program.arrays import lower
+from .program.straight_line import UnsupportedError
 from .xla import Run
 
 LINE = 64  # bytes of the cache that are fetched together

@@ -10,12 +10,12 @@ import jax
 import numpy as np
 
 from .batches import DTYPES, on_all_processors, shaped, sizes
-from .by_row import laid_out
 from .large import large_step
-from .llvm import Compiled
-from .loops import Array, Loop
-from .straight_line import UnsupportedError
-from .written import Written, batch, entries_read, example, write
+from .llvm.compilation import Compiled
+from .llvm.scalar_loop import Array, Loop
+from .lowering import Written, batch, entries_read, example, write
+from .program.straight_line import UnsupportedError
+from .time_varying import laid_out
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512

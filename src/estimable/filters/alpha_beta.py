@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, replace, set_field, static
-from ..kernels import alpha_beta as kernel
+from ..kernels import tracker_error as kernel
 from ..models.discretisation import over
 from ..models.prior import Prior
 from ..models.sampled import Clock
@@ -16,7 +16,7 @@ from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample
 from .belief import Belief
 from .fixed_gain import correct_by
-from .kalman import Kalman
+from .kalman_filter import Kalman
 
 STATES = ("position", "velocity", "acceleration")
 INDEX = "kalata"

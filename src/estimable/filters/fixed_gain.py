@@ -7,13 +7,13 @@ import jax.numpy as jnp
 
 from .. import checks
 from ..frozen import frozen, replace, set_field
-from ..kernels import fixed_gain as kernel
+from ..kernels import joseph as kernel
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
 from .belief import Belief
-from .kalman import Kalman
+from .kalman_filter import Kalman
 
 
 @frozen

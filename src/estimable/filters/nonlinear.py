@@ -11,7 +11,7 @@ from ..frozen import replace, set_field
 from ..kernels import expansion, flow, kalman
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import factor, factors, gram, triangularise
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import plant
 from ..models.prior import Prior
 from ..models.sampled import Clock

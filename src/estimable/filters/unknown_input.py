@@ -7,16 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..analysis.unknown_input import unknown_columns
+from ..analysis.unknown_input_existence import unknown_columns
 from ..frozen import frozen, replace, set_field, static
-from ..kernels import unknown_input as kernel
+from ..kernels import diffuse_input as kernel
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import apply, factors, gram, product
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
-from . import belief, fang, levels
+from . import belief, fang_steps, levels
 from .belief import Belief, Instant
 from .unknown_layout import METHODS, Layout, lay_out, pick
 
@@ -129,7 +129,7 @@ class UnknownInput:
         """What is believed about x[0], and of the unknown inputs, before y[0]."""
         ready = self._ready
         if ready.layout.method == "fang":
-            return fang.init(prior, ready.ready)
+            return fang_steps.init(prior, ready.ready)
         x = belief.believe(prior, ready.ready.point.states)
         return _with_inputs(x, ready)
 
@@ -138,7 +138,7 @@ class UnknownInput:
         ready = self._ready
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
-            return fang.correct(state, model, layout, sample)
+            return fang_steps.correct(state, model, layout, sample)
         C, d = _observation(model, layout), _known(model, layout, sample.u)
         s, post = belief.correct(state, model, C, d, _grown(model.Ω, layout), sample)
         told, log_likelihood = {}, post.log_likelihood
@@ -180,7 +180,7 @@ class UnknownInput:
         ready = self._ready
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
-            return fang.predict(state, model, layout, interval)
+            return fang_steps.predict(state, model, layout, interval)
         F, c, E, W = ready._change(interval)
         if layout.freedom != "none":
             return belief.predict(state, F, c, W, _grown(model.Ω, layout))

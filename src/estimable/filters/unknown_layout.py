@@ -6,8 +6,8 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..analysis.unknown_input import METHODS as CASES
-from ..analysis.unknown_input import UnknownInputExistence, existence
+from ..analysis.unknown_input_existence import METHODS as CASES
+from ..analysis.unknown_input_existence import UnknownInputExistence, existence
 from ..frozen import replace
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace

@@ -11,7 +11,7 @@ from ..data.record import Record
 from ..filters.change_detection import ChangeDetection
 from ..filters.second_order_kalman import MOMENTS, SecondOrderKalman
 from ..frozen import frozen, replace, set_field, static
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from .ho_kalman import HoKalman
 from .linear_start import Start, at_rest, deviation, levels, matched

@@ -14,7 +14,7 @@ from ..kernels import bilinear as kernel
 from ..kernels.small import factor, gram, triangularise
 from ..models.prior import Prior
 from ..results import Info, Interval, Sample, outcome_code
-from . import orders
+from . import recursive
 from .channels import Channels
 
 WILD = 100.0  # times the largest that was seen of an output or expected of its inputs: how uncertain it may be
@@ -37,7 +37,7 @@ class JointBelief:
 
 
 @frozen
-class JointOutputError(orders.Recursive):
+class JointOutputError(recursive.Recursive):
     """The parameters of an output-error model and its outputs, as one belief: for data with gaps, fast starts and jumps.
 
     Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
@@ -85,14 +85,14 @@ class JointOutputError(orders.Recursive):
 
     def __post_init__(self):
         faults = checks.Faults()
-        read = orders.read(self, faults)
+        read = recursive.read(self, faults)
         alarm = faults.number("alarm", self.alarm, above=0.0)
         jump = faults.number("jump", self.jump, lower=0.0)
         faults.choice("lost", self.lost, LOST)
         arrival = None if self.arrival is None else _read_arrival(self.arrival, faults)
         faults.finish()
         set_field(self, alarm=alarm, jump=jump, arrival=arrival, **read)
-        orders.check_prior(self)
+        recursive.check_prior(self)
 
     @property
     def model(self) -> Channels:
@@ -111,7 +111,7 @@ class JointOutputError(orders.Recursive):
 
     def init(self, prior: None) -> JointBelief:
         """What is believed before the first sample; the plant is at rest."""
-        mean, P = orders.believed(self)
+        mean, P = recursive.believed(self)
         p, d = mean.shape
         nx, nv = self._sizes
         none = jnp.zeros((p, nx + nv, nx + nv + d))
@@ -139,14 +139,14 @@ class JointOutputError(orders.Recursive):
         if nv:  # as the outputs tell it together: each has its own belief
             lags = jnp.mean(state.inputs, axis=0).reshape(self.model.m, -1)[:, : self.nb + self.delay]
         return Info(
-            mean=state.parameters.ravel(), covariance=orders.block_diagonal(Θ),
+            mean=state.parameters.ravel(), covariance=recursive.block_diagonal(Θ),
             extra={"past_outputs": state.outputs[:, : self.na], "past_inputs": lags},
         )  # fmt: skip
 
     def correct(self, state: JointBelief, sample: Sample) -> tuple[JointBelief, Info]:
         """Learn from one sample."""
-        _, P0 = orders.believed(self)
-        window = orders.window(state.lags, sample.u, self.delay)
+        _, P0 = recursive.believed(self)
+        window = recursive.window(state.lags, sample.u, self.delay)
         fates = self._fates(sample)
         jumped = jnp.sqrt(self.jump) * jax.vmap(factor)(P0)
 
@@ -178,7 +178,7 @@ class JointOutputError(orders.Recursive):
             v, V, noise = self._sent(v, V, *fates)
             X, Θ = (jnp.concatenate([M, jnp.zeros((M.shape[0], noise.shape[1]))], axis=1) for M in (X, Θ))
             V = jnp.concatenate([V, noise], axis=1)
-            window = orders.delayed(v, self.model.m, self.delay)
+            window = recursive.delayed(v, self.model.m, self.delay)
         φ = jnp.concatenate([-belief.outputs[: self.na], window])
         x, linear, rest = self._moments(belief.parameters, φ, Θ, X, V)
         S, e = jnp.sum(linear * linear) + rest + r, y - x
@@ -203,7 +203,7 @@ class JointOutputError(orders.Recursive):
     def _moments(self, θ, φ, Θ, X, V):
         """Those of the product θ'φ; known inputs have no variance."""
         if V.shape[0]:
-            inputs = orders.delayed(V, self.model.m, self.delay)
+            inputs = recursive.delayed(V, self.model.m, self.delay)
             return kernel.product_moments(θ, φ, Θ, jnp.concatenate([-X[: self.na], inputs]))
         x, linear, rest = kernel.product_moments(θ[: self.na], φ[: self.na], Θ[: self.na], -X[: self.na])
         b, u = Θ[self.na :], φ[self.na :]
@@ -264,7 +264,7 @@ def _informed(method: JointOutputError, state: JointBelief, told, sample: Sample
         extra["applied"] = state.inputs.reshape(p, m, -1)[:, :, 0]
     likelihood = -0.5 * jnp.sum(jnp.where(seen, jnp.log(2 * jnp.pi * S) + e * e / S, 0.0))
     return Info(
-        mean=state.parameters.ravel(), covariance=orders.block_diagonal(jax.vmap(gram)(state.factor[:, nx + nv :])),
+        mean=state.parameters.ravel(), covariance=recursive.block_diagonal(jax.vmap(gram)(state.factor[:, nx + nv :])),
         innovation=jnp.where(seen, e, jnp.nan), innovation_covariance=jnp.eye(p) * S[:, None], log_likelihood=likelihood,
         outcome=outcome_code(jnp.asarray(False), state.parameters.ravel(), state.factor.reshape(-1, 1)), extra=extra,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from .. import checks
 from ..data.record import Record
 from ..errors import AssumptionError
 from ..kernels.realisation import markov
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import Check

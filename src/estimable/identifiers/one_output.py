@@ -7,7 +7,7 @@ import numpy as np
 
 from ..diagnostics.cramer_rao import scale_of, undetermined
 from ..kernels import impulse_start
-from ..kernels import output_error as kernel
+from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
 
 CONVERGED = (

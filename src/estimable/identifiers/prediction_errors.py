@@ -11,7 +11,7 @@ from ..analysis.excitation import excitation_check
 from ..data.record import Record
 from ..diagnostics.cramer_rao import undetermined
 from ..frozen import frozen, static
-from ..kernels import armax as kernel
+from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..kernels.innovations_form import System
 from ..kernels.regression import lagged, regress

@@ -12,7 +12,7 @@ from ..kernels import auxiliary_model as kernel
 from ..kernels.small import apply, factor, gram
 from ..models.prior import Prior
 from ..results import Info, Interval, Sample, outcome_code
-from . import orders
+from . import recursive
 
 METHODS = ("refined", "printed")
 EARLY = 3.0  # α: while it learns, a sample that is i-th of n weighs (i/n)^α; without it one draw in three locks
@@ -46,7 +46,7 @@ class Recursion:
 
 
 @frozen
-class RecursiveOutputError(orders.Recursive):
+class RecursiveOutputError(recursive.Recursive):
     """The parameters of an output-error model, sample by sample, when inputs and outputs get lost.
 
     Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with polynomials of its own. A lost
@@ -93,16 +93,16 @@ class RecursiveOutputError(orders.Recursive):
     def __post_init__(self):
         faults = checks.Faults()
         faults.choice("method", self.method, METHODS)
-        read = orders.read(self, faults)
+        read = recursive.read(self, faults)
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
         alarm = faults.number("alarm", self.alarm, above=0.0)
         faults.finish()
         set_field(self, forgetting=forgetting, alarm=alarm, **read)
-        orders.check_prior(self)
+        recursive.check_prior(self)
 
     @property
     def _believed(self) -> tuple[Any, Any]:
-        return orders.believed(self, bounded=self.method != "printed")
+        return recursive.believed(self, bounded=self.method != "printed")
 
     def init(self, prior: None) -> Recursion:
         """What is believed before the first sample; the plant is at rest."""
@@ -135,7 +135,7 @@ class RecursiveOutputError(orders.Recursive):
     def ahead(self, state: Recursion) -> Info:
         """What is believed before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
         return Info(
-            mean=state.parameters.ravel(), covariance=orders.block_diagonal(jax.vmap(gram)(state.error_factor)),
+            mean=state.parameters.ravel(), covariance=recursive.block_diagonal(jax.vmap(gram)(state.error_factor)),
             extra={"past_outputs": state.outputs, "past_inputs": state.lags},
         )  # fmt: skip
 
@@ -143,7 +143,7 @@ class RecursiveOutputError(orders.Recursive):
         """Learn from one sample, whose input the acknowledgement has told."""
         mean, P = self._believed
         variance = jnp.sum(P * jnp.eye(P.shape[-1])[None], axis=2)
-        lags = orders.window(state.lags, sample.u, self.delay)
+        lags = recursive.window(state.lags, sample.u, self.delay)
         blank = replace(state, lags=None)
 
         def one(state, y, seen, r, mean, variance):
@@ -208,7 +208,7 @@ class RecursiveOutputError(orders.Recursive):
 
     def predict(self, state: Recursion, interval: Interval) -> Recursion:
         """Move to the next sample: the auxiliary model's output and its slope join those that are kept (3.16)."""
-        lags = orders.window(state.lags, interval.u, self.delay)
+        lags = recursive.window(state.lags, interval.u, self.delay)
 
         def one(θ, outputs, slopes):
             φ = kernel.regressor(outputs, lags)
@@ -226,7 +226,7 @@ def _informed(state: Recursion, told, sample: Sample) -> Info:
     """What is said of all outputs together: independent noises leave their errors independent."""
     e, S, x, completed = told
     p, d = state.parameters.shape
-    Σ = orders.block_diagonal(jax.vmap(gram)(state.error_factor))
+    Σ = recursive.block_diagonal(jax.vmap(gram)(state.error_factor))
     seen = jnp.asarray(sample.seen)
     likelihood = -0.5 * jnp.sum(jnp.where(seen, jnp.log(2 * jnp.pi * S) + e * e / S, 0.0))
     return Info(

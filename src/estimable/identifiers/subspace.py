@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..frozen import frozen, static
-from ..kernels import subspace as kernel
+from ..kernels import subspace_algorithms as kernel
 from ..kernels.innovations_form import System, response
 from ..kernels.subspace_spread import Drawn, spread
 from ..kernels.tangents import Dynamics, impulse_moves

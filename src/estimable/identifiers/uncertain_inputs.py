@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..kernels import uncertain_inputs as kernel
+from ..kernels import uncertain_input_likelihood as kernel
 from .one_output import Datum, OneOutput, Orders, fit_output, marginal
 
 PATIENCE = 200  # steps of a search

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import subspace as kernel
+from . import subspace_algorithms as kernel
 from .innovations_form import System, response
-from .subspace import Factor
+from .subspace_algorithms import Factor
 from .tangents import Dynamics, aligned, output_moves
 
 RIDGE = 1e-13  # of the diagonal of the products, so that they have a Cholesky factor

@@ -1,24 +1,25 @@
 """python-control in and out."""
 
+from typing import Any
+
 from .. import checks
-from .state_space import StateSpace
 
 
-def from_control(system, *, Q=None, R=None, G=None, S=None) -> StateSpace:
-    """A model from a `control.StateSpace`, with the noises that it does not carry."""
+def arguments_of(system: Any) -> dict[str, Any]:
+    """The arguments of the `StateSpace` that a `control.StateSpace` is; it carries no noises."""
     if not all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt", "state_labels")):
         kind = type(system).__name__
         checks.refuse(f"`system` must be a control.StateSpace: control.ss(system) makes one. Got {kind}.")
     dt = system.dt
     if dt is None or dt is True:
         checks.refuse(f"the system's dt is {dt}: give it a sampling time in seconds, or 0 for continuous time.")
-    return StateSpace(
-        system.A, system.B, system.C, system.D, Q=Q, R=R, G=G, S=S, dt=float(dt),
-        states=system.state_labels, inputs=system.input_labels, outputs=system.output_labels,
-    )  # fmt: skip
+    return {
+        "A": system.A, "B": system.B, "C": system.C, "D": system.D, "dt": float(dt),
+        "states": system.state_labels, "inputs": system.input_labels, "outputs": system.output_labels,
+    }  # fmt: skip
 
 
-def to_control(model: StateSpace):
+def to_control(model: Any) -> Any:
     """`model` as a `control.StateSpace`, without its noises and operating point."""
     try:
         import control

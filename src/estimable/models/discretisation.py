@@ -7,31 +7,12 @@ Reference: C. F. Van Loan, Computing integrals involving the matrix exponential,
 import numpy as np
 
 from .. import checks
-from .state_space import StateSpace
 
 HOLDS = ("zero_order", "first_order")
 
 
-def discretise(model: StateSpace, dt, *, hold: str = "zero_order") -> StateSpace:
-    """The discrete model over steps of `dt` seconds: one number, or an array (T,) for a step length that varies.
-
-    Raises `InputError` where the model is discrete already, `dt` not positive or `hold` unknown.
-    """
-    faults = checks.Faults()
-    faults.choice("hold", hold, HOLDS)
-    if not model.is_continuous:
-        faults.add(f"only a continuous model (dt = 0) can be discretised. This one has dt = {model.dt:g} s.")
-    steps = _read_steps(dt, model, faults)
-    faults.finish()
-    Φ, B, B_end, Qd = over(model.A, model.B, model.G @ model.Q @ np.swapaxes(model.G, -1, -2), steps, hold=hold)
-    return StateSpace(
-        Φ, B, model.C, model.D, Q=Qd, R=model.R, B_end=B_end, dt=float(np.mean(steps)),
-        states=model.states, inputs=model.inputs, outputs=model.outputs, operating_point=model.operating_point,
-    )  # fmt: skip
-
-
-def _read_steps(dt, model: StateSpace, faults: checks.Faults):
-    """One step length, or one a row, in seconds."""
+def read_steps(dt, rows: int | None, faults: checks.Faults):
+    """One step length, or one a row, in seconds; `rows`: how many a time-varying model has."""
     try:
         steps = np.asarray(dt)
     except ValueError:  # ragged
@@ -39,9 +20,9 @@ def _read_steps(dt, model: StateSpace, faults: checks.Faults):
     if steps.dtype.kind not in "fiu" or steps.size == 0 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
         faults.add(f"`dt` must be a positive number of seconds. Got {checks.short(dt)}.")
         return np.ones(1)
-    if steps.ndim > 1 or (steps.ndim == 1 and model.steps not in (None, len(steps))):
-        rows = "" if model.steps is None else f": the model varies over {model.steps} rows of time"
-        faults.add(f"`dt` must be one number, or one a row (T,){rows}. Got {steps.shape}.")
+    if steps.ndim > 1 or (steps.ndim == 1 and rows not in (None, len(steps))):
+        because = "" if rows is None else f": the model varies over {rows} rows of time"
+        faults.add(f"`dt` must be one number, or one a row (T,){because}. Got {steps.shape}.")
     return steps.astype(float)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import checks
 from .discretisation import HOLDS
-from .nonlinear import NonlinearModel
+from .nonlinear_model import NonlinearModel
 from .prior import Prior
 from .state_space import StateSpace
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, set_field, static
-from ..kernels import output_error as kernel
+from ..kernels import output_error_response as kernel
 from . import polynomials
 from .state_space import StateSpace
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
-from .nonlinear import NonlinearModel
+from .nonlinear_model import NonlinearModel
 from .sampled import Clock, SampledModel, is_diagonal, sample
 from .state_space import StateSpace
 

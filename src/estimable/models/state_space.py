@@ -7,6 +7,8 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, set_field, static
+from .control import arguments_of, to_control
+from .discretisation import HOLDS, over, read_steps
 from .operating_point import OperatingPoint
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S", "B_end")
@@ -106,18 +108,28 @@ class StateSpace:
         return getattr(self, self.varying[0]).shape[0] if self.varying else None
 
     def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
-        """The discrete model of a continuous one over steps of `dt` seconds.
+        """The discrete model of a continuous one over steps of `dt` seconds: one number, or an array (T,), one a row.
 
         `hold`: the input is constant over a step ("zero_order") or moves linearly to its next value ("first_order").
         The process noise is that which accumulates over the step (Van Loan, IEEE TAC 23, 1978).
+
+        Raises `InputError` where the model is discrete already, `dt` not positive or `hold` unknown.
 
         >>> slow = StateSpace([[-1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]], dt=0).discretise(0.1)
         >>> bool(np.isclose(slow.A[0, 0], np.exp(-0.1))), bool(np.isclose(slow.Q[0, 0], 1 - np.exp(-0.2)))
         (True, True)
         """
-        from .discretisation import discretise
-
-        return discretise(self, dt, hold=hold)
+        faults = checks.Faults()
+        faults.choice("hold", hold, HOLDS)
+        if not self.is_continuous:
+            faults.add(f"only a continuous model (dt = 0) can be discretised. This one has dt = {self.dt:g} s.")
+        steps = read_steps(dt, self.steps, faults)
+        faults.finish()
+        Φ, B, B_end, Qd = over(self.A, self.B, self.G @ self.Q @ np.swapaxes(self.G, -1, -2), steps, hold=hold)
+        return StateSpace(
+            Φ, B, self.C, self.D, Q=Qd, R=self.R, B_end=B_end, dt=float(np.mean(steps)),
+            states=self.states, inputs=self.inputs, outputs=self.outputs, operating_point=self.operating_point,
+        )  # fmt: skip
 
     def in_basis(self, T) -> "StateSpace":
         """The same model in the states T x; they are named x1.. again. Raises `InputError` where T (n, n) is singular.
@@ -145,14 +157,10 @@ class StateSpace:
 
         Needs the extra `control`. Raises `InputError` where the system's dt is not a number.
         """
-        from .control import from_control
-
-        return from_control(system, Q=Q, R=R, G=G, S=S)
+        return StateSpace(**arguments_of(system), Q=Q, R=R, G=G, S=S)
 
     def to_control(self):
         """This model as a `control.StateSpace`, without its noises and operating point. Needs the extra `control`."""
-        from .control import to_control
-
         return to_control(self)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from ..controllers.gain_reconfiguration import GainReconfiguration
 from ..filters.change_detection import ChangeDetection
-from ..filters.kalman import Kalman
+from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..run.close_loop import ClosedLoop, ClosedLoopBank, close_loop
-from ..run.monte_carlo_loops import LoopCase, monte_carlo_loops
+from ..simulation.close_loop import ClosedLoop, ClosedLoopBank, close_loop
+from ..simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
 
 FAILURE, SETTLED = 4.5, 6.0  # [s]: the elevator fails; from here on the flight counts as "after"

@@ -15,7 +15,7 @@ from ..filters.change_detection import ChangeDetection
 from ..filters.unknown_gain import UnknownGain
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..run.close_loop import ClosedLoop, close_loop
+from ..simulation.close_loop import ClosedLoop, close_loop
 from . import f16
 from .f16_failure import FAILURE, JUMP, SETTLED
 from .jsbsim_f16 import JsbsimF16

@@ -7,9 +7,9 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..estimation.binding import model_of
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..run.binding import model_of
 from .contents import Section
 
 MOST = 8  # rows of a matrix that are shown

@@ -10,7 +10,7 @@ from ..diagnostics.innovations import Correlations
 from ..diagnostics.responses import FrequencyResponse, Response, Roots
 from ..errors import InputError
 from ..results import Excitation, Fit
-from ..results.orders import OrderSelection
+from ..results.order_selection import OrderSelection
 from .charts import BOUND, FILL, MARK, MEASURED, STATE, packed, thinned
 from .contents import Chart, Key
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..design.alpha_beta import alpha_beta_choices, alpha_beta_covariance, alpha_beta_gains
+from ..design.tracker_gains import alpha_beta_choices, alpha_beta_covariance, alpha_beta_gains
 from ..design.trans_kalman import trans_kalman
 from ..models.state_space import StateSpace
 from . import plots

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.record import Record
+from ..estimation.estimate_bank import estimate_bank
 from ..filters.extended_kalman import ExtendedKalman
 from ..filters.second_order_kalman import SecondOrderKalman
 from ..kernels.flow import runge_kutta
-from ..models.nonlinear import NonlinearModel
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
-from ..run.estimate_bank import estimate_bank
 from .entries import Reproduced, Reproduction, drawn
 from .plots import Line, Panel, over_time
 

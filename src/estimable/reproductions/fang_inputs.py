@@ -12,7 +12,7 @@ from ..frozen import frozen
 from ..kernels.steady_unknown_input import covariance, exact_step, fang_step
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..run.monte_carlo import monte_carlo
+from ..simulation.monte_carlo import monte_carlo
 from .entries import Reproduced, Row, drawn
 
 A, B = np.diag([0.67, 0.53]), np.array([[1.0], [0.53]])

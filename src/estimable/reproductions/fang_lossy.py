@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..diagnostics.cramer_rao import cramer_rao
+from ..estimation.estimate_bank import estimate_bank
+from ..estimation.stack import stack
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.recursive_output_error import RecursiveOutputError
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink
-from ..run.estimate_bank import estimate_bank
-from ..run.simulate import simulate
-from ..run.stack import stack
+from ..simulation.simulate import simulate
 from .entries import Reproduced, Row, drawn
 from .plots import Line, Panel, over_time
 

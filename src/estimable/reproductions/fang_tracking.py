@@ -12,7 +12,7 @@ from ..models.controlled import Change, ControlledPlant
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink
-from ..run.close_loop import close_loop_bank
+from ..simulation.close_loop import close_loop_bank
 from .entries import Reproduced, Row, drawn
 from .plots import Line, Panel, over_time
 

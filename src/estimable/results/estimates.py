@@ -105,7 +105,7 @@ class Shown(Kept):
 
     def plot(self):
         """A plotly figure: states and gains with their 2 sigma bands, and innovations with their bounds."""
-        from ..figures.estimates import plot_estimate
+        from ..figures.estimate_plots import plot_estimate
 
         return plot_estimate(self)
 

@@ -53,7 +53,7 @@ class Excitation(NamedTuple):
 
     def plot(self):
         """A plotly figure: the smallest eigenvalue over time, which must stay away from zero."""
-        from ..figures.identification import plot_excitation
+        from ..figures.identification_plots import plot_excitation
 
         return plot_excitation(self)
 

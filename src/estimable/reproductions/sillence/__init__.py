@@ -1,7 +1,7 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
 from ..entries import Reproduction
-from . import adapted, expanding, fixed_law, many_draws, sampling, tables, window
+from . import adapted, expanding, fixed_law, many_draws, published_tables, sampling, window
 
 SOURCE = "Sillence (1999)"
 DRAWING = "a drawing, with nothing to compute"
@@ -17,9 +17,9 @@ def _not_yet(name: str, title: str, reason: str) -> Reproduction:
 
 
 ENTRIES = (
-    _done("table-1", "Signal-to-noise ratios", tables.signal_to_noise),
-    _done("table-2", "Poles of the loop under the PI law", tables.poles_of_pi_loop),
-    _done("table-3", "Poles of the loop under the proportional law", tables.poles_of_p_loop),
+    _done("table-1", "Signal-to-noise ratios", published_tables.signal_to_noise),
+    _done("table-2", "Poles of the loop under the PI law", published_tables.poles_of_pi_loop),
+    _done("table-3", "Poles of the loop under the proportional law", published_tables.poles_of_p_loop),
     _done("table-4", "Final gain and settling time, expanding filter", expanding.table_4),
     _done("table-5", "Time to come within 20 % of the gain, moving window", window.table_5),
     _not_yet("fig-1", "Flight control system", DRAWING),

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...controllers.gain_reconfiguration import GainReconfiguration
 from ...filters.bounded import Bounded
-from ...filters.kalman import Kalman
+from ...filters.kalman_filter import Kalman
 from ...filters.smoothed import Smoothed
 from ...models.prior import Prior
 from ...plants import f16
-from ...run.close_loop import ClosedLoopBank, close_loop, close_loop_bank
+from ...simulation.close_loop import ClosedLoopBank, close_loop, close_loop_bank
 from ..entries import Reproduced, drawn
 from .flights import FAILURE, HELD, SEED, STATE
 from .window import NOISES, WEIGHT, window

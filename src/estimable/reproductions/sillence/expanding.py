@@ -116,7 +116,7 @@ def _state_errors(flight, estimate) -> dict[str, Any]:
 
 
 def _draw_states(gain: float) -> Any:
-    from ...run.estimate import estimate
+    from ...estimation.estimate import estimate
     from .. import plots
     from .flights import STATE
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ...filters.kalman import Kalman
+from ...filters.kalman_filter import Kalman
 from ...models.prior import Prior
 from ...plants import f16
-from ...run.close_loop import ClosedLoop, close_loop
+from ...simulation.close_loop import ClosedLoop, close_loop
 from ..entries import Reproduced, Row
 from .flights import CONTINUOUS, FAILURE
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...filters.unknown_gain import UnknownGain
 from ...models.prior import Prior
 from ...plants import f16
-from ...run.monte_carlo import MonteCarlo, monte_carlo
+from ...simulation.monte_carlo import MonteCarlo, monte_carlo
 
 GAINS = (0.8, 0.6, 0.4, 0.2, 0.1)  # K1
 FAILURE = 4.5  # [s]

@@ -8,10 +8,10 @@ import numpy as np
 
 from ...controllers.proportional_integral import ProportionalIntegral
 from ...controllers.state_feedback import StateFeedback
-from ...filters.kalman import Kalman
+from ...filters.kalman_filter import Kalman
 from ...frozen import replace
 from ...plants import f16, f16_failure
-from ...run.monte_carlo_loops import LoopCase, monte_carlo_loops
+from ...simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from ..entries import Reproduced, drawn
 from .flights import FAILURE, NOMINAL, SEED
 

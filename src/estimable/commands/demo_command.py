@@ -1,0 +1,32 @@
+"""`estimable demo`: the gain of the packaged flight."""
+
+from pathlib import Path
+
+from . import options, show
+from .destination import check_destination
+from .gain_command import present
+from .run_filter import run_filter
+
+NEXT = ("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", "A model file to start from:")
+STORY = "A simulated F-16 at Mach 0.9, 20,000 ft. At 4.5 s its elevator loses half its effectiveness."
+
+
+def demo(report: options.Report = Path("report.html"), machine: options.Machine = False) -> None:
+    """Estimate the gain of the example flight.
+
+    The flight comes with estimable: an F-16 whose elevator loses half its effectiveness. The answer is also written as
+    an interactive page, report.html.
+
+    \b
+    Example:
+      estimable demo
+      estimable demo --json
+    """
+    from ..packaged import path
+
+    check_destination("--report", report, ".html")
+    with show.working("Estimating the gain"):
+        run = run_filter(None, path("f16-flight.csv"), path("f16-model.toml"))
+    present("demo", run, machine, report, command="estimable demo", story=(STORY,))
+    if not machine:
+        show.notes(*NEXT, f"  {run.model_path}")

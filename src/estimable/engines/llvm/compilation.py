@@ -1,0 +1,92 @@
+"""Loops of scalars in machine code, kept on disk under a name made of the text, the versions and the processor."""
+
+import ctypes
+from functools import cache
+from typing import Any
+
+from .. import disk_cache
+from ..program.straight_line import UnsupportedError
+from .array_loop import ArrayLoop
+from .scalar_loop import Loop
+
+
+class Compiled:
+    """A loop in machine code; calling it releases Python's lock."""
+
+    def __init__(self, loop: Loop | ArrayLoop, lanes: int = 1):
+        _processor()  # without LLVM there is nothing to write for
+        self.lanes, self.loop = lanes, loop
+        self._engine = _engine(loop.assembly(lanes))
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * loop.pointers)
+        self.address = kind(self._engine.get_function_address("run"))
+
+    def __call__(self, rows: int, fixed, carry, last, *arrays) -> None:
+        """Run `rows` rows over contiguous arrays, those of `loop.row` and then those of `loop.each`; `carry`, `last` and
+        the latter are written."""
+        self.address(rows, *(array.ctypes.data for array in (fixed, carry, last, *arrays)))
+
+
+class OneRow:
+    """A loop that carries nothing, for one row: a function of one address.
+
+    There lie the addresses of `fixed`, and of the arrays that are read and written. It keeps Python's lock, under which all
+    steps may share its memory, and returns number `last` of the last array as an integer.
+    """
+
+    def __init__(self, loop: Loop | ArrayLoop, last: int):
+        _processor()
+        arrays, assembly, lines = loop.pointers - 2, loop.assembly(1), []
+        for i in range(arrays):
+            lines += [f"%at{i} = getelementptr inbounds ptr, ptr %places, i64 {i}", f"%array{i} = load ptr, ptr %at{i}"]
+        pointers = ", ".join(
+            f"ptr {name}" for name in ("%array0", "@memory", "null", *(f"%array{i}" for i in range(1, arrays)))
+        )
+        lines += [f"call void @run(i64 1, {pointers})",
+                  f"%place = getelementptr inbounds double, ptr %array{arrays - 1}, i64 {last}",
+                  "%number = load double, ptr %place", "%code = fptosi double %number to i64", "ret i64 %code"]  # fmt: skip
+        memory = f"@memory = internal global [{loop.bytes} x i8] zeroinitializer, align 64\n"
+        text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
+        self._engine = _engine(assembly + memory + text)
+        self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
+
+
+@cache
+def _processor() -> tuple[str, str]:
+    """Name and features of this processor, with LLVM made ready for it."""
+    try:
+        import llvmlite.binding as llvm
+    except (ImportError, OSError) as reason:
+        raise UnsupportedError("llvmlite cannot be imported") from reason
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def _machine() -> Any:
+    """A target machine; an engine takes over the one that it is given."""
+    import llvmlite.binding as llvm
+
+    name, features = _processor()
+    return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
+
+
+def _engine(text: str) -> Any:
+    """The compiled module, from the disk where it was compiled before."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    words = "|".join((text, llvmlite.__version__, *_processor()))
+    path = disk_cache.place(words, "o")
+    found = disk_cache.read(path)
+    module = llvm.parse_assembly(text)
+    module.verify()
+    if found is None:
+        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options.slp_vectorization = False
+        builder = llvm.create_pass_builder(_machine(), options)
+        builder.getModulePassManager().run(module, builder)
+    engine = llvm.create_mcjit_compiler(module, _machine())
+    engine.set_object_cache(lambda _, compiled: disk_cache.write(path, compiled), lambda _: found)
+    engine.finalize_object()
+    return engine

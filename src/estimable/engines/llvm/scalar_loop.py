@@ -1,0 +1,210 @@
+"""The loop over time around a straight line of scalars, as LLVM's assembly.
+
+What is the same in every row is computed before the loop. What has become the same (`repeats`) is not computed again until
+something that it depends on changes: a second loop runs the rest of each row meanwhile.
+"""
+
+from typing import NamedTuple
+
+from ..program.steady_state import Settling, settling, still
+from ..program.straight_line import Program
+from .scalars import Scalars
+
+
+class Array(NamedTuple):
+    """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
+
+    `kind`: "double"; with one lane "i64" and "i8" (a truth) too.
+    """
+
+    names: tuple[int, ...]
+    kind: str = "double"
+
+
+class Loop(NamedTuple):
+    """A program run row by row: which of its inputs are fixed, carried from row to row, or read from the row.
+
+    Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
+    `carry` and `last` lie in memory as doubles. `repeats`: whether to look for what has become the same; if not, nothing is
+    taken to have settled (`kernels/small.settled`).
+    """
+
+    program: Program
+    fixed: tuple[int, ...]
+    carry: tuple[int, ...]
+    row: tuple[Array, ...]
+    next_carry: tuple[int, ...]
+    each: tuple[Array, ...]
+    last: tuple[int, ...]
+    repeats: bool = True
+
+    @property
+    def bytes(self) -> int:
+        """How much memory the function needs besides its arrays."""
+        return 0
+
+    @property
+    def pointers(self) -> int:
+        """How many arrays the function takes."""
+        return 3 + len(self.row) + len(self.each)
+
+    def assembly(self, lanes: int) -> str:
+        """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`."""
+        return _Text(self, lanes).write()
+
+
+class _Text:
+    """The blocks: `entry`; `whole`, row by row; `rest` and `commit` in its place while a part stands still; `exit`.
+
+    A row of `rest` that finds the part moving again goes back to `whole` before anything of it is written. The carry `i` of a
+    block is called `now<i>` before its row and `after<i>` after it; where one truth tells whether the part stays, `other<i>`
+    is what it becomes if not, so that a row need not wait for that truth.
+    """
+
+    def __init__(self, loop: Loop, lanes: int):
+        self.loop, self.scalars, self.still = loop, Scalars(loop.program, lanes), still(loop)
+        part = settling(loop, self.still) if loop.repeats else None
+        self.part = part or Settling(frozenset(), (), ())
+        self.carried = range(len(loop.carry))
+        self.moving = [i for i in self.carried if i not in self.part.carry]
+        self.held = sorted(self.part.carry) if lanes == 1 and self.part.stays is not None else []
+        self.places = {name: (i, entry, array.kind) for i, array in enumerate(loop.row)
+                       for entry, name in enumerate(array.names) if name >= 0}  # fmt: skip
+        self.lines: list[str] = []
+
+    def write(self) -> str:
+        names = self._entry()
+        names = self._whole(names)
+        if self.part.carry:
+            self._rest(names)
+        self._exit()
+        arrays = [f"%row{i}" for i in range(len(self.loop.row))] + [f"%each{i}" for i in range(len(self.loop.each))]
+        pointers = ", ".join(f"ptr noalias {base}" for base in ("%fixed", "%carry", "%last", *arrays))
+        body = (line if line.endswith(":") else f"  {line}" for line in self.lines)
+        return "\n".join([*sorted(self.scalars.declared), f"define void @run(i64 %T, {pointers}) {{", *body, "}", ""])
+
+    def _entry(self) -> dict[int, str]:
+        """What is the same in every row, and the first carry."""
+        self.lines.append("entry:")
+        names = {
+            name: self.scalars.load(name, "%fixed", i, "double", self.lines) for i, name in enumerate(self.loop.fixed)
+        }
+        names = self._compute(names, [name for name, same in enumerate(self.still) if same], "")
+        for i in self.carried:
+            self._name(f"%entry.after{i}", self.scalars.read("%carry", i, self.lines))
+        self.lines.append("br label %whole")
+        return names
+
+    def _whole(self, names: dict[int, str]) -> dict[int, str]:
+        """A whole row; what its scalars are called."""
+        number = self.scalars.number
+        back = [(f"%whole.now{i}" if i in self.part.carry else f"%rest.now{i}", "%rest") for i in self.carried]
+        back = back if self.part.carry else []
+        self.lines.append("whole:")
+        came = ("0", "%entry"), ("%whole.next", "%again"), *([("%rest.row", "%rest")] if back else [])
+        self._phi("%whole.row", "i64", *came)
+        for i in self.carried:
+            again = f"%whole.{'other' if i in self.held else 'after'}{i}"
+            came = (f"%entry.after{i}", "%entry"), (again, "%again"), *back[i : i + 1]
+            self._phi(f"%whole.now{i}", number, *came)
+        names = self._carry(names, "whole", list(self.carried))
+        names = self._compute(names, range(len(self.still)), "whole")
+        self._put(names, "whole", [i for i in self.carried if i not in self.held])
+        for i in self.held:
+            self._name(f"%whole.other{i}", names[self.loop.program.operations[self.loop.next_carry[i]].arguments[2]])
+        self.lines += ["br i1 %whole.more, label %again, label %done", "again:"]
+        self.lines.append(f"br i1 {self._stands(names)}, label %rest, label %whole" if back else "br label %whole")
+        self.lines.append("done:")
+        for i in self.held:
+            self._name(f"%whole.after{i}", names[self.loop.next_carry[i]])
+        self.lines.append("br label %exit")
+        return names
+
+    def _stands(self, names: dict[int, str]) -> str:
+        """Whether the part that may stand still does."""
+        if self.part.stays is not None and self.held:
+            return names[self.part.stays]
+        pairs = [(f"%whole.now{i}", f"%whole.after{i}") for i in sorted(self.part.carry)]
+        return self.scalars.all_equal(pairs, "number", self.lines)
+
+    def _rest(self, whole: dict[int, str]) -> None:
+        """A row of which a part is as it was, where the choices that the part depends on are as they were."""
+        self.lines.append("rest:")
+        self._phi("%rest.row", "i64", ("%whole.next", "%again"), ("%rest.next", "%commit"))
+        for i in self.moving:
+            self._phi(
+                f"%rest.now{i}", self.scalars.number, (f"%whole.after{i}", "%again"), (f"%rest.after{i}", "%commit")
+            )
+        names = {name: whole[name] for name, slow in enumerate(self.part.slow) if slow or self.still[name]}
+        names = self._carry(names, "rest", self.moving)
+        names = self._compute(names, range(len(self.still)), "rest")
+        holds = self.scalars.all_equal([(whole[c], names[c]) for c in self.part.choices], "truth", self.lines)
+        self.lines += [f"br i1 {holds}, label %commit, label %whole", "commit:"]
+        self._put(names, "rest", self.moving)
+        self.lines.append("br i1 %rest.more, label %rest, label %exit")
+
+    def _exit(self) -> None:
+        self.lines.append("exit:")
+        for i in self.carried:
+            rest = (f"%rest.after{i}" if i in self.moving else f"%whole.now{i}", "%commit")
+            came = (f"%whole.after{i}", "%done"), *([rest] if self.part.carry else [])
+            self._phi(f"%end{i}", self.scalars.number, *came)
+        for i in self.carried:
+            self.scalars.write(f"%end{i}", "%carry", i, self.lines)
+        self.lines.append("ret void")
+
+    def _phi(self, name: str, kind: str, *came: tuple[str, str]) -> None:
+        """A value that depends on the block that came before: (value, block) of each."""
+        self.lines.append(f"{name} = phi {kind} " + ", ".join(f"[{value}, {block}]" for value, block in came))
+
+    def _name(self, name: str, value: str) -> None:
+        """Give a number a name that is known before."""
+        self.lines.append(f"{name} = bitcast {self.scalars.number} {value} to {self.scalars.number}")
+
+    def _carry(self, names: dict[int, str], block: str, carried: list[int]) -> dict[int, str]:
+        """The names, with those of the scalars that are carried into this block, and where its row lies in each array."""
+        names = dict(names)
+        for i in carried:
+            names[self.loop.carry[i]] = self.scalars.from_memory(self.loop.carry[i], f"%{block}.now{i}", self.lines)
+        for i, array in enumerate(self.loop.row):
+            self._step(f"%{block}.row{i}", f"%row{i}", array, f"%{block}.row")
+        return names
+
+    def _step(self, name: str, base: str, array: Array, row: str) -> None:
+        """A pointer to a row of an array."""
+        offset = self.scalars.assign(f"mul i64 {row}, {len(array.names) * self.scalars.lanes}", self.lines)
+        self.lines.append(f"{name} = getelementptr inbounds {array.kind}, ptr {base}, i64 {offset}")
+
+    def _compute(self, names: dict[int, str], wanted, block: str) -> dict[int, str]:
+        """The names, with those of the wanted scalars that had none, which are read or computed here, in order."""
+        names = dict(names)
+        for name in wanted:
+            if name in names:
+                continue
+            if name in self.places:
+                i, entry, kind = self.places[name]
+                names[name] = self.scalars.load(name, f"%{block}.row{i}", entry, kind, self.lines)
+            elif self.loop.program.operations[name].name == "settles" and not self.loop.repeats:
+                names[name] = self.scalars.constant(False)
+            else:
+                names[name] = self.scalars.define(name, names, self.lines)
+        return names
+
+    def _put(self, names: dict[int, str], block: str, carried: list[int]) -> None:
+        """Write what a row leaves, and go on to the next; what stands still is copied from the row before."""
+        stands = self.part.slow if block == "rest" else [False] * len(self.still)
+        for i, array in enumerate(self.loop.each):
+            self._step(f"%{block}.each{i}", f"%each{i}", array, f"%{block}.row")
+            for entry, name in enumerate(array.names):
+                if stands[name]:
+                    self.scalars.copy(f"%{block}.each{i}", entry - len(array.names), entry, array.kind, self.lines)
+                else:
+                    self.scalars.store(name, names[name], f"%{block}.each{i}", entry, array.kind, self.lines)
+        for i, name in enumerate(self.loop.last):
+            if not stands[name]:
+                self.scalars.store(name, names[name], "%last", i, "double", self.lines)
+        for i in carried:
+            name = self.loop.next_carry[i]
+            self._name(f"%{block}.after{i}", self.scalars.in_memory(name, names[name], self.lines))
+        self.lines.append(f"%{block}.next = add i64 %{block}.row, 1")
+        self.lines.append(f"%{block}.more = icmp slt i64 %{block}.next, %T")

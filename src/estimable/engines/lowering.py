@@ -1,0 +1,191 @@
+"""A step of an algorithm written out as straight lines of scalars, once for each algorithm, shapes and what is kept."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from .disk_cache import once
+from .program.constant_state import lasting
+from .program.straight_line import Program, UnsupportedError, lower_jaxpr
+
+LONG = 20_000  # outputs in all, seen or not
+OPEN = 200_000  # operations of a step before it is known what of its state is constant
+
+
+class Carried(NamedTuple):
+    """An entry of the flat state: its place, its scalars `now` and `after` the row, and the scalar of the start."""
+
+    place: int
+    now: int
+    after: int
+    start: int
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """`start`: (algorithm, prior) to the first state. `row`: those, a state, a sample and an interval to the next state, what
+    is kept, the log-likelihood and the outcome.
+
+    The first `fixed` arrays that `row` takes are those of algorithm and prior, then come `states` arrays of the state.
+    `kept`: the shapes of what is kept.
+    """
+
+    start: Program
+    row: Program
+    fixed: int
+    states: int
+    kept: Any
+
+    @property
+    def carried(self) -> list[Carried]:
+        """The entries of the state that a row reads."""
+        now, after, start = (
+            [int(name) for array in arrays for name in array.ravel()]
+            for arrays in (
+                self.row.inputs[self.fixed :][: self.states],
+                self.row.outputs[: self.states],
+                self.start.outputs,
+            )
+        )
+        entries = [Carried(*entry) for entry in zip(range(len(now)), now, after, start, strict=True)]
+        return [entry for entry in entries if entry.now >= 0 and self.row.operations[entry.now].name != "constant"]
+
+
+def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Written:
+    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be written out.
+
+    In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
+    """
+    structure, shapes = example(algorithm, prior, samples, intervals, axes)
+    long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
+    written = write_shapes(structure, shapes, keep, select, _zeros(algorithm, axes[0]) if long else ())
+    if isinstance(written, UnsupportedError):
+        raise UnsupportedError(*written.args)
+    return written
+
+
+def example(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, tuple]:
+    """The structure, and the shape and type of each array, of (algorithm, prior, sample, interval) in one row of one run."""
+    a, r, p = axes
+    one = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
+    leaves, structure = jax.tree_util.tree_flatten(tuple(one))
+    return structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves)
+
+
+def batch(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[int, list, list]:
+    """How many runs, and (leaf, axis of the batch or None) of what is fixed in a run and of its rows."""
+    a, r, p = axes
+    fixed = [
+        (np.asarray(x), axis) for part, axis in ((algorithm, a), (prior, p)) for x in jax.tree_util.tree_leaves(part)
+    ]
+    rows = [(np.asarray(x), r) for part in (samples, intervals) for x in jax.tree_util.tree_leaves(part)]
+    return next(len(leaf) for leaf, axis in fixed + rows if axis == 0), fixed, rows
+
+
+def entries_read(arrays: tuple[np.ndarray, ...]) -> tuple[list[tuple[int, int]], tuple[int, ...]]:
+    """(array, entry) and name of each input scalar that a program reads."""
+    found = [(i, j, int(n)) for i, array in enumerate(arrays) for j, n in enumerate(array.ravel()) if n >= 0]
+    return [(i, j) for i, j, _ in found], tuple(n for _, _, n in found)
+
+
+def _zeros(algorithm: Any, axis: int | None) -> tuple[tuple[int, int], ...]:
+    """(array, entry) of the numbers that are zero in every run."""
+    leaves = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(algorithm)]
+    runs = [1 if axis is None else len(leaf) for leaf in leaves]
+    zero = [~leaf.reshape(count, -1).any(axis=0) for leaf, count in zip(leaves, runs, strict=True)]
+    return tuple(
+        (i, int(j)) for i, entries in enumerate(zero) if leaves[i].dtype == float for j in np.flatnonzero(entries)
+    )
+
+
+def _first(part: Any, axis: int | None) -> Any:
+    return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[0], part)
+
+
+@lru_cache(256)
+def write_shapes(
+    structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple = ()
+) -> Written | UnsupportedError:
+    """The step, or why there is none: neither is worked out twice."""
+    return once(attempt, structure, shapes, keep, select, zeros)
+
+
+def attempt(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written | UnsupportedError:
+    """The step, or why there is none."""
+    try:
+        return _write(structure, shapes, keep, select, zeros)
+    except UnsupportedError as reason:
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
+
+
+class Traced(NamedTuple):
+    """The jaxprs of `init` and of a row, as `Written` describes them; `shapes` of the arrays of the state."""
+
+    start: Any
+    row: Any
+    fixed: int
+    states: int
+    kept: Any
+
+
+def trace(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced:
+    """What `init` and a row do."""
+    examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
+    algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
+    told = {}
+
+    def init(algorithm, prior):
+        return jax.tree_util.tree_leaves(algorithm.init(prior))
+
+    def step(algorithm, prior, state, sample, interval):
+        state, info = algorithm.correct(state, sample)
+        kept = select(info, keep)
+        told["kept"] = jax.eval_shape(lambda: kept)
+        log_likelihood = 0.0 if info.log_likelihood is None else info.log_likelihood
+        state = algorithm.predict(state, interval)
+        return jax.tree_util.tree_leaves(state), jax.tree_util.tree_leaves(kept), [log_likelihood, info.outcome]
+
+    state = jax.eval_shape(lambda algorithm, prior: algorithm.init(prior), algorithm, prior)
+    parts = (algorithm, prior, state, sample, interval)
+    counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
+    start, row = jax.make_jaxpr(init)(algorithm, prior), jax.make_jaxpr(step)(*parts)
+    return Traced(start, row, counts[0] + counts[1], counts[2], told["kept"])
+
+
+def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:
+    traced = trace(structure, shapes, keep, select)
+    fixed, states, start = traced.fixed, traced.states, lower_jaxpr(traced.start)
+    always = dict.fromkeys(zeros, 0.0)
+    known = _constants(start, fixed)
+    # as short as it can be: where that is too long, nothing more is worked out
+    row = lower_jaxpr(traced.row, always | known)
+    if len(_still_known(known, row, fixed, states)) < len(known):
+        known = lasting(known, lower_jaxpr(traced.row, always, OPEN), fixed)
+        row = lower_jaxpr(traced.row, always | known)
+    while len(kept := _still_known(known, row, fixed, states)) < len(known):
+        known = kept
+        row = lower_jaxpr(traced.row, always | known)
+    return Written(start, row, fixed, states, traced.kept)
+
+
+def _constants(start: Program, fixed: int) -> dict[tuple[int, int], Any]:
+    """Entries of the state that begin as a constant, as the zeros of a triangular factor."""
+    return {
+        (fixed + array, entry): start.operations[name].value
+        for array, names in enumerate(start.outputs)
+        for entry, name in enumerate(names.ravel())
+        if start.operations[name].name == "constant"
+    }
+
+
+def _still_known(known: dict, row: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
+    """Those of the known entries that a step leaves as they were: by induction they always are."""
+    nexts = [[row.operations[name] for name in names.ravel()] for names in row.outputs[:states]]
+    return {
+        (array, entry): value
+        for (array, entry), value in known.items()
+        if (after := nexts[array - fixed][entry]).name == "constant" and repr(after.value) == repr(value)
+    }

@@ -1,0 +1,188 @@
+"""One step at a time as machine code, for loops in Python: memory and its addresses stay from call to call."""
+
+import ctypes
+from collections.abc import Callable
+from functools import lru_cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .disk_cache import once
+from .llvm.array_loop import ArrayLoop
+from .llvm.compilation import OneRow
+from .llvm.scalar_loop import Array, Loop
+from .program.arrays import lower
+from .program.straight_line import Program, UnsupportedError, lower_jaxpr
+
+
+class Place:
+    """A state in memory: `flat`, of the `form` of the tree that it is; and the steps that lead on, by what they are called."""
+
+    def __init__(self, state: Any):
+        self.form = form_of(state)
+        self.flat = np.zeros(_size(self.form))
+        self.after: dict[str, Step] = {}
+
+    @property
+    def state(self) -> Any:
+        """The state, as the arrays it is now."""
+        return reader(self.form)(self.flat.tobytes())
+
+
+class Step:
+    """A step from one place to another.
+
+    Write `inputs` (flat arrays) and `run()`: it reads the state `here`, writes that `there` and what is `told` (flat), and
+    returns the code that the function gives. `fixed` may be written too. Raises `ValueError` where both places are one.
+    """
+
+    def __init__(self, code: "Code", fixed: np.ndarray, here: Place, there: Place):
+        if here is there:
+            raise ValueError("a step reads a state while it writes the next one: they lie in different places")
+        self.there, self.fields = there, code.fields
+        bounds = np.cumsum([0, *code.inputs])
+        memory, self.told = np.zeros(bounds[-1]), np.zeros(code.told)
+        self.inputs = [memory[a:b] for a, b in pairwise(bounds)]
+        arrays = fixed, here.flat, memory, there.flat, self.told
+        places = np.array([array.ctypes.data for array in arrays])
+        self._kept = arrays, places, code
+        self.run = partial(code.compiled.address, ctypes.c_void_p(places.ctypes.data))
+
+
+class Code:
+    """The machine code of a step, of which form the next state is, and how what is told is read, field by field."""
+
+    def __init__(self, step: "Lowered"):
+        self.next, self.inputs, self.told = step.next, step.inputs, _size(step.told) + 1
+        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(step.told))}
+        self.compiled = OneRow(step.loop, self.told - 1)
+
+
+def _written_out(program: Program, fixed: Any, state: Any, following: Any) -> Loop:
+    """The step as a straight line of scalars."""
+    counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
+    read = [_names(part) for part in _split(program.inputs, *counts)]
+    written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(following)))]
+    row, each = map(Array, read[1:]), map(Array, written)
+    return Loop(program, read[0], (), tuple(row), (), tuple(each), ())
+
+
+def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
+    """The step as operations on arrays, of which those of each part lie one after the other."""
+
+    def run(*memories):
+        following, *told = function(*(_unpacked(part, m) for part, m in zip(parts[:2], memories, strict=False)),
+                                    *_unpacked(parts[2], memories[2]))  # fmt: skip
+        return _packed(following), _packed(told)
+
+    return ArrayLoop(lower(jax.make_jaxpr(run)(*(np.zeros(_size(part)) for part in parts))), None, 1, 0, 2)
+
+
+def _packed(tree: Any) -> Any:
+    """All numbers of a tree, inside JAX."""
+    return jnp.concatenate([jnp.ravel(leaf).astype(float) for leaf in jax.tree_util.tree_leaves(tree)])
+
+
+def _unpacked(form: Any, memory: Any) -> Any:
+    """A tree of this form from its numbers, inside JAX."""
+    leaves, structure = jax.tree_util.tree_flatten(form)
+    parts = _split(memory, *np.cumsum([_size(leaf) for leaf in leaves])[:-1].tolist()) if leaves else []
+    shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree_util.tree_unflatten(structure, shaped)
+
+
+class Lowered(NamedTuple):
+    """A step as a program: the forms of the next state and of what is told, and the sizes of the inputs."""
+
+    next: Any
+    told: Any
+    inputs: list[int]
+    loop: Loop | ArrayLoop
+
+
+def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
+    """The code of `function(fixed, state, *inputs)`, which gives the next state, a record that is told and a code.
+
+    Raises `UnsupportedError` where the function has no machine code.
+    """
+    leaves, structure = jax.tree_util.tree_flatten((fixed, state, *inputs))
+    code = _code(function, structure, tuple((leaf.shape, leaf.dtype.str) for leaf in map(form_of, leaves)))
+    if isinstance(code, UnsupportedError):
+        raise UnsupportedError(*code.args)
+    return code
+
+
+@lru_cache(256)
+def _code(*arguments: Any) -> Code | UnsupportedError:
+    """The code of a step, or why there is none: neither is worked out twice."""
+    step = once(attempt, *arguments)
+    return step if isinstance(step, UnsupportedError) else Code(step)
+
+
+def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | UnsupportedError:
+    """The program of a step, of scalars or else of arrays, or why there is none."""
+    fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
+    traced, (after, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
+    forms = form_of(after), form_of(told), [_size(part) for part in inputs]
+    try:
+        return Lowered(*forms, _written_out(lower_jaxpr(traced), fixed, state, after))
+    except UnsupportedError:
+        pass
+    try:
+        return Lowered(*forms, _of_arrays(function, form_of(fixed), form_of(state), form_of(inputs)))
+    except UnsupportedError as reason:
+        return UnsupportedError(*reason.args)  # without the frames that the reason has passed
+
+
+def flat(tree: Any) -> np.ndarray:
+    """All numbers of a tree."""
+    leaves = [np.ravel(np.asarray(leaf, float)) for leaf in jax.tree_util.tree_leaves(tree)]
+    return np.concatenate(leaves) if leaves else np.empty(0)
+
+
+def form_of(tree: Any) -> Any:
+    """A tree with shapes and types in the place of its arrays."""
+    return jax.tree_util.tree_map(
+        lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf), getattr(leaf, "dtype", np.asarray(leaf).dtype)), tree
+    )
+
+
+def reader(form: Any, at: int = 0) -> Callable[[bytes], Any]:
+    """A function from memory to arrays of this form, of which the first begins at number `at`."""
+    leaves, structure = jax.tree_util.tree_flatten(form)
+    starts = np.cumsum([at, *map(_size, leaves)]).tolist()
+    each = [_array_reader(leaf, start) for leaf, start in zip(leaves, starts, strict=False)]
+    if isinstance(form, jax.ShapeDtypeStruct):
+        return each[0]
+    return lambda memory: jax.tree_util.tree_unflatten(structure, [read(memory) for read in each])
+
+
+def _array_reader(form: Any, at: int) -> Callable[[bytes], np.ndarray]:
+    shape, at = form.shape, at * np.dtype(float).itemsize
+    if form.dtype == float:
+        return lambda memory: np.ndarray(shape, float, memory, at)
+    return lambda memory: np.ndarray(shape, float, memory, at).astype(form.dtype)
+
+
+def _placed(fields: dict[str, Any]) -> list[tuple[str, Any, int]]:
+    """The fields, and the number at which each begins."""
+    starts = np.cumsum([0, *map(_size, fields.values())]).tolist()
+    return [(name, form, at) for (name, form), at in zip(fields.items(), starts, strict=False)]
+
+
+def _size(form: Any) -> int:
+    """How many numbers a tree has."""
+    return sum(int(np.prod(np.shape(leaf))) for leaf in jax.tree_util.tree_leaves(form))
+
+
+def _names(arrays: Any) -> tuple[int, ...]:
+    """The scalars of these arrays."""
+    return tuple(int(name) for array in arrays for name in array.ravel())
+
+
+def _split(items: Any, *bounds: int) -> list[Any]:
+    """The items before, between and after the bounds."""
+    return [items[a:b] for a, b in pairwise((0, *bounds, len(items)))]

@@ -1,0 +1,1 @@
+"""A step as a program of operations: on scalars, or on arrays."""

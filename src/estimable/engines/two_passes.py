@@ -1,0 +1,115 @@
+"""Two steps that take turns, as machine code: one goes forwards over a block of rows, one backwards over them for the next.
+
+What the forward step tells of a row is a row of the backward step, and what the backward step tells of it enters the forward
+step at the row in the same place of the next block. So a loop, whose rows come one at a time, can look back over a block.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from .batches import on_all_processors, shaped, sizes
+from .lowering import batch, write
+from .native import LANES, Step, columns, compiled_step
+from .xla import Run
+
+
+class Way(NamedTuple):
+    """One of the two steps, and what its `init` takes."""
+
+    algorithm: Any
+    prior: Any
+
+
+def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: Any, length: int, select: Any) -> Run:
+    """Run a bank whose rows have a leading axis of runs, in blocks of `length`.
+
+    `rows` has a field `begin`, whose numbers are those of the argument in the first block, (length, ..), and then what the
+    backward step told. `select(info, keep)` gives (what is kept, (sample, interval) of the backward step). Raises
+    `UnsupportedError` where a step cannot be written out.
+    """
+    axes = (None, 0, None)
+    written = write(forward.algorithm, forward.prior, rows, intervals, axes=axes, keep="all", select=select)
+    kept, passed = written.kept
+    example = jax.tree_util.tree_map(lambda leaf: np.zeros((1, 1, *leaf.shape), leaf.dtype), passed)
+    back = write(backward.algorithm, backward.prior, example[0], example[1], axes=axes, keep="all", select=_as_it_is)
+    ahead, behind = compiled_step(written, "all", LANES), compiled_step(back, "all", LANES)
+    size, fixed, leaves = batch(forward.algorithm, forward.prior, rows, intervals, axes)
+    memory = _Memory(ahead, behind, rows, leaves, _width(kept), begin)
+    T = leaves[0][0].shape[1]
+    _, own, _ = batch(backward.algorithm, backward.prior, example[0], example[1], axes)
+    starts, constants = ahead.start.run(size, fixed)[:, ahead.alive], columns(fixed, ahead.fixed, size)
+    turned = behind.start.run(1, own)[:, behind.alive], columns(own, behind.fixed, 1)
+    start, still = (np.repeat(array.T, LANES, axis=1) for array in turned)
+    each, codes = np.empty((size, T, _width(kept))), np.empty((size, T))
+
+    def side_by_side(first: int) -> None:
+        runs, real = ahead.group(first, size)
+        wrote = memory.run(runs, T, length, (constants[runs].T.copy(), starts[runs].T.copy()), (still, start))
+        each[first : first + real] = wrote[:, : each.shape[2]].transpose(2, 0, 1)[:real]
+        codes[first : first + real] = wrote[:, ahead.at[ahead.told[1]]].T[:real]
+
+    on_all_processors(side_by_side, range(0, size, LANES))
+    failed_at = np.argmax(codes != 0, axis=1)
+    return Run(
+        shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept),
+        None,
+        codes[np.arange(size), failed_at].astype(int),
+        failed_at,
+        None,
+    )
+
+
+def _as_it_is(told: Any, keep: str) -> Any:
+    return told.kept
+
+
+def _width(shapes: Any) -> int:
+    return sum(int(np.prod(leaf.shape)) for leaf in jax.tree_util.tree_leaves(shapes))
+
+
+def _offsets(shapes: list) -> np.ndarray:
+    """Where each array begins among flat columns."""
+    return np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
+
+
+class _Memory:
+    """Which column of one step is which of the other."""
+
+    def __init__(self, ahead: Step, behind: Step, rows: Any, leaves: list, kept: int, begin: Any):
+        self.ahead, self.behind = ahead, behind
+        self.leaves = [leaf.reshape(*leaf.shape[:2], -1) for leaf, _ in leaves]
+        passed = _offsets([leaf.shape for leaf in jax.tree_util.tree_leaves(ahead.kept[1])])
+        self.passed = [kept + passed[i] + j for i, j in behind.columns]  # columns of `ahead` that `behind` reads
+        begun = jax.tree_util.tree_leaves(begin)
+        first = [path[0].name for path, _ in jax.tree_util.tree_flatten_with_path(rows)[0]].index("begin")
+        told = _offsets([leaf.shape[1:] for leaf in begun])
+        inside = [(column, i - first, j) for column, (i, j) in enumerate(ahead.columns) if 0 <= i - first < len(begun)]
+        self.into = [column for column, _, _ in inside]  # columns of `ahead` that `behind` tells
+        self.out_of = [told[i] + j for _, i, j in inside]
+        self.begin = np.stack([begun[i].reshape(len(begun[i]), -1)[:, j] for _, i, j in inside], axis=1)
+
+    def run(self, runs: Any, T: int, length: int, forward: tuple, backward: tuple) -> np.ndarray:
+        """What the forward step wrote of a group of runs, (T, columns, lanes)."""
+        row, nothing = self._rows(runs, T), np.zeros(1)
+        wrote = np.empty((T, self.ahead.at[-1], LANES))
+        told = np.empty((length, self.behind.at[-1], LANES))
+        row[:length, self.into] = self.begin[:T, :, None]
+        for start in range(0, T, length):
+            stop = min(start + length, T)
+            self.ahead.compiled(stop - start, *forward, nothing, row[start:stop], wrote[start:stop])
+            if stop == T:
+                break
+            turned = np.ascontiguousarray(wrote[start:stop][::-1, self.passed])
+            still, begin = backward
+            self.behind.compiled(length, still, begin.copy(), nothing, turned, told)
+            row[stop : stop + length, self.into] = told[::-1, self.out_of][: T - stop]
+        return wrote
+
+    def _rows(self, runs: Any, T: int) -> np.ndarray:
+        row = np.empty((T, len(self.ahead.columns), LANES))
+        for column, (i, j) in enumerate(self.ahead.columns):
+            if column not in self.into:
+                row[:, column] = self.leaves[i][runs, :, j].T
+        return row

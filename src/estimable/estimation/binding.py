@@ -1,0 +1,204 @@
+"""An algorithm, a record and a prior made ready for an engine: matched by name, checked together, sampled."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record, match, scatter
+from ..filters.wrapped import innermost
+from ..models.nonlinear_model import NonlinearModel
+from ..models.prior import Prior
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Names, Sample
+from .stack import Stacked
+
+MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
+
+
+class Bound(NamedTuple):
+    """What an engine runs; the samples and intervals of a bank have a leading batch axis."""
+
+    algorithm: Any
+    samples: Sample
+    intervals: Interval
+    names: Names
+    t: np.ndarray | None
+
+
+def select(info: Info, keep: str) -> Info:
+    """What is kept of an info."""
+    if keep in ("all", "last"):
+        return info
+    return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ("outcome",))})
+
+
+def model_of(algorithm: Any) -> StateSpace:
+    """The model inside an algorithm and its wrappers."""
+    return innermost(algorithm).model
+
+
+def has_state_prior(algorithm: Any) -> bool:
+    """Whether the drivers' `prior` is asked for: not by an algorithm whose priors are all settings of its own."""
+    return getattr(algorithm, "has_state_prior", True)
+
+
+def takes_fates(algorithm: Any) -> bool:
+    """Whether an algorithm takes inputs of which nobody knows whether they arrived."""
+    return getattr(algorithm, "takes_fates", False)
+
+
+def bind(
+    algorithm: Any, record: Record, prior: Prior | None, *, bank: Record | None = None, algorithms: Any = None
+) -> Bound:
+    """Check everything together, then match by name, resolve what was applied, and sample the model.
+
+    Of a bank, `algorithm`, `record` and `prior` are one run, which stands for the shapes and names of all; `bank` and
+    `algorithms` then hold the numbers of all.
+    """
+    faults = checks.Faults()
+    _check_kinds(algorithm, record, prior, faults)
+    faults.finish()
+    model, names, rows = model_of(algorithm), algorithm.names, bank or record
+    outputs = columns(names.outputs, record.outputs, "output", "y", faults)
+    inputs = columns(names.inputs, record.inputs, "input", "u", faults)
+    if has_state_prior(algorithm):
+        check_prior(prior, model, faults)
+    _check_time(model, record, faults)
+    _check_lengths(algorithm, record, faults)
+    faults.finish()
+    u, arrived = _fates(algorithm, record, rows, faults) if takes_fates(algorithm) else (rows.applied(), None)
+    u, arrived = np.take(u, inputs, axis=-1), None if arrived is None else arrived[..., inputs]
+    check_known(u, names.inputs, faults)
+    faults.finish()
+    if isinstance(model, NonlinearModel) and prior is not None:
+        model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
+        faults.finish()
+    clock = record.clock(model.dt or None)
+    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    y = np.take(rows.y, outputs, axis=-1)
+    seen = ~np.isnan(y)
+    samples = Sample(np.where(seen, y, 0.0), seen, u, arrived)
+    u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
+    intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
+    ready = (algorithms or algorithm).sampled(clock)
+    if hasattr(ready, "complete") and prior is not None and prior.diffuse is None and samples.seen.all():
+        ready = ready.complete
+    names = names._replace(units=record.units, **getattr(ready, "told", {}))
+    return Bound(ready, samples, intervals, names, rows.t)
+
+
+def _fates(algorithm: Any, record: Record, rows: Record, faults: checks.Faults) -> tuple[np.ndarray, np.ndarray]:
+    """What was sent, and what is known of whether it arrived."""
+    if record.lost != algorithm.lost:
+        faults.add(
+            f'`lost` of the record is "{record.lost}", that of {type(algorithm).__name__} "{algorithm.lost}": they must be equal.'
+        )
+    return rows.u, np.ones(rows.u.shape) if rows.arrived is None else rows.arrived
+
+
+def _check_lengths(algorithm: Any, record: Record, faults: checks.Faults) -> None:
+    """What an algorithm and its wrappers ask of the length of a record."""
+    while algorithm is not None:
+        if hasattr(algorithm, "check_record"):
+            algorithm.check_record(len(record), faults)
+        algorithm = getattr(algorithm, "algorithm", None)
+
+
+def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
+    """An algorithm has the three steps, and is made, not a class."""
+    if isinstance(algorithm, type):
+        faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
+    elif not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
+        faults.add(
+            f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}."
+        )
+
+
+def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
+    check_algorithm(algorithm, faults)
+    if not isinstance(record, Record):
+        faults.add(f"`record` must be a Record. Got {type(record).__name__}.{_batch_hint(record)}")
+    check_prior_kind(algorithm, prior, faults, _batch_hint(prior))
+
+
+def check_prior_kind(algorithm: Any, prior: Any, faults: checks.Faults, hint: str = "") -> None:
+    """A `Prior` of the state for an algorithm that estimates one, and None for one that does not."""
+    if has_state_prior(algorithm):
+        if not isinstance(prior, Prior):
+            faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{hint}")
+    elif prior is not None:
+        name = type(algorithm).__name__
+        faults.add(f"`prior` must be None: {name} has no prior of a state, and its own prior is a setting of {name}.")
+
+
+def _batch_hint(thing: Any) -> str:
+    many = isinstance(thing, Stacked | list | tuple)
+    return " For several at once use estimate_bank." if many else ""
+
+
+def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: str, faults: checks.Faults) -> list[int]:
+    """Columns of the record for the model's channels: by name, or by position where either has default names only."""
+    default = [channels == tuple(f"{letter}{i + 1}" for i in range(len(channels))) for channels in (names, given)]
+    if all(default) and names and len(names) != len(given):
+        faults.add(
+            f"the model has {checks.counted(len(names), what)} and the record {len(given)}, and neither names them: name "
+            f"the {what}s of both, or give as many columns."
+        )
+        return []
+    return match(names, any(default), given, what, faults)
+
+
+def check_prior(prior: Any, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
+    """The prior must describe the model's states."""
+    if prior.mean.shape[-1] != model.n:
+        faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
+
+
+def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:
+    """Every input must be known."""
+    unknown = np.isnan(u)
+    if unknown.any():
+        *run, row, channel = np.argwhere(unknown)[0]
+        faults.add(
+            f"input {names[channel]!r} is not known at u[{row}]{f' of run {run[0]}' if run else ''}, row {row + 1} of the "
+            "record: NaN, or nobody knows whether it arrived. This algorithm needs every input: fill it in with what the "
+            "actuator did, or cut the record there."
+        )
+
+
+def check_hold(model: StateSpace | NonlinearModel, hold: str, faults: checks.Faults) -> None:
+    """The record and a discrete model must agree on how the input moves between samples."""
+    if model.is_continuous or model.m == 0:
+        return
+    if hold == "first_order" and model.B_end is None:
+        faults.add(
+            f'the record\'s input moves between samples (hold = "first_order"), but the model is discrete (dt = {model.dt:g} s) '
+            "and has no `B_end`: give the continuous model, or model.discretise(dt, hold='first_order')."
+        )
+    if hold == "zero_order" and model.B_end is not None:
+        faults.add(
+            "the model was discretised for an input that moves between samples (it has `B_end`), but the record says "
+            'hold = "zero_order".'
+        )
+
+
+def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> None:
+    check_hold(model, record.hold, faults)
+    if model.steps is not None and model.steps != len(record):
+        faults.add(f"the model varies over {model.steps} rows of time, the record has {len(record)}.")
+    if model.is_continuous:
+        if record.t is None and len(record) > 1:
+            faults.add("the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds.")
+        return
+    if record.t is None or len(record) == 1:
+        return
+    if record.dt is None:
+        steps = np.diff(record.t)
+        step = "" if model.dt is None else f" with dt = {model.dt:g} s"
+        faults.add(
+            f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete"
+            f"{step}: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
+        )
+    elif model.dt is not None and abs(record.dt - model.dt) > scatter(record.t, model.dt):
+        faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")

@@ -1,0 +1,312 @@
+"""Run an algorithm one sample at a time."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..data.record import LOST, UNIFORM
+from ..engines import choice
+from ..engines.program.straight_line import UnsupportedError
+from ..errors import RunError
+from ..frozen import frozen, replace, static
+from ..models.discretisation import HOLDS
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..results import Info, Interval, Outcome, Sample
+from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of, takes_fates
+from .online_steps import Quick
+
+
+@jax.jit
+def _init(algorithm, prior):
+    return algorithm.init(prior)
+
+
+@jax.jit
+def _correct(algorithm, k, state, sample):
+    return algorithm.at(k).correct(state, sample)
+
+
+@jax.jit
+def _predict(algorithm, k, state, interval):
+    return algorithm.at(k).predict(state, interval)
+
+
+@frozen
+class Progress:
+    """All that a run is: the algorithm, what is believed, what the actuator holds, the last info, and where it stands."""
+
+    algorithm: Any
+    state: Any
+    held: Any
+    info: Info | None = None
+    dt: float | None = static(default=None)
+    sample: int = static(default=0)
+    corrected: bool = static(default=False)
+    hold: str = static(default="zero_order")
+    lost: str = static(default="zero")
+
+    def resumed(self) -> "Online":
+        """The run that goes on from here."""
+        return Online(self)
+
+
+class Online:
+    """An algorithm at work, one sample at a time; made by `online`. The only object of estimable that changes.
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
+    >>> running = online(Kalman(model), prior=Prior([0.0], [[1.0]]))
+    >>> running.correct([2.0]).mean.tolist()
+    [1.0]
+    >>> running.predict([0.5])
+    >>> running.correct([float("nan")]).mean.tolist()
+    [1.5]
+    """
+
+    def __init__(self, progress: Progress, engine: str = "auto"):
+        self._progress: Progress | None = progress
+        self._base = progress
+        self._sampled: dict = {}
+        self._asked = engine
+        self._quick = self._machine_code(progress)
+
+    @property
+    def progress(self) -> Progress:
+        """All that the run is now."""
+        if self._progress is None:
+            quick: Any = self._quick
+            (state, held), info = quick.state, jax.tree_util.tree_map(np.asarray, quick.info)
+            self._progress = replace(
+                self._base, state=state, info=info, held=held, sample=quick.sample, corrected=quick.corrected,
+                dt=quick.dt if quick.sample else self._base.dt,
+            )  # fmt: skip
+        return self._progress
+
+    @progress.setter
+    def progress(self, progress: Progress) -> None:
+        self._progress, self._base, self._quick = progress, progress, None
+
+    def __repr__(self) -> str:
+        return f"Online({type(self.algorithm).__name__} at sample {self._now.sample})"
+
+    @property
+    def _now(self) -> Any:
+        """Where the run stands: `sample`, `corrected`, `dt` and `hold`."""
+        return self._base if self._quick is None else self._quick
+
+    @property
+    def algorithm(self) -> Any:
+        """The algorithm at work."""
+        return self._base.algorithm
+
+    @property
+    def engine(self) -> str:
+        """Which engine runs the steps: "native" or "xla"."""
+        return "xla" if self._quick is None else "native"
+
+    @property
+    def info(self) -> Info | None:
+        """What the last `correct` said; None before the first."""
+        return self._base.info if self._quick is None else self._quick.info
+
+    def correct(self, y, u=None, *, arrived=None) -> Info:
+        """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
+
+        Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
+        """
+        quick = self._quick
+        if quick is not None and arrived is None and quick.correct(y, u) == 0:
+            self._progress = None
+            return quick.info
+        model, faults = model_of(self.algorithm), checks.Faults()
+        faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
+        y = faults.array("y", y, "p", nan=True)
+        self._check_room(faults)
+        if self._now.corrected and model.S is not None:
+            faults.add(
+                "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
+            )
+        if u is None and model.feeds_through(self._inputs):
+            faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
+        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        faults.finish()
+        if quick is not None and self._is_prepared(quick, "correct"):
+            code = quick.correct(y, applied)
+            assert code is not None  # plain by now
+            self._settle(code)
+            self._progress = None
+            return quick.info
+        fate = None
+        if takes_fates(self.algorithm):
+            fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
+        sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied, fate)
+        state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
+        info = jax.tree_util.tree_map(np.asarray, info)
+        self._settle(int(info.outcome))
+        self.progress = replace(self.progress, state=state, info=info, corrected=True)
+        return info
+
+    def predict(self, u=None, *, u_end=None, arrived=None, dt: float | None = None) -> None:
+        """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold.
+
+        `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
+        """
+        quick = self._quick
+        if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
+            self._progress = None
+            return
+        faults = checks.Faults()
+        dt = self._step(dt, faults)
+        self._check_room(faults)
+        if u is None and self._inputs:
+            faults.add(f"`u` must be given to predict: the model has {self._counted_inputs()}.")
+        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        end = applied
+        if self._now.hold == "first_order" and self._inputs:
+            if u_end is None:
+                faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
+            else:
+                end = self._applied(u_end, None, faults)
+        elif u_end is not None:
+            faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
+        faults.finish()
+        if quick is not None and self._is_prepared(quick, "predict", dt):
+            quick.predict(applied, end if quick.moving_input else None, None)
+            self._progress = None
+            return
+        interval = Interval(applied, end, None, np.asarray(dt, float))
+        state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
+        self.progress = replace(
+            self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
+        )
+
+    def _machine_code(self, progress: Progress) -> Quick | None:
+        """The run as machine code, or None where XLA runs it."""
+        if self._asked == "xla" or (self._asked == "auto" and jax.default_backend() != "cpu"):
+            return None
+        try:
+            if takes_fates(progress.algorithm):
+                raise UnsupportedError("inputs of unknown fate")
+            return Quick(progress)
+        except UnsupportedError as reason:
+            self._pass_over(str(reason))
+        return None
+
+    def _is_prepared(self, quick: Quick, kind: str, dt: float | None = None) -> bool:
+        """Whether machine code is ready for a step; XLA goes on where it cannot be."""
+        try:
+            quick.prepare(kind, dt)
+            return True
+        except UnsupportedError as reason:
+            self._pass_over(str(reason))
+        self.progress = self.progress
+        return False
+
+    def _pass_over(self, reason: str) -> None:
+        name = type(self.algorithm).__name__
+        if self._asked == "native":
+            checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
+        choice.pass_over("native", name, reason)
+
+    def _settle(self, code: int) -> None:
+        outcome = Outcome.of(code, self._now.sample, None)
+        if outcome.code:
+            raise RunError(outcome)
+
+    def save(self, path: str | Path) -> None:
+        """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
+        from ..store import save
+
+        save(path, self)
+
+    def _step(self, dt: Any, faults: checks.Faults) -> Any:
+        model = model_of(self.algorithm)
+        if dt is None:
+            if model.is_continuous and self._now.dt is None:
+                faults.add("`dt` must be given to the first predict: the model is continuous.")
+            return self._now.dt if model.is_continuous else model.dt
+        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+        if (
+            dt is not None
+            and model.dt is not None
+            and not model.is_continuous
+            and abs(dt - model.dt) > UNIFORM * model.dt
+        ):
+            faults.add(
+                f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed."
+            )
+        return dt
+
+    def _applied(self, u: Any, arrived: Any, faults: checks.Faults):
+        """What the actuator applies: u where it arrived, else zero or what it holds."""
+        faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
+        u = faults.array("u", u, "m")
+        if arrived is None or u is None:
+            return u
+        arrived = faults.array("arrived", arrived, "m", nan=True)
+        if takes_fates(self.algorithm):
+            return u
+        if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
+            faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
+        return np.where(arrived == 1, u, self.progress.held if self._base.lost == "hold" else 0.0)
+
+    def _rest(self):
+        point = model_of(self.algorithm).operating_point
+        return np.zeros(len(self._inputs)) if point is None else point.inputs[self._inputs]
+
+    @property
+    def _inputs(self) -> list[int]:
+        """The model's inputs that are known, which is all but those of an `UnknownInput`."""
+        inputs = model_of(self.algorithm).inputs
+        return [inputs.index(name) for name in self.algorithm.names.inputs]
+
+    def _counted_inputs(self) -> str:
+        known = "" if len(self._inputs) == model_of(self.algorithm).m else "known "
+        return checks.counted(len(self._inputs), f"{known}input")
+
+    def _check_room(self, faults: checks.Faults) -> None:
+        steps = model_of(self.algorithm).steps
+        if steps is not None and self._now.sample >= steps:
+            faults.add(f"the model varies over {steps} rows of time, and all of them are used up.")
+
+    def _at_step(self, dt: float | None):
+        """The algorithm sampled at a step length; `correct` uses nothing that depends on it."""
+        if dt is None:
+            dt = next(iter(self._sampled), model_of(self.algorithm).dt)
+        if dt not in self._sampled:
+            if len(self._sampled) >= 64:
+                self._sampled.clear()
+            self._sampled[dt] = self.algorithm.sampled(Clock.every(dt, self.progress.hold))
+        return self._sampled[dt]
+
+
+def online(
+    algorithm: Any, *, prior: Prior | None, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
+) -> Online:
+    """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
+
+    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models on a CPU: some two
+    microseconds a sample where y and u are float64 arrays, or lists of floats), "xla" (some hundreds), or "auto", the first that
+    can. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold".
+    Then, for each sample, `.correct(y)` and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and
+    `load(path)` resumes. `.engine` says which runs it.
+
+    Raises `InputError` for a wrong call, `RunError` where the numbers fail.
+    """
+    faults = checks.Faults()
+    choice.check(engine, faults)
+    faults.choice("hold", hold, HOLDS)
+    faults.choice("lost", lost, LOST)
+    check_algorithm(algorithm, faults)
+    check_prior_kind(algorithm, prior, faults)
+    faults.finish()
+    model = model_of(algorithm)
+    if has_state_prior(algorithm):
+        check_prior(prior, model, faults)
+    check_hold(model, hold, faults)
+    faults.finish()
+    state = _init(algorithm.sampled(Clock.every(model.dt, hold)), prior)
+    return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost), engine)

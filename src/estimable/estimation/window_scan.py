@@ -1,0 +1,208 @@
+"""Full windows of a linear Gaussian filter over whole records, at a cost that does not grow with their length.
+
+A record is cut into blocks of the length of a window, and a window into the end of a block and the beginning of the next:
+one pass backwards gathers the ends, one forwards the beginnings, and both together are one window (`kernels.stretch`).
+"""
+
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engines import choice
+from ..filters.belief import Belief
+from ..filters.kalman_filter import Kalman
+from ..filters.unknown_gain import UnknownGain
+from ..frozen import frozen, replace
+from ..kernels import stretch
+from ..results import Info, Interval, Sample
+from .binding import select as keep_of
+
+MOST = 3  # states and gains, or outputs: above, compiling takes longer than it saves on a record or two
+AT_ONCE = 128  # runs whose beliefs between the passes stay in the processor's cache
+
+
+def fits(algorithm: Any) -> bool:
+    """Whether stretches describe the filter: linear, every output with a noise of its own that is not zero, no forgetting."""
+    if not isinstance(algorithm, Kalman | UnknownGain) or np.any(getattr(algorithm, "forgetting", 1.0) != 1.0):
+        return False
+    ready: Any = algorithm.ready
+    noises = np.diagonal(np.asarray(ready.V), axis1=-2, axis2=-1)
+    return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
+
+
+def is_short(algorithm: Any) -> bool:
+    """Whether the lines of both passes are short enough for lanes: at most 2,500 operations."""
+    states, unknown, outputs = _sizes(algorithm)
+    return states <= 2 and unknown <= 3 and outputs <= 2
+
+
+def _sizes(algorithm: Any) -> tuple[int, int, int]:
+    """States, states and gains, outputs."""
+    gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
+    ready: Any = algorithm.ready
+    p, n = np.shape(ready.C)[-2:]
+    return n, n + gains, p
+
+
+def scan_bank(
+    engine: str, algorithm: Any, length: int, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str
+) -> tuple[str, Info, np.ndarray]:
+    """The engine that ran; the info of every full window, by its last row; and which windows must be run instead.
+
+    `keep` is "all" or "means". A window must be run where something of it stays undetermined, or where it fails.
+    """
+    T = samples.seen.shape[1]
+    place = np.broadcast_to(
+        (np.arange(T) + 2) % length - 1, samples.seen.shape[:2]
+    )  # a block begins at the first full row
+    rows = Row(samples, intervals, place)
+    turned = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], rows)
+    _, run = choice.scan_bank(
+        engine, _Ends(algorithm), prior, turned, turned.interval, axes=axes, keep="all", select=_belief
+    )
+    begin = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1][:, : T - length + 1], run.info)
+    rows = replace(jax.tree_util.tree_map(lambda leaf: leaf[:, length - 1 :], rows), begin=begin)
+    engine, run = choice.scan_bank(
+        engine, _Beginnings(algorithm), prior, rows, rows.interval, axes=axes, keep=keep, select=_said
+    )
+    info, again = run.info
+    return engine, info, np.asarray(again)
+
+
+@frozen
+class Row:
+    """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
+
+    sample: Sample
+    interval: Interval
+    place: Any
+    begin: Any = None
+
+    @property
+    def seen(self):
+        """Which outputs were seen; says how many rows there are."""
+        return self.sample.seen
+
+
+@frozen
+class Told:
+    """What a pass tells of a row, for an engine."""
+
+    kept: Any
+    again: Any
+    outcome: Any
+    log_likelihood: Any = None
+
+
+def _belief(told: Told, keep: str) -> Belief:
+    return short(told.kept)
+
+
+def short(belief: Belief) -> Belief:
+    """What the second pass needs of a belief: no output is without noise, and the scale of what it opens is not asked for."""
+    return replace(belief, size=None, log_scale=None)
+
+
+def _said(told: Told, keep: str) -> tuple[Info, Any]:
+    return keep_of(told.kept, keep), told.again
+
+
+def step_of(algorithm: Any, row: Row) -> stretch.Stretch:
+    """This sample, and the way to the next."""
+    instant, sample = algorithm.instant(row.sample, row.interval), row.sample
+    (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
+    i = np.arange(C.shape[0])
+    return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
+
+
+def or_empty(blank: Any, gathered: stretch.Stretch) -> stretch.Stretch:
+    """What is gathered, or nothing at a blank."""
+    return either(blank, stretch.empty(gathered.b.shape[0]), gathered)
+
+
+def through(belief: Belief, gathered: stretch.Stretch) -> Belief:
+    """The belief after a stretch."""
+    b = belief
+    return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
+
+
+def either(first: Any, a: Any, b: Any) -> Any:
+    """a or b, leaf by leaf."""
+    return jax.tree_util.tree_map(lambda x, y: jnp.where(first, x, y), a, b)
+
+
+def learn(algorithm: Any, begin: Belief, gathered: stretch.Stretch, sample: Sample) -> tuple[Info, Any]:
+    """What the filter says that has gone from a block's `begin` through what is gathered; and whether it must be run instead."""
+    begin = replace(begin, factor=jnp.tril(begin.factor), size=jnp.abs(begin.mean), log_scale=jnp.zeros(()))
+    before = through(begin, gathered)
+    _, info = algorithm.correct(replace(before, diffuse=before.diffuse[:, :0]), sample)
+    if before.diffuse.shape[1]:
+        info = _nothing_open(info)
+    return info, jnp.any(before.diffuse != 0) | (info.outcome != 0)
+
+
+def _nothing_open(info: Info) -> Info:
+    """What the filter says that has directions of which nothing might be known, where there is none."""
+    extra = dict(info.extra or {})
+    if info.gain is not None:
+        extra["gain_diffuse_covariance"] = jnp.zeros(info.gain_covariance.shape)
+    return replace(info, diffuse_covariance=jnp.zeros(info.covariance.shape), extra=extra or info.extra)
+
+
+@frozen
+class Backwards:
+    """A pass from the last row to the first."""
+
+    algorithm: Any
+
+    def at(self, k) -> Self:
+        """The same: the model does not vary."""
+        return self
+
+    def init(self, prior) -> tuple[Belief, stretch.Stretch]:
+        """The belief that a window begins with, and the stretch from the last row on."""
+        fresh = self.algorithm.init(prior)
+        return fresh, stretch.empty(fresh.mean.shape[0])
+
+
+@frozen
+class _Ends(Backwards):
+    """Backwards: the belief at the start of the next block, of the window that begins at each row."""
+
+    def correct(self, state: tuple, sample: Row) -> tuple[tuple, Told]:
+        """Put a row before those gathered; a window that is a block has nothing before it."""
+        fresh, gathered = state
+        gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
+        begin = either(sample.place == 0, fresh, through(fresh, gathered))
+        return (fresh, gathered), Told(begin, False, 0)
+
+    def predict(self, state: tuple, interval: Interval) -> tuple:
+        """Nothing moves."""
+        return state
+
+
+@frozen
+class _Beginnings:
+    """Forwards: what the filter says at the end of each window."""
+
+    algorithm: Any
+
+    def at(self, k) -> "_Beginnings":
+        """The same: the model does not vary."""
+        return self
+
+    def init(self, prior) -> stretch.Stretch:
+        """Nothing is gathered."""
+        return stretch.empty(self.algorithm.init(prior).mean.shape[0])
+
+    def correct(self, state: stretch.Stretch, sample: Row) -> tuple[stretch.Stretch, Told]:
+        """Go through what the block has told so far, and learn from the last sample as the filter does."""
+        gathered = or_empty(sample.place == 0, state)
+        info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)
+        return stretch.joined(gathered, step_of(self.algorithm, sample)), Told(info, again, 0)
+
+    def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
+        """The stretch has moved already."""
+        return state

@@ -1,0 +1,1 @@
+"""The drivers of identifiers: identify, compare methods, choose orders."""

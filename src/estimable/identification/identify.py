@@ -1,0 +1,165 @@
+"""Identify a model from records."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..data.record import UNIFORM, Record
+from ..diagnostics.cramer_rao import undetermined
+from ..engines import choice
+from ..estimation.binding import bind, select, takes_fates
+from ..frozen import frozen, replace
+from ..identifiers.validation import stability_check, told, validated
+from ..results import Estimate, Fit, Outcome, Validation
+from .adaptive import tracked
+
+Records = Record | Sequence[Record]
+LONGEST = 100_000  # rows of which every one is kept
+
+
+def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
+    """Identify a model from one record, or from a list of them (several experiments on one plant).
+
+    `method`: `RecursiveOutputError`, `OutputErrorML`, or any other with `fit(records) -> Fit`, or with the steps of a
+    recursive algorithm and `fitted(parameters, dt)`. Of several records a recursive method takes one after the other, each
+    from rest. `engine`: as in `estimate`, for recursive methods.
+
+    The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and
+    the assumptions looked at, each with a sentence. `fit.undetermined` spans what the data tell nothing of. A recursive
+    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000). Where
+    inputs are of unknown fate, which `JointOutputError(..., arrival=)` takes, stability alone is looked at.
+
+    Raises `InputError` with every fault of the call.
+
+    >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
+    >>> u = np.random.default_rng(1).normal(size=500)
+    >>> fit = identify(RecursiveOutputError(1, 0, noise_variance=0.01), simulate(plant, u, seed=1).record)
+    >>> bool(abs(fit.parameters[0] + 0.5) < 4 * fit.sigma[0])
+    True
+    """
+    records = _read(method, record, engine)
+    if hasattr(method, "tracker"):
+        return tracked(method, records, engine)
+    if hasattr(method, "starter"):
+        method.check(records)
+        starter = method.starter(records)
+        if starter is None:
+            return method.fit(records)
+        start, _ = _run(starter.for_channels(records[0].inputs, records[0].outputs), records, engine)
+        return method.fit(records, np.asarray(start.mean)[-1])
+    if hasattr(method, "fit"):
+        return method.fit(records)
+    return _recursive(method, records, engine)
+
+
+def _read(method: Any, record: Records, engine: str) -> list[Record]:
+    """The records, of one kind with each other; every fault of the call at once."""
+    faults = checks.Faults()
+    choice.check(engine, faults)
+    steps = all(hasattr(method, step) for step in ("init", "correct", "predict", "fitted"))
+    if isinstance(method, type):
+        faults.add(f"`method` must be made with its orders: write {method.__name__}(...), not {method.__name__}.")
+    elif not (steps or hasattr(method, "fit") or hasattr(method, "tracker")):
+        faults.add(
+            f"`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does. Got {checks.short(method)}."
+        )
+    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
+    if not records or not all(isinstance(one, Record) for one in records):
+        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+    faults.finish()
+    for i, one in enumerate(records):
+        _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
+    faults.finish()
+    return records
+
+
+def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
+    """A record has inputs, a regular step, and the channels and the step of the first."""
+    if (record.inputs, record.outputs) != (first.inputs, first.outputs):
+        faults.add(f"{which} has other channels than record 0: all experiments need the same, in the same order.")
+    if record.dt is None:
+        irregular = (
+            " Its steps are not equal: put rows of NaN where samples are missing." if record.t is not None else ""
+        )
+        faults.add(f"{which} needs a regular step `dt`, in seconds.{irregular}")
+    elif first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
+        faults.add(f"{which} has a step of {record.dt:g} s, record 0 of {first.dt:g} s: they must be equal.")
+    if not record.inputs:
+        faults.add(f"{which} has no input: give `u`.")
+
+
+@frozen
+class _Resumed:
+    """A recursive method that goes on from where another record left it, with the plant at rest."""
+
+    algorithm: Any
+    state: Any
+
+    has_state_prior = False
+
+    @property
+    def model(self):
+        return self.algorithm.model
+
+    @property
+    def names(self):
+        return self.algorithm.names
+
+    def sampled(self, clock):
+        return replace(self, algorithm=self.algorithm.sampled(clock))
+
+    def at(self, k):
+        return self.algorithm.at(k)
+
+    def init(self, prior):
+        return self.algorithm.rested(self.state)
+
+    def correct(self, state, sample):
+        return self.algorithm.correct(state, sample)
+
+    def predict(self, state, interval):
+        return self.algorithm.predict(state, interval)
+
+
+def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
+    """Run the recursion over the records, and look at the model it ends with."""
+    method = method.for_channels(records[0].inputs, records[0].outputs)
+    estimate, log_likelihood = _run(method, records, engine)
+    θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
+    model, free = method.fitted(θ, records[0].dt), None
+    known = not (takes_fates(method) and any(np.isnan(one.applied()).any() for one in records))
+    if not (known and model.is_stable):  # its response is not known, or runs away
+        validation = Validation((), np.full(model.p, np.nan), (stability_check(model),))
+    else:
+        M = told(model, records)
+        free, printed = undetermined(M), getattr(method, "method", "") == "printed"
+        validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
+    return Fit(
+        model, θ, Σ, method.names.states, validation, estimate, log_likelihood,
+        free if free is not None and free.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
+    )  # fmt: skip
+
+
+def _run(method: Any, records: list[Record], engine: str) -> tuple[Estimate, float]:
+    """The estimate over the last record, after those before it, and the log-likelihood of all."""
+    asked, start, total = engine, method, 0.0
+    for record in records[:-1]:
+        asked = "xla"  # machine code does not tell the state it ends in
+        bound = bind(start, record, None)
+        _, run = choice.scan(
+            asked, bound.algorithm, None, bound.samples, bound.intervals, keep="likelihood", select=select
+        )
+        start, total = _Resumed(method, run.state), total + float(run.log_likelihood)
+    bound = bind(start, records[-1], None)
+    keep = "all" if len(records[-1]) <= LONGEST else "last"
+    name, run = choice.scan(asked, bound.algorithm, None, bound.samples, bound.intervals, keep=keep, select=select)
+    run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
+    info, t = run.info, np.asarray(bound.t)
+    if keep == "last":
+        info, t = jax.tree_util.tree_map(lambda leaf: leaf[None], info), t[-1:]
+    outcome = Outcome.of(int(run.code), int(run.failed_at), bound.t)
+    likelihood = float(run.log_likelihood)
+    return Estimate(info, t, likelihood, outcome, name, bound.names), total + likelihood

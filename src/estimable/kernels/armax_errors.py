@@ -1,0 +1,44 @@
+"""The prediction errors of one output of an ARMAX model, and their derivatives. NumPy, one call a record.
+
+Letters: C ε = A y - B u - z, z (n,) the impulses that stand for what happened before row 0; θ = (a, b, c). Where samples are
+missing ε are the Kalman filter's, over √V: the likelihood of what was seen. Reference: L. Ljung (1999) (7.14), §10.3.
+"""
+
+import numpy as np
+
+from .innovations_form import System, predictions
+from .output_error_response import delayed, over
+
+
+def errors(a: np.ndarray, b: np.ndarray, c: np.ndarray, delay: int, u: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """ε (T,) of y (T,), all of it seen."""
+    w = y.copy()
+    for i, a_i in enumerate(a):
+        w += a_i * delayed(y, i + 1)
+    for j, lag in np.ndindex(b.shape):
+        w -= b[j, lag] * delayed(u[:, j], delay + lag)
+    w[: len(z)] -= z[: len(w)]
+    return over(c, w)
+
+
+def slopes(
+    c: np.ndarray, orders: tuple[int, int, int], delay: int, u: np.ndarray, y: np.ndarray, ε: np.ndarray, past: int
+) -> np.ndarray:
+    """dε/dθ and dε/dz (T, d + past): z^-i y / C, - z^-(delay+l) u / C, - z^-i ε / C, - z^-i / C."""
+    na, nb, nc = orders
+    y_filtered, ε_filtered, impulse = over(c, y), over(c, ε), over(c, np.eye(1, len(y))[0])
+    columns = [delayed(y_filtered, i + 1) for i in range(na)]
+    for u_j in u.T:
+        u_filtered = over(c, u_j)
+        columns += [-delayed(u_filtered, delay + lag) for lag in range(nb + 1)]
+    columns += [-delayed(ε_filtered, i + 1) for i in range(nc)]
+    columns += [-delayed(impulse, i) for i in range(past)]
+    return np.stack(columns, axis=1)
+
+
+def whitened_errors(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """ε/√V (N,) of what was seen of y (T,), and log V; from the state x (n,), known; V in units of the innovations' variance."""
+    predicted, V, _ = predictions(system, u, y[:, None], x, np.zeros((len(x), len(x))))
+    seen = ~np.isnan(y)
+    V = V[seen, 0, 0]
+    return (y - predicted[:, 0])[seen] / np.sqrt(V), np.log(V)

@@ -1,0 +1,123 @@
+"""The report of an estimate."""
+
+import hashlib
+import platform
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..diagnostics.check_innovations import diagnose
+from ..diagnostics.consistency import nis
+from ..errors import InputError
+from ..estimation.binding import columns, model_of
+from ..models.prior import Prior
+from .assumptions import sections_of
+from .charts import Measured, Moment, charts_of, thinned
+from .contents import Fact, Report, Section, Verdict
+
+SIZE = "Size of the innovations (NIS)"
+
+
+def report_of(
+    result: Any, *, record: Record, algorithm: Any, prior: Prior, title: str = "Estimate", lead: Sequence[str] = (),
+    facts: Sequence[Fact] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (), judged: Any = None,
+) -> Report:  # fmt: skip
+    """A report of one `Estimate`, with what it was made from.
+
+    `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that make it again;
+    `files`: whose SHA-256 is told; `judged`: the `Estimate` whose innovations are checked besides (of the algorithm inside a
+    change detector, which counts process noise many times). The same arguments give the same report, to the byte.
+
+    Raises `InputError` where the result has no rows over time.
+    """
+    if result.mean is None or len(result.mean) != len(record):
+        checks.refuse('a report shows every row: the result must be one of `estimate` with keep = "all".')
+    rows = thinned(len(record))
+    times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
+    return Report(
+        title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]",
+        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged, record),
+        (*sections_of(algorithm, record, prior), versions(result.engine, files)), tuple(commands),
+    )  # fmt: skip
+
+
+def measured_states(algorithm: Any, record: Record) -> dict[str, Measured]:
+    """What was measured of each state of which an output is a measurement: the state itself, and noise."""
+    model = model_of(algorithm)
+    C, D = np.asarray(model.C), np.asarray(model.D)
+    if C.ndim > 2 or D.ndim > 2:
+        return {}
+    names, point, found = algorithm.names.outputs, model.operating_point, {}
+    places = columns(names, record.outputs, "output", "y", checks.Faults())
+    for j, (name, place) in enumerate(zip(names, places, strict=True)):
+        i = int(np.argmax(np.abs(C[j])))
+        offset = 0.0 if point is None else point.outputs[j] - point.states[i]
+        if np.array_equal(C[j], np.eye(model.n)[i]) and not D[j].any() and abs(offset) < 1e-12:
+            found[model.states[i]] = Measured(
+                name, dict(record.units).get(record.outputs[place], ""), record.y[:, place]
+            )
+    return found
+
+
+def _moments(result: Any, times: np.ndarray) -> list[Moment]:
+    """The changes that a detector found."""
+    if "alarm" not in result.extra:
+        return []
+    from .. import diagnostics
+
+    return [
+        Moment(change.gain, float(times[change.onset]), float(times[change.detected_at]))
+        for change in diagnostics.changes(result)
+    ]
+
+
+def _verdicts(result: Any, judged: Any, record: Record) -> tuple[Verdict, ...]:
+    """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
+    if judged is None or judged is result:
+        return (_size(result), *_correlations(result, record))
+    without = (_size(judged), *_correlations(judged, record))
+    named = (verdict._replace(name=f"{verdict.name}, without detection") for verdict in without)
+    return (*named, _size(result)._replace(name=f"{SIZE}, as shown above"))
+
+
+def _size(result: Any) -> Verdict:
+    """Whether the innovations are as large as their covariances say."""
+    try:
+        check = nis(result.innovation, result.innovation_covariance)
+    except InputError:
+        return Verdict(SIZE, "no output was seen with noise, so nothing can be judged", None)
+    if check.mean >= check.lower or "alarm" not in result.extra:
+        return Verdict(SIZE, check.sentence, check.consistent)
+    band = check.sentence.split(":")[0]
+    cautious = (
+        "cautious on purpose: a detector counts process noise that lasts, so that it does not take it for a change"
+    )
+    return Verdict(SIZE, f"{band}: {cautious}", None)
+
+
+def _correlations(result: Any, record: Record) -> Iterator[Verdict]:
+    """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
+    try:
+        told = diagnose(result, record)
+    except InputError:
+        return
+    for name, check in told.whiteness.items():
+        yield Verdict(f"Whiteness of {name}", check.sentence, check.passed)
+    for (name, input_name), check in told.cross_correlation.items():
+        yield Verdict(f"{input_name} left in {name}", check.sentence, check.passed)
+
+
+def versions(engine: str, files: Sequence[Path]) -> Section:
+    """What it was made with, and the fingerprints of the files it was made from."""
+    from .. import __version__
+
+    packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "numpy"))
+    run = f", engine {engine}" if engine else ""
+    made = f"estimable {__version__}{run}, float64; Python {platform.python_version()}, {packages}"
+    fingerprints = ((path.name, f"SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}") for path in files)
+    return Section("Made with", (("Software", made), *fingerprints))

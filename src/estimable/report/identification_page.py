@@ -1,0 +1,149 @@
+"""The report of an identification."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks, diagnostics
+from ..analysis.excitation import excitation
+from ..data.record import Record
+from ..identification.compare import Comparison, Ranked
+from ..identifiers.residuals import residual_checks
+from ..identifiers.standing import standing, state_space_of
+from ..models.nonlinear_model import NonlinearModel
+from ..models.output_error import OutputError
+from ..results import Fit
+from ..results.order_selection import OrderSelection
+from .assumptions import model_items, record_items
+from .charts import thinned
+from .contents import Fact, Report, Section, Verdict
+from .estimate_page import versions
+from .identification_charts import excitation_chart, model_charts, order_charts, residual_charts, simulation_charts
+
+MOST_PARAMETERS = 40
+
+
+def report_of_comparison(
+    found: Comparison, record: Record, *, chosen: Ranked | None = None, selection: OrderSelection | None = None,
+    title: str = "Identification", lead: Sequence[str] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (),
+) -> Report:  # fmt: skip
+    """A report of one method in a `Comparison` of one `record`: held-out data, orders, residuals, poles, responses.
+
+    `chosen`: which method (None: `found.predictor`, or the first); `selection`: what the order rests on; `lead`, `commands` and
+    `files` as in `report_of`. The same arguments give the same report, to the byte.
+
+    Raises `InputError` where no method could be fitted, or several records were compared on.
+
+    >>> u = np.random.default_rng(0).normal(size=200)
+    >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    >>> page = report.report_of_comparison(compare([OutputErrorML(1, 0)], record), record)
+    >>> page.charts[0].part
+    'Does it simulate what it has not seen?'
+    """
+    chosen = chosen or found.predictor or found.ranked[0]
+    if chosen.fit is None or found.task is None:
+        checks.refuse("no method could be fitted, so that there is nothing to report: see `found.sentence`.")
+    if isinstance(chosen.model, NonlinearModel):
+        checks.refuse(f"a page is of a linear model: {chosen.name} makes a nonlinear one. Choose another by `chosen`.")
+    if len(found.task.whole) != 1:
+        checks.refuse("a report is of a comparison on one record: compare on each by itself.")
+    times = np.arange(len(record)) * float(record.dt or 1.0) if record.t is None else np.asarray(record.t)
+    charts, verdicts = _held_out(found, chosen, record, times)
+    orders = [] if selection is None else order_charts(selection, chosen.order_of_a_model)
+    explained = found.best is not None
+    return Report(
+        title, tuple(lead) or (found.sentence,), tuple(_facts(chosen, record)), times[thinned(len(record))], "time [s]",
+        tuple([
+            *charts[0], *orders, *_excited(found, chosen, times), *charts[1],
+            *(model_charts(chosen.fit) if explained else []),
+        ]), tuple(verdicts),
+        (*_sections(chosen, record), versions("", files)), tuple(commands), (_methods(found),),
+    )  # fmt: skip
+
+
+def _excited(found: Comparison, chosen: Ranked, times: np.ndarray) -> list[Any]:
+    """How much the record told of the parameters as it went on; of output-error models, of which it is worked out."""
+    assert found.task is not None
+    assert chosen.fit is not None
+    model, whole = chosen.fit.model, found.task.whole[0]
+    inputs = np.asarray(whole.applied())
+    if not isinstance(model, OutputError) or np.isnan(inputs).any() or not model.is_stable:
+        return []
+    return [excitation_chart(excitation(model, whole), times)]
+
+
+def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarray) -> Any:
+    """The diagrams of the simulation and of the residuals, and the verdicts on these, over what was held out."""
+    assert found.task is not None
+    assert chosen.fit is not None
+    whole, first = found.task.whole[0], len(found.task.first[0])
+    stand = standing(state_space_of(chosen.fit.model), whole, first)
+    level = found.task.trend.outputs[0] + np.arange(len(record))[:, None] * found.task.trend.outputs[1]
+    sigma = diagnostics.simulation_sigma(chosen.fit, whole.u, stand.state)
+    simulated = simulation_charts(
+        record.outputs, record.y, stand.outputs + level, sigma, [float(fit) for fit in chosen.fits], float(times[first])
+    )
+    e, u = stand.standardised[first:], whole.u[first:]
+    judged = [
+        Verdict(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
+    ]
+    own = [Verdict(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
+    return (simulated, residual_charts(e, u, record.outputs, record.inputs)), [*judged, *own]
+
+
+def _own(fit: Fit) -> list[Any]:
+    """The checks of the fit itself, without those that were made on held-out data."""
+    return [check for check in fit.validation.checks if check.name not in ("whiteness", "input-left")]
+
+
+def _name(check: Any) -> str:
+    return check.name.replace("-", " ").capitalize()
+
+
+def _facts(chosen: Ranked, record: Record) -> Any:
+    yield Fact("Method", chosen.label, f"order {chosen.order}")
+    yield Fact("Simulation", f"{chosen.fit_percent:.1f} %", "of what was held out, from the inputs alone")
+    yield Fact("One step ahead", f"{float(np.mean(chosen.one_step_fits)):.1f} %", "of what was held out")
+    missing = 1 - float(record.seen.mean())
+    yield Fact(
+        "Samples", f"{len(record):,}", f"every {record.dt:g} s" + (f", {missing:.0%} not seen" if missing else "")
+    )
+
+
+def _methods(found: Comparison) -> Section:
+    """Every method that was compared, in a line."""
+    items = []
+    for one in found.ranked:
+        if one.fit is None:
+            items.append((one.name, one.failure))
+            continue
+        fits = f"{one.fit_percent:.1f} % by simulation, {float(np.mean(one.one_step_fits)):.1f} % one step ahead"
+        alike = "the best" if one.behind == 0 else "within noise of the best" if one.alike else "worse beyond noise"
+        items.append((f"{one.label}, order {one.order}", f"{fits}: {alike}"))
+    return Section("Methods compared on what was held out", tuple(items))
+
+
+def _sections(chosen: Ranked, record: Record) -> tuple[Section, ...]:
+    from ..catalogue import IDENTIFIERS
+
+    assert chosen.fit is not None
+    assert chosen.model is not None
+    entry = next((entry for entry in IDENTIFIERS if type(chosen.method) is entry.cls), None)
+    assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}. "
+    fields = {name: getattr(chosen.method, name) for name in type(chosen.method).__dataclass_fields__ if name != "_"}
+    settings = ", ".join(f"{name} = {value}" for name, value in fields.items() if isinstance(value, bool | int | str))
+    method = Section("Method", ((chosen.name, f"{assumes}Settings: {settings}."),))
+    record_section = Section("Record", tuple(record_items(record)))
+    return (method, record_section, _parameters(chosen.fit), Section("Model", tuple(model_items(chosen.model))))
+
+
+def _parameters(fit: Fit) -> Section:
+    """The parameters with two standard deviations; the first of many."""
+    items = []
+    for name, value, sigma in list(zip(fit.names, fit.parameters, fit.sigma, strict=True))[:MOST_PARAMETERS]:
+        spread = "" if np.isnan(sigma) else f" ± {2 * sigma:.2g} (2 sigma)"
+        items.append((name, "not known" if np.isinf(sigma) else f"{value:.5g}{spread}"))
+    more = len(fit.names) - len(items)
+    return Section("Parameters", (*items, *([("", f"and {more} more")] if more else [])))

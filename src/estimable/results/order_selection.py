@@ -1,0 +1,50 @@
+"""What the choice of an order rests on."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+CRITERIA = ("bic", "aicc", "aic", "cross_validation")
+
+
+class OrderSelection(NamedTuple):
+    """What `select_order` returns: of each of `orders` (K,) the criteria (K,), in units of twice a log-likelihood.
+
+    `aic`, `aicc`, `bic`, `cross_validation`: infinite where the records do not bear the order; `delays` (K,): the best at
+    each order; `singular_values` (largest first, None: no subspace model could be made), `gap`: the order before their
+    largest step; `order`: the recommendation, by `criterion`.
+    """
+
+    orders: np.ndarray
+    delays: np.ndarray
+    aic: np.ndarray
+    aicc: np.ndarray
+    bic: np.ndarray
+    cross_validation: np.ndarray
+    singular_values: np.ndarray | None
+    gap: int | None
+    order: int
+    criterion: str
+
+    @property
+    def delay(self) -> int:
+        """The delay that goes with the recommended order."""
+        return int(self.delays[np.flatnonzero(self.orders == self.order)[0]])
+
+    def by(self, criterion: str) -> int:
+        """The order that a criterion recommends."""
+        return int(self.orders[np.argmin(getattr(self, criterion))])
+
+    @property
+    def sentence(self) -> str:
+        """What is recommended, and what others would take."""
+        names = {"bic": "BIC", "aicc": "AICc", "aic": "AIC", "cross_validation": "cross-validation"}
+        others = [f"{names[one]} {self.by(one)}" for one in CRITERIA if one != self.criterion]
+        others += [] if self.gap is None else [f"the gap of the singular values {self.gap}"]
+        return f"{names[self.criterion]} recommends order {self.order}; {', '.join(others)}."
+
+    def plot(self):
+        """A plotly figure: how far each criterion lies above its best, and the singular values."""
+        from ..figures.identification_plots import plot_orders
+
+        return plot_orders(self)

@@ -1,1 +1,0 @@
-"""The drivers, one verb a file: the only callers of the engines."""

@@ -1,0 +1,318 @@
+"""Fly a plant under a controller that acts on what an estimator says."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..engines import choice
+from ..errors import RunError
+from ..estimation.binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
+from ..frozen import frozen, replace, static
+from ..models.controlled import ControlledPlant
+from ..models.output_error import OutputError
+from ..models.prior import Prior
+from ..models.sampled import Clock
+from ..models.state_space import StateSpace
+from ..results import Info, Interval, Kept, Names, Outcome
+from . import python_loop, window_loop
+from .loop import Loop, Row
+from .transmit import Links, check_links
+
+Plant = ControlledPlant | StateSpace | OutputError | python_loop.Simulator
+NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
+
+
+@frozen
+class ClosedLoop(Kept):
+    """What `close_loop` returns; row k of every array is of time t[k].
+
+    `reference` (T, r); `output` (T, p) as it came to the estimator, NaN where it was lost; `state` (T, n) of the plant, true;
+    `command` (T, m) of the controller; `applied` (T, m): what came to the actuators, within their limits; `input` (T, m): what
+    they did; `arrived` (T, m): whether the command came. `info`: what the estimator said (`mean`, `covariance`, `gain`,
+    `gain_covariance`, ..), `extra` what it alone says (`alarm`, ..), `control` what the controller said (`effect`, ..).
+    `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
+    """
+
+    t: Any
+    reference: Any
+    output: Any
+    state: Any
+    command: Any
+    applied: Any
+    input: Any
+    arrived: Any
+    info: Info
+    control: Any
+    outcome: Outcome = static()
+    engine: str = static()
+    names: Names = static()
+
+    def __repr__(self) -> str:
+        ended = self.outcome.sentence or f"engine {self.engine}"
+        return f"ClosedLoop({len(self.t)} samples, {ended})"
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@frozen
+class ClosedLoopBank:
+    """What `close_loop_bank` returns: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
+
+    runs: ClosedLoop
+    outcomes: tuple[Outcome, ...] = static()
+
+    def __repr__(self) -> str:
+        failed = sum(outcome.code != 0 for outcome in self.outcomes)
+        return f"ClosedLoopBank({len(self)} runs, {failed} failed, engine {self.runs.engine})"
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, i: int) -> ClosedLoop:
+        shared = {"t": self.runs.t, "reference": self.runs.reference}
+        one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, t=None, reference=None))
+        return replace(one, outcome=self.outcomes[i], **shared)
+
+
+def close_loop(
+    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int,
+    prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
+    on_failure: str = "raise", engine: str = "auto",
+) -> ClosedLoop:  # fmt: skip
+    """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
+
+    At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on what the estimator
+    then says; the command is sent; the plant moves; the estimator predicts with what the actuators did. A controller that
+    acts on what is predicted (`Tracking`) acts first, so that its input may enter y at once. Where actuators are measured
+    (`ControlledPlant(actuator=...)`) the estimator takes that, else the command that arrived, which the link must acknowledge
+    (but to an identifier that takes inputs of unknown fate).
+
+    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told, or a simulator that says `traceable = False`, as
+    `plants.JsbsimF16`, whose loop is run in Python; `dt` in seconds, of a continuous one; `start`
+    (n,): its state at first (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's,
+    its outputs are matched by name. `input_link`, `output_link`, `lost` as in `simulate`; outputs that come late are
+    not used. `seed`: of the noises and links. `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
+
+    Raises `InputError` with every fault of the call; `RunError` where the numbers of the estimator fail.
+
+    >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.0]], dt=1)
+    >>> law = StateFeedback([[0.5]], reference_gain=[[0.5]])
+    >>> flown = close_loop(model, law, Kalman(model), reference=np.ones(5), seed=0, prior=Prior([0.0], [[0.0]]))
+    >>> flown.state.ravel().tolist()
+    [0.0, 0.5, 0.75, 0.875, 0.9375]
+    """
+    bank = close_loop_bank(
+        plant, controller, estimator, reference=reference, seed=seed, runs=1, prior=prior, dt=dt, start=start,
+        input_link=input_link, output_link=output_link, lost=lost, on_failure=on_failure, engine=engine,
+    )  # fmt: skip
+    return bank[0]
+
+
+def close_loop_bank(
+    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int, runs: int,
+    prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
+    first: int = 0, on_failure: str = "raise", engine: str = "auto",
+) -> ClosedLoopBank:  # fmt: skip
+    """Run the same loop many times, with other noises and losses each time. Run 0 is `close_loop` with the same seed.
+
+    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs; these are the runs from `first` on. Arguments, order
+    of a step and errors as in `close_loop`; `monte_carlo_loops` for more runs than the memory holds.
+    """
+    links = Links(input_link, output_link)
+    flown, simulator = _plant(plant)
+    estimator = _for_channels(estimator, flown)
+    reference, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
+    _check_run(seed, runs, first, on_failure, engine)
+    names = estimator.names
+    loop = Loop(
+        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
+        np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
+    )  # fmt: skip
+    T = len(reference)
+    t = np.arange(T) * step
+    rows = _rows(loop, flown.phase_rows(t), reference, seed, first + np.arange(runs))
+    intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
+    if simulator is not None:
+        used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
+    else:
+        used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
+    info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
+    outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
+    for i, outcome in enumerate(outcomes):
+        if outcome.code and on_failure == "raise":
+            raise RunError(
+                outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
+            )
+    return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
+
+
+def _plant(given: Any) -> tuple[Any, Any]:
+    """The plant with its actuators, and the simulator that flies in its place, or None."""
+    if isinstance(given, StateSpace | OutputError):
+        return ControlledPlant(given), None
+    return (given, None) if getattr(given, "traceable", True) else (given.linear, given)
+
+
+def _for_channels(estimator: Any, plant: Any) -> Any:
+    """An identifier with the names of the plant's channels, where it has none of its own."""
+    named = (
+        isinstance(plant, ControlledPlant) and hasattr(estimator, "for_channels") and not isinstance(estimator, type)
+    )
+    return estimator.for_channels(plant.model.inputs, plant.model.outputs) if named else estimator
+
+
+def _everything(info: Info, keep: str) -> Info:
+    loop = {name: told for name, told in info.extra["loop"].items() if name != "interval"}
+    return replace(info, extra={**info.extra, "loop": loop})
+
+
+def _closed(info: Info, t, reference, engine: str, names: Names) -> ClosedLoop:
+    """The records of all runs, from what the steps told."""
+    told = dict(info.extra["loop"])
+    control = {
+        name.removeprefix("controller_"): told.pop(name) for name in list(told) if name.startswith("controller_")
+    }
+    info = replace(info, extra=info.extra["estimator"])
+    return ClosedLoop(t=t, reference=reference, info=info, control=control, outcome=Outcome.of(0, 0, None), engine=engine,
+                      names=names, **told)  # fmt: skip
+
+
+@partial(jax.jit, static_argnames=("T", "sizes"))
+def _draw(seed, which, T: int, sizes: tuple[int, int, int]):
+    """Noises and uniform numbers of each run, (runs, T, size)."""
+
+    def one(i):
+        key = jax.random.fold_in(jax.random.key(seed), i)
+        noise = jax.random.normal(jax.random.fold_in(key, NOISE), (T, sizes[0]))
+        uniform = [jax.random.uniform(jax.random.fold_in(key, stream), (T, size), float)
+                   for stream, size in ((INPUT, sizes[1]), (OUTPUT, sizes[2]))]  # fmt: skip
+        return noise, *uniform
+
+    return jax.vmap(one)(which)
+
+
+def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> Row:
+    """The rows of the runs of these numbers."""
+    T, runs = len(reference), len(which)
+    noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
+    sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
+    noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
+    phase = np.eye(len(loop.plant.A))[phases]
+    return Row(
+        noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
+        np.broadcast_to(phase, (runs, *phase.shape)), np.ones((runs, T), bool),
+    )  # fmt: skip
+
+
+def _x0(plant: ControlledPlant, start: Any) -> np.ndarray:
+    """The state at first, with the actuators at rest."""
+    x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
+    return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
+
+
+def _check_run(seed: Any, runs: Any, first: Any, on_failure: str, engine: str) -> None:
+    faults = checks.Faults()
+    faults.whole("seed", seed, 0)
+    faults.whole("runs", runs, 1)
+    faults.whole("first", first, 0)
+    faults.choice("on_failure", on_failure, ("raise", "keep"))
+    choice.check(engine, faults)
+    faults.finish()
+
+
+def _check_call(
+    plant, controller, estimator, links: Links, reference, prior, dt, start, lost
+) -> tuple[np.ndarray, Any]:  # fmt: skip
+    """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
+    faults = checks.Faults()
+    faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError will do too.")
+    if isinstance(controller, type) or not all(hasattr(controller, part) for part in ("act", "references")):
+        faults.add(f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(controller)}.")
+    check_algorithm(estimator, faults)
+    faults.finish()
+    check_prior_kind(estimator, prior, faults)
+    faults.finish()
+    model, inner = plant.model, model_of(estimator)
+    if has_state_prior(estimator):
+        check_prior(prior, inner, faults)
+    step = _read_step(model, inner, dt, faults)
+    _check_blocks(plant, controller, estimator, links, lost, faults)
+    given = np.asarray(reference)[:, None] if np.ndim(reference) == 1 else reference
+    r = controller.references
+    faults.learn("r", r, f"the controller follows {checks.counted(r, 'reference')}")
+    reference = faults.array("reference", given, "T r")
+    if reference is not None and len(reference) == 0:
+        faults.add("`reference` must have at least one row in time.")
+    if start is not None:
+        faults.learn("n", model.n, f"the plant has {checks.counted(model.n, 'state')}")
+        faults.array("start", start, "n")
+    faults.finish()
+    assert reference is not None
+    return reference, step
+
+
+def _read_step(model: StateSpace, inner: Any, dt: Any, faults: checks.Faults) -> Any:
+    """The step in seconds: that of a discrete model, or `dt`."""
+    own = [m.dt for m in (model, inner) if m.dt]
+    if dt is None and not own:
+        faults.add("`dt` must be given, in seconds: the plant is continuous.")
+        return None
+    step = own[0] if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
+    if step is not None and any(abs(step - other) > 1e-9 * step for other in own):
+        faults.add(f"the plant, the estimator and `dt` must have one step. Got {checks.listed([*own, step])} s.")
+    return step
+
+
+def _check_blocks(
+    plant: ControlledPlant, controller, estimator, links: Links, lost: str, faults: checks.Faults
+) -> None:
+    """What each block asks of its neighbours."""
+    model, inner = plant.model, model_of(estimator)
+    check_hold(inner, plant.hold, faults)
+    check_links(links, lost, model.m, "zero_order", faults)
+    controller.check(estimator.names, faults)
+    if controller.size != model.m:
+        faults.add(f"`controller` makes {checks.counted(controller.size, 'input')}, and the plant has {model.m}.")
+    for name in estimator.names.outputs:
+        if name not in model.outputs:
+            faults.add(f"the estimator needs the output {name!r}, and the plant has {checks.listed(model.outputs)}.")
+    if tuple(estimator.names.inputs) != tuple(model.inputs):
+        faults.add(
+            f"the estimator must have the plant's inputs, {checks.listed(model.inputs)}. It has "
+            f"{checks.listed(estimator.names.inputs)}."
+        )
+    through = any(np.any(phase.D) for phase in plant.phases()) and plant.actuator is None
+    if controller.acts_on == "filtered" and (through or inner.feeds_through(list(range(inner.m)))):
+        faults.add(
+            "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
+            "actuator, or delay the input by a sample."
+        )
+    if controller.acts_on == "predicted":
+        _check_first(plant, controller, estimator, faults)
+    if plant.actuator is None and not (
+        getattr(links.input, "acknowledged", True) or getattr(estimator, "takes_fates", False)
+    ):
+        faults.add(
+            "`input_link` never acknowledges, so that the estimator would not know what the actuators did: measure it "
+            "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
+        )
+
+
+def _check_first(plant: ControlledPlant, controller, estimator, faults: checks.Faults) -> None:
+    """What a controller asks that acts before the sample is measured."""
+    if not hasattr(estimator, "ahead"):
+        faults.add(
+            "`controller` acts on what is predicted, and the estimator does not say it: use JointOutputError or "
+            f"RecursiveOutputError. Got {type(estimator).__name__}."
+        )
+    if plant.actuator is not None:
+        faults.add(
+            "`controller` acts on what is predicted, of a plant whose inputs do what they are told: leave out `actuator`."
+        )
+    for phase in plant.phases():
+        if hasattr(controller, "check_plant"):
+            controller.check_plant(phase, faults)

@@ -1,0 +1,164 @@
+"""Run an estimator over many drawn records, and keep what is asked of each run."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..errors import RunError
+from ..estimation.binding import check_algorithm
+from ..estimation.estimate import check_options
+from ..estimation.estimate_bank import estimate_bank
+from ..estimation.stack import Stacked
+from ..frozen import frozen, static
+from ..models.prior import Prior
+
+CHUNK = 256  # runs drawn and estimated at once: bounds the memory, and nothing else
+
+
+@frozen
+class MonteCarlo:
+    """What `monte_carlo` returns: `values[name]` (runs, ...), what `summary` said of each run; run i is row i.
+
+    `failed` (runs,): which runs failed (with `on_failure="keep"`).
+    """
+
+    values: Any
+    failed: Any
+    seed: int = static()
+    engine: str = static()
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{name} = {self.mean(name)} ± {self.sigma(name)}" for name in self.values)
+        return f"MonteCarlo({len(self)} runs, {told})"
+
+    def __len__(self) -> int:
+        return len(self.failed)
+
+    def mean(self, name: str) -> Any:
+        """The mean over the runs, of those where the value is known (not NaN)."""
+        return np.nanmean(self.values[name], axis=0)
+
+    def sigma(self, name: str) -> Any:
+        """The standard deviation of one run, over the runs where the value is known."""
+        return np.nanstd(self.values[name], axis=0, ddof=1)
+
+    def standard_error(self, name: str) -> Any:
+        """The standard deviation of the mean."""
+        return self.sigma(name) / np.sqrt(np.sum(~np.isnan(self.values[name]), axis=0))
+
+
+def monte_carlo(
+    algorithm: Any, draw: Callable[[Any], Any], *, prior: Prior, runs: int, seed: int,
+    summary: Callable[[Any, Any], dict[str, Any]], on_failure: str = "raise", engine: str = "auto",
+    chunk: int = CHUNK, progress: bool = True,
+) -> MonteCarlo:  # fmt: skip
+    """Draw `runs` records, run the estimator over each, and keep the summary of each run.
+
+    `draw(key)`, written in JAX: a `Record`, or anything with a field `record` (a `Simulation`), drawn with a random key;
+    `drawn_from(model, u)` makes one of a model. `summary(drawn, estimate)`: {name: number or array} of one run, from
+    what was drawn and its `Estimate`; NaN where a run does not have it. `prior`: of the state x[0]. `on_failure`: "raise"
+    at the first run that failed, or "keep" (its summary is made from what there is). `chunk`: how many runs are in memory
+    at once. `progress`: a bar on stderr, where that is a terminal.
+
+    Run i draws with `fold_in(key(seed), i)`: the values do not depend on `chunk`, on `runs` or on the cores.
+
+    Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
+
+    >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> start = Prior([0.0], [[1.0]])
+    >>> error = lambda drawn, estimate: {"error": (estimate.mean - drawn.state)[-1, 0]}
+    >>> runs = monte_carlo(Kalman(model), drawn_from(model, steps=20, prior=start), prior=start, runs=100, seed=1, summary=error)
+    >>> runs.values["error"].shape, bool(abs(runs.mean("error")) < 3 * runs.standard_error("error"))
+    ((100,), True)
+    """
+    check_options(on_failure, engine, "all", bank=True)
+    _check_call(algorithm, draw, summary, runs, seed, chunk)
+    size = min(chunk, runs)
+    draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))
+    told: list[dict[str, Any]] = []
+    failed: list[bool] = []
+    used = engine
+    with bar(runs, shown=progress) as advance:
+        for first in range(0, runs, size):
+            count = min(size, runs - first)
+            things = draws(first + jnp.arange(size))
+            record = _record_of(things)
+            things, record = jax.tree_util.tree_map(np.asarray, (things, record))
+            bank = estimate_bank(algorithm, Stacked(record, size), prior=prior, engine=engine, on_failure="keep")
+            _settle(bank.outcomes[:count], first, on_failure)
+            used = bank.engine
+            for i in range(count):
+                one = jax.tree_util.tree_map(partial(_row, i=i), things)
+                told.append(summary(one, bank[i]))
+                failed.append(bank.outcomes[i].code != 0)
+            advance(count)
+    return MonteCarlo(gathered(told), np.array(failed), seed, used)
+
+
+def _check_call(algorithm, draw, summary, runs, seed, chunk) -> None:
+    faults = checks.Faults()
+    check_algorithm(algorithm, faults)
+    for name, value, hint in (
+        ("draw", draw, "write drawn_from(model, u), or a function of a random key that gives a Record"),
+        ("summary", summary, "a function of what was drawn and of its estimate that gives {name: number}"),
+    ):
+        if not callable(value):
+            faults.add(f"`{name}` must be a function: {hint}. Got {checks.short(value)}.")
+    faults.whole("runs", runs, 1)
+    faults.whole("seed", seed, 0)
+    faults.whole("chunk", chunk, 1)
+    faults.finish()
+
+
+def _row(leaf: np.ndarray, *, i: int) -> np.ndarray:
+    return leaf[i]
+
+
+def _record_of(things: Any) -> Record:
+    record = things if isinstance(things, Record) else getattr(things, "record", None)
+    if not isinstance(record, Record):
+        checks.refuse(
+            f"`draw` must give a Record, or something with a field `record` as a Simulation has. Got {type(things).__name__}."
+        )
+    return record
+
+
+def _settle(outcomes: Any, first: int, on_failure: str) -> None:
+    for i, outcome in enumerate(outcomes, start=first):
+        if outcome.code and on_failure == "raise":
+            raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))
+
+
+def gathered(told: list[Any]) -> dict[str, np.ndarray]:
+    """The values of all runs by name."""
+    if not isinstance(told[0], dict):
+        checks.refuse(f"`summary` must give {{name: number or array}}. Got {checks.short(told[0])}.")
+    for i, one in enumerate(told):
+        if set(one) != set(told[0]):
+            given, first = checks.listed(sorted(one)), checks.listed(sorted(told[0]))
+            checks.refuse(f"`summary` must give the same names for every run: {given} for run {i}, {first} for run 0.")
+    return {name: np.array([one[name] for one in told], float) for name in told[0]}
+
+
+@contextmanager
+def bar(runs: int, *, shown: bool) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr where that is a terminal; gone when all is done."""
+    import sys
+
+    if not (shown and sys.stderr.isatty()):
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("runs", total=runs)
+        yield lambda count: progress.advance(task, count)

@@ -1,0 +1,211 @@
+"""Draw records from a model."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..estimation.binding import check_hold, check_prior
+from ..estimation.stack import Stacked
+from ..frozen import replace
+from ..kernels.small import apply, factor
+from ..models.nonlinear_model import NonlinearModel
+from ..models.output_error import OutputError
+from ..models.prior import Prior
+from ..models.state_space import StateSpace
+from ..results import Interval, Simulation
+from . import motion
+from .transmit import Links, Sent, check_links, send_inputs, send_outputs
+
+Model = StateSpace | NonlinearModel | OutputError
+
+
+def simulate(
+    model: Model, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+) -> Simulation:  # fmt: skip
+    """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
+
+    `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces (8,
+    where it has none), with the noise added after each piece: exact in the limit of many.
+    `prior`: x[0] is drawn from it; without one it is the operating point (or zero). `steps`: how many rows, for a model
+    without inputs. `dt` or `t`, in seconds: of a continuous model.
+
+    Raises `InputError` with every fault of the call.
+
+    >>> model = StateSpace([[0.9]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> simulate(model, [[1.0], [0.0], [0.0]], seed=1).record.y.shape
+    (3, 1)
+    """
+    bank = simulate_bank(model, u, seed=seed, runs=1, prior=prior, steps=steps, dt=dt, t=t, hold=hold,
+                         input_link=input_link, output_link=output_link, lost=lost)  # fmt: skip
+    return jax.tree_util.tree_map(lambda leaf: leaf[0], bank.items)
+
+
+def simulate_bank(
+    model: Model, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+) -> Stacked:  # fmt: skip
+    """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
+
+    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs.
+
+    >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
+    >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
+    (5, 3, 1)
+    """
+    model = model.to_state_space() if isinstance(model, OutputError) else model
+    links = Links(input_link, output_link)
+    _check_call(model, prior, seed, runs, steps)
+    record = _empty_record(model, u, steps, dt, t, hold, links, lost)
+    sampled, lengths = _ready(model, record)
+    keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
+    drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, lengths, record.u, prior, links, lost, keys))
+    t_rows = None if record.t is None else np.broadcast_to(record.t, (runs, *record.t.shape))
+    return Stacked(_simulation(replace(_template(record, model, lost), t=t_rows), drawn), runs)
+
+
+def drawn_from(
+    model: Model, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
+    t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+) -> Callable[[Any], Simulation]:  # fmt: skip
+    """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
+
+    With the key `fold_in(key(seed), i)` it draws run i of `simulate_bank`.
+
+    >>> draw = drawn_from(StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1), steps=3)
+    >>> import jax
+    >>> draw(jax.random.key(1)).state.shape
+    (3, 1)
+    """
+    model = model.to_state_space() if isinstance(model, OutputError) else model
+    links = Links(input_link, output_link)
+    _check_call(model, prior, 0, 1, steps)
+    record = _empty_record(model, u, steps, dt, t, hold, links, lost)
+    (sampled, lengths), template = _ready(model, record), _template(record, model, lost)
+
+    def draw(key) -> Simulation:
+        return _simulation(template, _draw(sampled, lengths, record.u, prior, links, lost, key))
+
+    return draw
+
+
+def _ready(model: StateSpace | NonlinearModel, record: Record) -> tuple[Any, np.ndarray]:
+    """The model made ready for the record's steps, and their lengths (T,)."""
+    clock = record.clock(model.dt or None)
+    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    return motion.ready(model, clock), np.broadcast_to(lengths, len(record)).astype(float)
+
+
+def _template(record: Record, model: StateSpace | NonlinearModel, lost: str) -> Record:
+    """The record of a run, but for what is drawn."""
+    return Record(
+        record.y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
+        inputs=model.inputs, outputs=model.outputs,
+    )  # fmt: skip
+
+
+def _simulation(template: Record, drawn: "Drawn") -> Simulation:
+    record = replace(template, y=drawn.y, u=drawn.sent.logged, arrived=drawn.sent.arrived)
+    return Simulation(record, drawn.x, drawn.sent.applied, drawn.measured, drawn.sent.delay, drawn.delay)
+
+
+def _check_call(model, prior, seed, runs, steps) -> None:
+    faults = checks.Faults()
+    faults.whole("seed", seed, 0)
+    faults.whole("runs", runs, 1)
+    if steps is not None:
+        faults.whole("steps", steps, 1)
+    is_model = isinstance(model, StateSpace | NonlinearModel)
+    if not is_model:
+        faults.add(f"`model` must be a StateSpace, a NonlinearModel or an OutputError. Got {checks.short(model)}.")
+    if prior is not None and faults.instance("prior", prior, Prior) and is_model:
+        check_prior(prior, model, faults)
+        if prior.diffuse is not None:
+            faults.add("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance.")
+    faults.finish()
+
+
+def _empty_record(model: StateSpace | NonlinearModel, u, steps, dt, t: Any, hold, links: Links, lost: str) -> Record:
+    """The times and inputs of the run, checked."""
+    faults = checks.Faults()
+    _check_rows(model, u, steps, t, faults)
+    if model.is_continuous and dt is None and t is None:
+        faults.add("`dt` or `t` must be given, in seconds: the model is continuous.")
+    if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
+        faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
+    check_hold(model, hold, faults)
+    check_links(links, lost, model.m, hold, faults)
+    faults.finish()
+    rows = next(given if isinstance(given, int) else len(given) for given in (u, steps, t) if given is not None)
+    u = np.zeros((rows, 0)) if u is None else u
+    record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
+    if record.u.shape[1] != model.m:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}. Got {record.u.shape}.")
+    if np.isnan(record.u).any():
+        faults.add("`u` must not hold NaN: a simulation needs every input.")
+    if model.steps is not None and model.steps != rows:
+        faults.add(f"the model varies over {model.steps} rows of time, the input has {rows}.")
+    faults.finish()
+    return record
+
+
+def _inputs(model: StateSpace | NonlinearModel) -> str:
+    return f"the model has {checks.counted(model.m, 'input')}"
+
+
+def _check_rows(model: StateSpace | NonlinearModel, u, steps, t, faults: checks.Faults) -> None:
+    """How many rows to draw must be said, once."""
+    if u is None and model.m:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
+    if u is not None and np.ndim(u) == 0:
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
+    elif u is not None and steps not in (None, len(u)):
+        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
+    if u is None and steps is None and t is None:
+        faults.add("`steps` must say how many rows to draw, as there is no `u`.")
+
+
+class Drawn(NamedTuple):
+    """One run: outputs y (T, p) that arrived, states x (T, n), what became of the inputs, outputs measured, their delays."""
+
+    y: Any
+    x: Any
+    sent: Sent
+    measured: Any
+    delay: Any
+
+
+def _draw(model, lengths, u, prior: Prior | None, links: Links, lost: str, key) -> Drawn:
+    """One run, in absolute units."""
+    start = motion.origin(model)
+    T, n = u.shape[0], start.shape[0]
+    x_mean, x_factor = start, jnp.zeros((n, n))
+    if prior is not None:
+        x_mean, x_factor = jnp.asarray(prior.mean), factor(prior.covariance)
+    first, rows = jax.random.split(key)
+    x0 = x_mean - start + apply(x_factor, jax.random.normal(first, (n,)))
+    noise = jax.random.normal(rows, (T, motion.noises(model)))
+    sent = send_inputs(links.input, u, key, lost)
+    u_end = jnp.concatenate([sent.applied[1:], sent.applied[-1:]])
+
+    def step(x, row):
+        k, interval, e = row
+        x_next, y = motion.move(model, x, k, interval, e)
+        return x_next, (y, start + x)
+
+    steps = (jnp.arange(T), Interval(sent.applied, u_end, None, lengths), noise)
+    measured, x = jax.lax.scan(step, x0, steps)[1]
+    y, delay = send_outputs(links.output, measured, key)
+    return Drawn(y, x, sent, measured, delay)
+
+
+@partial(jax.jit, static_argnames=("lost",))
+def _draw_all(model, lengths, u, prior, links, lost, keys) -> Drawn:
+    """One run a key."""
+    return jax.vmap(lambda key: _draw(model, lengths, u, prior, links, lost, key))(keys)
