@@ -123,6 +123,15 @@ from .networks.links import DelayLink as DelayLink
 from .networks.links import GilbertElliottLink as GilbertElliottLink
 from .networks.links import PerfectLink as PerfectLink
 from .networks.trace import Trace as Trace
+from .protocols import Algorithm as Algorithm
+from .protocols import Controller as Controller
+from .protocols import GainAlgorithm as GainAlgorithm
+from .protocols import Identifier as Identifier
+from .protocols import Link as Link
+from .protocols import Plant as Plant
+from .protocols import RecursiveIdentifier as RecursiveIdentifier
+from .protocols import Smoothable as Smoothable
+from .protocols import Wrapper as Wrapper
 from .results import Check as Check
 from .results import Estimate as Estimate
 from .results import EstimateBank as EstimateBank

@@ -40,7 +40,10 @@ def record(y=(1.0, 2.0, 3.0), u=(1.0, 1.0, 1.0), **given):
 RECORD = record()
 NO_TIME = Record([1.0, 2.0], [1.0, 1.0], inputs=["u"], outputs=["y"])
 STACKED = stack([RECORD, RECORD])
-KALMAN = "`algorithm` must have init, correct and predict, as Kalman(model) has. Got {}."
+KALMAN = (
+    "`algorithm` must be an algorithm, such as Kalman(model), or one of your own that derives from estimable.Algorithm. "
+    "Got {}."
+)
 
 ESTIMATES = {
     "a model": ((MODEL, RECORD, PRIOR), KALMAN.format("StateSpace")),

@@ -48,7 +48,7 @@ SENTENCES = [
     ),
     (
         lambda: MovingWindow(Kalman, 5),
-        "`algorithm` must be an algorithm, as UnknownGain(model, gain) is. Got <class 'estimable.filters.kalman_filter.Kalman'>.",
+        "`algorithm` must be made of a model: write Kalman(model), not Kalman.",
     ),
     (
         lambda: Bounded(Kalman(C.model), 0, 1),

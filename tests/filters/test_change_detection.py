@@ -258,9 +258,9 @@ def test_a_result_without_alarms_has_no_list_of_changes(refused):
 
 
 def test_a_change_says_itself_in_words():
-    from estimable.diagnostics import Change
+    from estimable.diagnostics import DetectedChange
 
-    timed = Change("gain", 450, 458, 4.5, 4.58, 1.0, 0.5, 0.012, 1.5, 0.015)
+    timed = DetectedChange("gain", 450, 458, 4.5, 4.58, 1.0, 0.5, 0.012, 1.5, 0.015)
     assert timed.sentence == "gain went from 1 to 0.5 ± 0.012 at 4.5 ± 0.015 s, seen at 4.58 s."
     assert timed._replace(onset_s=None, detected_at_s=None).sentence == (
         "gain went from 1 to 0.5 ± 0.012 at row 450 ± 1.5, seen at row 458."

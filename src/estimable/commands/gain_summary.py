@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..filters.unknown_gain import UnknownGain
-from ..filters.wrapped import innermost
 from ..tables import standard_deviation
 from .numbers import decimals
 
@@ -121,7 +120,7 @@ def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, firs
 
 def is_effectiveness(algorithm: Any) -> bool:
     """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
-    algorithm = innermost(algorithm)
+    algorithm = algorithm.innermost
     scaled = isinstance(algorithm, UnknownGain) and isinstance(algorithm.directions, str)
     return scaled and algorithm.directions in ("one", "per_input") and algorithm.fixed is None
 

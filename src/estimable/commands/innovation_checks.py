@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..diagnostics.check_innovations import diagnose
 from ..diagnostics.consistency import Consistency, nis
+from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 
 NOTHING = "no innovation to judge by: no output was seen with noise"
@@ -43,7 +43,7 @@ def sentence(check: Consistency | None) -> str:
 def faults(result: Any, record: Any) -> tuple[str, ...]:
     """What else the innovations say against the model: that they are not white, or that an input is left in them."""
     try:
-        found = diagnose(result, record)
+        found = check_innovations(result, record)
     except InputError:
         return ()
     checks = (*found.cross_correlation.values(), *found.whiteness.values())

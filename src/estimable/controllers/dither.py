@@ -1,5 +1,6 @@
 """A small movement of the inputs, for as long as a gain is not known well enough."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -8,16 +9,18 @@ import numpy as np
 
 from .. import checks
 from ..analysis.gain_information import gain_information
+from ..annotations import Array
 from ..frozen import frozen, set_field, static
 from ..models.state_space import StateSpace
+from ..protocols import SharedController
 from ..results import Info, Names
-from .state_feedback import Around, check_inner
+from .state_feedback import check_inner
 
 RELEASE = 0.7  # of the wanted sigma, below which the dither ends: it does not start again with the next sample
 
 
 @frozen
-class Dither(Around):
+class Dither(SharedController[Any]):
     """A controller that moves its inputs a little while the gain is less well known than it should be.
 
     Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It goes on when the standard deviation
@@ -48,11 +51,9 @@ class Dither(Around):
     period: int = static()
     sigma: Any
 
-    acts_on = "filtered"
-
     def __post_init__(self):
         faults = checks.Faults()
-        check_inner(self.controller, faults)
+        check_inner(self.controller, "Dither", faults)
         faults.finish()
         m = self.controller.size
         faults.learn("m", m, f"the controller makes {checks.counted(m, 'input')}")
@@ -82,7 +83,7 @@ class Dither(Around):
         True
         """
         faults = checks.Faults()
-        check_inner(controller, faults)
+        check_inner(controller, "Dither", faults)
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         seconds = faults.number("seconds", seconds, above=0.0, unit="seconds")
         faults.whole("period", period, 2)
@@ -95,17 +96,29 @@ class Dither(Around):
         )
         return Dither(controller, amplitude=found.amplitude_for(sigma) * shape, period=period, sigma=sigma)
 
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.controller.size
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.controller.references
+
     def check(self, names: Names, faults: checks.Faults) -> None:
         """What this asks of the estimator whose columns have these names."""
         self.controller.check(names, faults)
         if not names.gains:
             faults.add("`controller` dithers until a gain is known, and the estimator gives none: use UnknownGain.")
 
-    def init(self):
+    def init(self) -> Any:
         """The controller's own state, whether the dither is on, and how many samples it has been."""
         return self.controller.init(), jnp.zeros((), bool), jnp.zeros((), int)
 
-    def act(self, state, estimate: Info, reference, effect=1.0):
+    def act(
+        self, state: Any, estimate: Info, reference: Array, effect: Array | float = 1.0
+    ) -> tuple[Any, Array, Mapping[str, Array]]:
         """The input (m,), with the part that passes through the plant divided by `effect`; and the `dither` in it."""
         inner, on, count = state
         P = jnp.asarray(estimate.gain_covariance)

@@ -1,5 +1,6 @@
 """A law for the healthy plant that is told how much of its effect the input has left."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -7,14 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, set_field
 from ..kernels.small import factor, gram, product, solve_lower
+from ..protocols import Controller
 from ..results import Info, Names
-from .state_feedback import Around, check_inner
+from .state_feedback import check_inner
 
 
 @frozen
-class GainReconfiguration(Around):
+class GainReconfiguration(Controller[Any]):
     """A controller whose demand on the plant is divided by the estimated gain, so that a loss of effect is made good.
 
     Model: the input acts through a gain K (one, or one for each input). What the controller asks of the plant is divided by
@@ -53,11 +56,9 @@ class GainReconfiguration(Around):
     allocation: Any = None
     rate: Any = None
 
-    acts_on = "filtered"
-
     def __post_init__(self):
         faults = checks.Faults()
-        check_inner(self.controller, faults)
+        check_inner(self.controller, "GainReconfiguration", faults)
         lower = faults.number("lower", self.lower, above=0.0)
         caution = faults.number("caution", self.caution, lower=0.0)
         allocation = None if self.allocation is None else faults.array("allocation", self.allocation, "r m")
@@ -78,6 +79,16 @@ class GainReconfiguration(Around):
                 "the rows of B that the inputs can tell apart."
             )
 
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.controller.size
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.controller.references
+
     def check(self, names: Names, faults: checks.Faults) -> None:
         """What this asks of the estimator whose columns have these names."""
         self.controller.check(names, faults)
@@ -91,11 +102,11 @@ class GainReconfiguration(Around):
                 f"{len(names.gains)}: {checks.listed(names.gains)}."
             )
 
-    def init(self):
+    def init(self) -> Any:
         """The controller's own state; under a `rate` also 1 / K~ of each input, of which nothing is lost."""
         return self.controller.init() if self.rate is None else (self.controller.init(), jnp.ones(self.size))
 
-    def act(self, state, estimate: Info, reference):
+    def act(self, state: Any, estimate: Info, reference: Array) -> tuple[Any, Array, Mapping[str, Array]]:
         """The input (m,), and the `effect` that was counted on."""
         K = jnp.maximum(jnp.asarray(estimate.gain), self.lower)
         variance = jnp.sum(jnp.asarray(estimate.gain_covariance) * jnp.eye(K.shape[0]), axis=0)

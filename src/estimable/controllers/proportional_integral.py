@@ -1,20 +1,23 @@
 """State feedback with the integral of the tracking error."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, set_field
 from ..kernels.small import apply
 from ..models.controlled import read_limits
-from ..results import Info
-from .state_feedback import Law, demand, of_input, read_law, shared
+from ..protocols import SharedController
+from ..results import Info, Names
+from .state_feedback import check_states, demand, of_input, read_law, shared
 
 
 @frozen
-class ProportionalIntegral(Law):
+class ProportionalIntegral(SharedController[Array]):
     """u = N r - F x^ - J z - L i, with z the integral of r - M x^: a constant error of the tracked states vanishes.
 
     Settings: F, N and L as in `StateFeedback`; `integral` J (m, r); `tracked` M (r, n), the combinations of states that
@@ -38,7 +41,19 @@ class ProportionalIntegral(Law):
     input_feedback: Any = None
     limits: Any = None
 
-    acts_on = "filtered"
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.feedback.shape[-2]
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.reference_gain.shape[-1]
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """The estimator must give the states that are fed back."""
+        check_states(self.feedback, names, faults)
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -50,11 +65,13 @@ class ProportionalIntegral(Law):
         faults.finish()
         set_field(self, **law)
 
-    def init(self):
+    def init(self) -> Array:
         """No error so far."""
         return jnp.zeros(self.references)
 
-    def act(self, state, estimate: Info, reference, effect=1.0):
+    def act(
+        self, state: Array, estimate: Info, reference: Array, effect: Array | float = 1.0
+    ) -> tuple[Array, Array, Mapping[str, Array]]:
         """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
         J = jnp.asarray(self.integral)
         u = shared(demand(self, estimate, reference) - apply(J, state), effect) - of_input(self, estimate)

@@ -1,5 +1,6 @@
 """An input that is linear in the estimated state."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -7,55 +8,25 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, set_field
 from ..kernels.small import apply
+from ..protocols import Controller, SharedController
 from ..results import Info, Names
 
 
-class Law:
-    """A linear law: `feedback` (m, n) and `reference_gain` (m, r)."""
-
-    feedback: Any
-    reference_gain: Any
-
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.reference_gain.shape[-1]
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.feedback.shape[-2]
-
-    def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the estimator whose columns have these names."""
-        n = self.feedback.shape[-1]
-        if n != len(names.states):
-            states = checks.counted(len(names.states), "state")
-            faults.add(
-                f"`controller` feeds back {n} states, and the estimator gives {states}: {checks.listed(names.states)}."
-            )
-
-
-class Around:
-    """What acts through a `controller` of another kind."""
-
-    controller: Any
-
-    @property
-    def references(self) -> int:
-        """How many references are followed."""
-        return self.controller.references
-
-    @property
-    def size(self) -> int:
-        """How many inputs are made."""
-        return self.controller.size
+def check_states(feedback: Array, names: Names, faults: checks.Faults) -> None:
+    """The estimator must give as many states as `feedback` (m, n) takes."""
+    n = feedback.shape[-1]
+    if n != len(names.states):
+        states = checks.counted(len(names.states), "state")
+        faults.add(
+            f"`controller` feeds back {n} states, and the estimator gives {states}: {checks.listed(names.states)}."
+        )
 
 
 @frozen
-class StateFeedback(Law):
+class StateFeedback(SharedController[tuple[()]]):
     """u = N r - F x^ - L i: the reference r, the estimated state x^, and what the actuators do, i, where that is measured.
 
     Settings: `feedback` F (m, n), as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
@@ -76,18 +47,32 @@ class StateFeedback(Law):
     reference_gain: Any = None
     input_feedback: Any = None
 
-    acts_on = "filtered"
-
     def __post_init__(self):
         faults = checks.Faults()
         set_field(self, **read_law(self, faults))
         faults.finish()
 
-    def init(self):
+    @property
+    def size(self) -> int:
+        """How many inputs are made."""
+        return self.feedback.shape[-2]
+
+    @property
+    def references(self) -> int:
+        """How many references are followed."""
+        return self.reference_gain.shape[-1]
+
+    def check(self, names: Names, faults: checks.Faults) -> None:
+        """The estimator must give the states that are fed back."""
+        check_states(self.feedback, names, faults)
+
+    def init(self) -> tuple[()]:
         """Nothing to remember."""
         return ()
 
-    def act(self, state, estimate: Info, reference, effect=1.0):
+    def act(
+        self, state: tuple[()], estimate: Info, reference: Array, effect: Array | float = 1.0
+    ) -> tuple[tuple[()], Array, Mapping[str, Array]]:
         """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
         return state, shared(demand(self, estimate, reference), effect) - of_input(self, estimate), {}
 
@@ -103,10 +88,23 @@ def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
     return read
 
 
-def check_inner(controller: Any, faults: checks.Faults) -> None:
-    """What a controller is put in is a controller."""
-    if isinstance(controller, type) or not all(hasattr(controller, part) for part in ("act", "references")):
-        faults.add(f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(controller)}.")
+def check_controller(controller: Any, faults: checks.Faults) -> None:
+    """A controller, made, and not a class."""
+    if not isinstance(controller, Controller):
+        faults.add(
+            "`controller` must be a controller, as StateFeedback(feedback); one of your own derives from estimable.Controller. "
+            f"Got {checks.short(controller)}."
+        )
+
+
+def check_inner(controller: Any, around: str, faults: checks.Faults) -> None:
+    """A controller that says how its demand on the plant is shared out."""
+    check_controller(controller, faults)
+    if isinstance(controller, Controller) and not isinstance(controller, SharedController):
+        faults.add(
+            f"`controller` must be a law whose demand {around} can divide, as StateFeedback and ProportionalIntegral are: "
+            f"{type(controller).__name__} is none."
+        )
 
 
 def demand(law: Any, estimate: Info, reference) -> Any:

@@ -1,5 +1,6 @@
 """Follow a reference with a plant that is being identified."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -9,11 +10,13 @@ import numpy as np
 
 from .. import checks
 from ..analysis.zeros import invariant_zeros
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import tracking_law as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..models.controlled import read_limits
 from ..models.state_space import StateSpace
+from ..protocols import Controller
 from ..results import Info, Names
 
 FEEDBACK = ("model", "filtered", "measured")
@@ -33,7 +36,7 @@ class Remembered:
 
 
 @frozen
-class Tracking:
+class Tracking(Controller[Remembered]):
     """The input that brings the next output to its reference, by the parameters that an identifier believes now.
 
     Model: A(z) x° = z^-delay B(z) u, y = x° + v, with A and B estimated; as many inputs as outputs (`size`). The input is
@@ -74,15 +77,13 @@ class Tracking:
     nb: int = static()
     _: KW_ONLY
     delay: int = static(default=0)
-    size: int = static(default=1)
+    size: int = static(default=1)  # pyright: ignore[reportIncompatibleMethodOverride]  a setting here
     feedback: str = static(default="model")
     law: str = static(default="mirrored")
     noise_ratio: Any = 0.01
     lower: Any = 0.0
     reach: Any = 3.0
     limits: Any = None
-
-    acts_on = "predicted"
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -102,6 +103,11 @@ class Tracking:
             )
         faults.finish()
         set_field(self, noise_ratio=ratio, lower=lower, reach=reach, limits=limits)
+
+    @property
+    def acts_on(self) -> str:
+        """Before the sample is measured, so that the input may enter it at once."""
+        return "predicted"
 
     @property
     def references(self) -> int:
@@ -137,7 +143,7 @@ class Tracking:
         past = jnp.zeros((p, na))
         return Remembered(past, past, jnp.zeros((p, na, na)), past, jnp.zeros(p))
 
-    def act(self, state: Remembered, estimate: Info, reference):
+    def act(self, state: Remembered, estimate: Info, reference: Array) -> tuple[Remembered, Array, Mapping[str, Array]]:
         """The input (m,) for what is believed before the sample, and what was counted on."""
         p, na, lags = self.size, self.na, self.nb + 1
         θ = jnp.asarray(estimate.mean).reshape(p, na + p * lags)

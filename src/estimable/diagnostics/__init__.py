@@ -1,24 +1,24 @@
 """Is the estimate consistent with what it claims? Pure functions of arrays and results."""
 
-from .changes import Change, changes
-from .check_innovations import Diagnosis, diagnose
+from .changes import DetectedChange, changes
 from .consistency import Consistency, nees, nis
 from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, information
+from .innovation_tests import InnovationChecks, check_innovations
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
 from .responses import frequency_response, poles, simulation_sigma, spread_of, step_response, zeros
 
 __all__ = [
-    "Change",
     "Consistency",
     "Correlations",
-    "Diagnosis",
+    "DetectedChange",
     "Efficiency",
+    "InnovationChecks",
     "Nonlinearity",
     "changes",
+    "check_innovations",
     "cramer_rao",
     "cross_correlation",
-    "diagnose",
     "efficiency",
     "efficient_estimate",
     "frequency_response",

@@ -8,7 +8,7 @@ from .. import checks
 from ..results import Estimate
 
 
-class Change(NamedTuple):
+class DetectedChange(NamedTuple):
     """That a gain jumped: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
     the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record;
     and the standard deviation of the onset as known at the alarm, in rows and in seconds."""
@@ -34,7 +34,7 @@ class Change(NamedTuple):
         return f"{self.gain} went from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, seen at {seen}."
 
 
-def changes(result: Any) -> tuple[Change, ...]:
+def changes(result: Any) -> tuple[DetectedChange, ...]:
     """The changes that `ChangeDetection` found, in order of their alarms.
 
     `result`: of `estimate`, or one of a bank (`bank[i]`), kept with "all". Where several gains may jump, the one named is
@@ -55,7 +55,7 @@ def changes(result: Any) -> tuple[Change, ...]:
     return tuple(_change(result, int(alarm), int(end)) for alarm, end in zip(alarms, ends, strict=False))
 
 
-def _change(result: Estimate, alarm: int, end: int) -> Change:
+def _change(result: Estimate, alarm: int, end: int) -> DetectedChange:
     """The change of which row `alarm` told, and what is known of it at row `end`."""
     onset = int(result.extra["onset"][alarm])
     before = max(onset - 1, 0)
@@ -65,7 +65,7 @@ def _change(result: Estimate, alarm: int, end: int) -> Change:
     times = (None, None) if result.t is None else (float(result.t[onset]), float(result.t[alarm]))
     apart = float(result.extra["onset_sigma"][alarm])
     step = None if result.t is None else (result.t[alarm] - result.t[before]) / (alarm - before)
-    return Change(
+    return DetectedChange(
         result.names.gains[i], onset, alarm, *times,
         float(result.gain[before, i]), float(result.gain[end, i]), float(sigma[i]),
         apart, None if step is None else float(apart * step),

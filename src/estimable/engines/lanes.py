@@ -55,7 +55,8 @@ def _scan(fixed: list, rows: list, *, written: Written, size: int, keep: str) ->
     """The loop over time; the step is replayed while it is traced."""
     program, before = written.row, written.fixed + written.states
     always = _scalars(program.inputs[: written.fixed], fixed)
-    kept, (likelihood, outcome) = program.outputs[written.states : -2], map(int, program.outputs[-2:])
+    outputs = written.outputs
+    kept, likelihood, outcome = outputs.kept, int(outputs.log_likelihood), int(outputs.outcome)
     names = sorted({int(name) for array in kept for name in array.ravel()})
 
     def step(carry, row):

@@ -13,6 +13,7 @@ from .llvm.compilation import Compiled
 from .lowering import Traced, trace
 from .program.arrays import lower
 from .program.straight_line import UnsupportedError
+from .step import named
 from .xla import Run
 
 LINE = 64  # bytes of the cache that are fetched together
@@ -23,9 +24,10 @@ class LargeStep:
 
     def __init__(self, program: Traced, keep: str, repeats: bool):
         row, states = program.row, program.states
-        kept, told = row.outputs[states:-2], row.outputs[-2:]
-        each, last = ((*told, *kept), ()) if keep != "last" else (told, kept)
-        row = row._replace(outputs=(*row.outputs[:states], *each, *last))
+        outputs = named(row.outputs, states)
+        said = outputs.log_likelihood, outputs.outcome
+        each, last = ((*said, *outputs.kept), ()) if keep != "last" else (said, outputs.kept)
+        row = row._replace(outputs=(*outputs.state, *each, *last))
         self.kept, self.keep = program.kept, keep
         self.each, self.last = ([row.operations[name] for name in names] for names in (each, last))
         self.rows = [kind for _, kind in row.types[program.fixed + states :]]

@@ -10,6 +10,7 @@ import numpy as np
 from .disk_cache import once
 from .program.constant_state import lasting
 from .program.straight_line import Program, UnsupportedError, lower_jaxpr
+from .step import Row, named, step
 
 LONG = 20_000  # outputs in all, seen or not
 OPEN = 200_000  # operations of a step before it is known what of its state is constant
@@ -40,13 +41,18 @@ class Written:
     kept: Any
 
     @property
+    def outputs(self) -> Row:
+        """The scalars of what `row` gives, by name."""
+        return named(self.row.outputs, self.states)
+
+    @property
     def carried(self) -> list[Carried]:
         """The entries of the state that a row reads."""
         now, after, start = (
             [int(name) for array in arrays for name in array.ravel()]
             for arrays in (
                 self.row.inputs[self.fixed :][: self.states],
-                self.row.outputs[: self.states],
+                self.outputs.state,
                 self.start.outputs,
             )
         )
@@ -135,24 +141,17 @@ def trace(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced:
     """What `init` and a row do."""
     examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
     algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
-    told = {}
 
     def init(algorithm, prior):
-        return jax.tree_util.tree_leaves(algorithm.init(prior))
+        return algorithm.init(prior)
 
-    def step(algorithm, prior, state, sample, interval):
-        state, info = algorithm.correct(state, sample)
-        kept = select(info, keep)
-        told["kept"] = jax.eval_shape(lambda: kept)
-        log_likelihood = 0.0 if info.log_likelihood is None else info.log_likelihood
-        state = algorithm.predict(state, interval)
-        return jax.tree_util.tree_leaves(state), jax.tree_util.tree_leaves(kept), [log_likelihood, info.outcome]
+    def go(algorithm, prior, state, sample, interval):
+        return step(algorithm, 0, state, sample, interval, keep, select)
 
-    state = jax.eval_shape(lambda algorithm, prior: algorithm.init(prior), algorithm, prior)
-    parts = (algorithm, prior, state, sample, interval)
-    counts = [len(jax.tree_util.tree_leaves(part)) for part in parts]
-    start, row = jax.make_jaxpr(init)(algorithm, prior), jax.make_jaxpr(step)(*parts)
-    return Traced(start, row, counts[0] + counts[1], counts[2], told["kept"])
+    start, state = jax.make_jaxpr(init, return_shape=True)(algorithm, prior)
+    row, left = jax.make_jaxpr(go, return_shape=True)(algorithm, prior, state, sample, interval)
+    fixed, states = (len(jax.tree_util.tree_leaves(part)) for part in ((algorithm, prior), state))
+    return Traced(start, row, fixed, states, left.kept)
 
 
 def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:

@@ -52,10 +52,11 @@ class Step:
     def __init__(self, written: Written, keep: str, lanes: int, repeats: bool):
         self.start, self.keep, self.lanes, self.kept = _Start(written.start), keep, lanes, written.kept
         program = written.row
-        kept, told = (_flat(arrays) for arrays in (program.outputs[written.states : -2], program.outputs[-2:]))
+        outputs = written.outputs
+        kept, said = _flat(outputs.kept), _flat((outputs.log_likelihood, outputs.outcome))
         self.shapes = jax.tree_util.tree_leaves(written.kept)
         each = [Array(*a) for a in zip(kept, (_kind(leaf.dtype) for leaf in self.shapes), strict=True)]
-        each, told = each if keep != "last" else [], [Array(told[0]), Array(told[1], "i64")]
+        each, told = each if keep != "last" else [], [Array(said[0]), Array(said[1], "i64")]
         self.each = [*each, *(array for array in told if array not in each)]
         self.told = [self.each.index(array) for array in told]
         self.at = np.cumsum([0, *(len(array.names) for array in self.each)])  # columns of each array side by side

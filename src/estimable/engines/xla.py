@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from .step import Select, Stepping, step
+
 LONG = 10_000  # rows from which it pays to write steps out in a row: 20 % faster, for twice the compilation
 UNROLL = 2
 KEEP = ("all", "means", "last", "likelihood")
@@ -23,36 +25,31 @@ class Run(NamedTuple):
 
 
 @partial(jax.jit, static_argnames=("keep", "select"))
-def scan(algorithm, prior, samples, intervals, *, keep: str, select) -> Run:
+def scan(algorithm: Stepping, prior, samples, intervals, *, keep: str, select: Select) -> Run:
     """`init`, then `correct` and `predict` over T samples. `select(info, keep)` drops from an info what is not kept."""
     T = samples.seen.shape[0]
 
-    def step(carry, row):
-        state, _ = carry
-        k, sample, interval = row
-        now = algorithm.at(k)
-        state, info = now.correct(state, sample)
-        kept = select(info, keep)
-        told = (0.0 if info.log_likelihood is None else info.log_likelihood, info.outcome)
-        state = now.predict(state, interval)
-        return ((state, kept), (None, told)) if keep == "last" else ((state, None), (kept, told))
+    def go(carry, row):
+        left = step(algorithm, row[0], carry[0], *row[1:], keep, select)
+        said = left.log_likelihood, left.outcome
+        return ((left.state, left.kept), (None, said)) if keep == "last" else ((left.state, None), (left.kept, said))
 
     rows = (jnp.arange(T), samples, intervals)
     start = algorithm.init(prior)
     last = None
     if keep == "last":
         first_row = jax.tree_util.tree_map(lambda leaf: leaf[0], rows)
-        shapes = jax.eval_shape(lambda: step((start, None), first_row)[0][1])
+        shapes = jax.eval_shape(lambda: go((start, None), first_row)[0][1])
         last = jax.tree_util.tree_map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
     (state, last), (infos, (likelihoods, outcomes)) = lax.scan(
-        step, (start, last), rows, unroll=UNROLL if T >= LONG else 1
+        go, (start, last), rows, unroll=UNROLL if T >= LONG else 1
     )
     failed_at = jnp.argmax(outcomes != 0)
     return Run(last if keep == "last" else infos, jnp.sum(likelihoods), outcomes[failed_at], failed_at, state)
 
 
 @partial(jax.jit, static_argnames=("axes", "keep", "select"))
-def scan_bank(algorithm, prior, samples, intervals, *, axes: tuple, keep: str, select) -> Run:
+def scan_bank(algorithm: Stepping, prior, samples, intervals, *, axes: tuple, keep: str, select: Select) -> Run:
     """`scan` mapped over those of (algorithm, samples and intervals, prior) that have axis 0 in `axes`."""
     a, r, p = axes
 

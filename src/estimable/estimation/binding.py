@@ -6,10 +6,11 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record, match, scatter
-from ..filters.wrapped import innermost
+from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample
 from .stack import Stacked
 
@@ -33,19 +34,9 @@ def select(info: Info, keep: str) -> Info:
     return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ("outcome",))})
 
 
-def model_of(algorithm: Any) -> StateSpace:
+def model_of(algorithm: Algorithm[Any]) -> Any:
     """The model inside an algorithm and its wrappers."""
-    return innermost(algorithm).model
-
-
-def has_state_prior(algorithm: Any) -> bool:
-    """Whether the drivers' `prior` is asked for: not by an algorithm whose priors are all settings of its own."""
-    return getattr(algorithm, "has_state_prior", True)
-
-
-def takes_fates(algorithm: Any) -> bool:
-    """Whether an algorithm takes inputs of which nobody knows whether they arrived."""
-    return getattr(algorithm, "takes_fates", False)
+    return algorithm.innermost.model
 
 
 def bind(
@@ -62,12 +53,12 @@ def bind(
     model, names, rows = model_of(algorithm), algorithm.names, bank or record
     outputs = columns(names.outputs, record.outputs, "output", "y", faults)
     inputs = columns(names.inputs, record.inputs, "input", "u", faults)
-    if has_state_prior(algorithm):
+    if algorithm.has_state_prior:
         check_prior(prior, model, faults)
     _check_time(model, record, faults)
-    _check_lengths(algorithm, record, faults)
+    algorithm.check_record(len(record), faults)
     faults.finish()
-    u, arrived = _fates(algorithm, record, rows, faults) if takes_fates(algorithm) else (rows.applied(), None)
+    u, arrived = _fates(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
     u, arrived = np.take(u, inputs, axis=-1), None if arrived is None else arrived[..., inputs]
     check_known(u, names.inputs, faults)
     faults.finish()
@@ -82,9 +73,9 @@ def bind(
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
     ready = (algorithms or algorithm).sampled(clock)
-    if hasattr(ready, "complete") and prior is not None and prior.diffuse is None and samples.seen.all():
-        ready = ready.complete
-    names = names._replace(units=record.units, **getattr(ready, "told", {}))
+    if prior is not None and prior.diffuse is None and samples.seen.all():
+        ready = ready.where_all_is_seen
+    names = names._replace(units=record.units, **ready.result_names)
     return Bound(ready, samples, intervals, names, rows.t)
 
 
@@ -97,24 +88,6 @@ def _fates(algorithm: Any, record: Record, rows: Record, faults: checks.Faults) 
     return rows.u, np.ones(rows.u.shape) if rows.arrived is None else rows.arrived
 
 
-def _check_lengths(algorithm: Any, record: Record, faults: checks.Faults) -> None:
-    """What an algorithm and its wrappers ask of the length of a record."""
-    while algorithm is not None:
-        if hasattr(algorithm, "check_record"):
-            algorithm.check_record(len(record), faults)
-        algorithm = getattr(algorithm, "algorithm", None)
-
-
-def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
-    """An algorithm has the three steps, and is made, not a class."""
-    if isinstance(algorithm, type):
-        faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
-    elif not all(hasattr(algorithm, step) for step in ("init", "correct", "predict")):
-        faults.add(
-            f"`algorithm` must have init, correct and predict, as Kalman(model) has. Got {type(algorithm).__name__}."
-        )
-
-
 def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
     check_algorithm(algorithm, faults)
     if not isinstance(record, Record):
@@ -124,7 +97,7 @@ def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults)
 
 def check_prior_kind(algorithm: Any, prior: Any, faults: checks.Faults, hint: str = "") -> None:
     """A `Prior` of the state for an algorithm that estimates one, and None for one that does not."""
-    if has_state_prior(algorithm):
+    if not isinstance(algorithm, Algorithm) or algorithm.has_state_prior:
         if not isinstance(prior, Prior):
             faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{hint}")
     elif prior is not None:

@@ -9,6 +9,9 @@ import numpy as np
 from .. import checks
 from ..engines import xla
 from ..errors import AssumptionError
+from ..filters.kalman_filter import Kalman
+from ..filters.unknown_gain import UnknownGain
+from ..filters.unknown_input import UnknownInput
 from ..frozen import frozen, replace, static
 from ..models.prior import Prior
 from .binding import bind, model_of, select
@@ -94,7 +97,7 @@ def fit_noise(algorithm: Any, record: Any, *, prior: Prior, free: Any = ("Q", "R
 def _prepare(algorithm: Any, record: Any, prior: Any, free: Any) -> tuple[list[Part], list]:
     """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
     faults = checks.Faults()
-    if not (hasattr(algorithm, "model") and hasattr(algorithm, "ready")):
+    if not isinstance(algorithm, Kalman | UnknownGain | UnknownInput):
         faults.add(
             f"fit_noise needs an algorithm of a model with noises, as Kalman(model). Got {checks.short(algorithm)}."
         )

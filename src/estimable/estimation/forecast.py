@@ -8,7 +8,8 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..frozen import replace
-from ..results import Estimate, Forecast, Sample
+from ..protocols import Smoothable
+from ..results import Estimate, Forecast, Origin, Sample
 from .binding import bind
 from .estimate import estimate
 
@@ -47,11 +48,11 @@ def forecast(result: Estimate, u: Any = None, steps: int | None = None) -> Forec
     return Forecast(info, t, output, S, result.names)
 
 
-def _origin(result: Any) -> Any:
-    origin = getattr(result, "origin", None)
-    if origin is None:
+def _origin(result: Any) -> Origin:
+    if not isinstance(result, Estimate) or result.origin is None:
         checks.refuse(f"`result` must be what estimate returned. Got {type(result).__name__}.")
-    if not hasattr(origin.algorithm, "instant"):
+    origin: Origin = result.origin
+    if not isinstance(origin.algorithm, Smoothable):
         checks.refuse(
             f"forecast needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
             f"{type(origin.algorithm).__name__} has none."

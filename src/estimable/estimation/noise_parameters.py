@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..filters.unknown_gain import UnknownGain
 from ..frozen import replace
 from ..models.discretisation import over
 from ..models.sampled import Clock, sample
@@ -85,7 +86,7 @@ def parts(algorithm: Any, free: Any, faults: checks.Faults) -> list[Part]:
         else tuple(f"w{i + 1}" for i in range(model.Q.shape[-1]))
     )
     there = {"Q": (model.Q, noises), "R": (model.R, model.outputs)}
-    if hasattr(algorithm, "walk"):
+    if isinstance(algorithm, UnknownGain):
         there["walk"] = (algorithm.walk, algorithm.names.gains)
     words = free if isinstance(free, dict) else dict.fromkeys([free] if isinstance(free, str) else free)
     found = []

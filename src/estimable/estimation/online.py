@@ -16,7 +16,7 @@ from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..results import Info, Interval, Outcome, Sample
-from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of, takes_fates
+from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
 
 
@@ -140,7 +140,7 @@ class Online:
             self._progress = None
             return quick.info
         fate = None
-        if takes_fates(self.algorithm):
+        if self.algorithm.takes_unknown_arrivals:
             fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
         sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied, fate)
         state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
@@ -188,7 +188,7 @@ class Online:
         if self._asked == "xla" or (self._asked == "auto" and jax.default_backend() != "cpu"):
             return None
         try:
-            if takes_fates(progress.algorithm):
+            if progress.algorithm.takes_unknown_arrivals:
                 raise UnsupportedError("inputs of unknown fate")
             return Quick(progress)
         except UnsupportedError as reason:
@@ -247,7 +247,7 @@ class Online:
         if arrived is None or u is None:
             return u
         arrived = faults.array("arrived", arrived, "m", nan=True)
-        if takes_fates(self.algorithm):
+        if self.algorithm.takes_unknown_arrivals:
             return u
         if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
@@ -304,7 +304,7 @@ def online(
     check_prior_kind(algorithm, prior, faults)
     faults.finish()
     model = model_of(algorithm)
-    if has_state_prior(algorithm):
+    if algorithm.has_state_prior:
         check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()

@@ -11,10 +11,12 @@ from .. import checks
 from ..data.record import Record
 from ..engines import choice
 from ..errors import RunError
-from ..filters.belief import Belief, Instant, smoothed
+from ..filters.belief import Belief, smoothed
+from ..filters.wrapped import check_algorithm
 from ..frozen import frozen, replace
-from ..kernels.smoothing import Evidence, about_state, earlier, nothing
+from ..kernels.smoothing import Evidence, Instant, about_state, earlier, nothing
 from ..models.prior import Prior
+from ..protocols import Smoothable, Wrapper
 from ..results import Info, Interval, Outcome, Sample, SmoothedEstimate, outcome_code
 from .binding import Bound, bind
 from .estimate import check_options
@@ -55,11 +57,11 @@ def smooth(
     """
     check_options(on_failure, engine, "all")
     _check_call(algorithm, lag)
-    bound = bind(getattr(algorithm, "for_smoothing", algorithm), record, prior)
+    bound = bind(algorithm.for_smoothing, record, prior)
     _, forward = choice.scan(
         engine, _Forward(bound.algorithm), prior, bound.samples, bound.intervals, keep="all", select=_predicted
     )
-    rows = _Rows(bound.samples, bound.intervals, forward.info.extra)
+    rows = _Rows(bound.samples, bound.intervals, forward.info)
     last = len(record) - 1
     if lag is None:
         engine, info, code, at = _backwards(bound, rows, last, engine)
@@ -82,19 +84,29 @@ def _check_call(algorithm: Any, lag: Any) -> None:
     faults = checks.Faults()
     if lag is not None:
         faults.whole("lag", lag, 0)
-    if not isinstance(algorithm, type) and not (hasattr(algorithm, "instant") and hasattr(algorithm, "tell")):
-        hint = ": smooth what it wraps" if hasattr(algorithm, "algorithm") else ""
+    check_algorithm(algorithm, faults)
+    faults.finish()
+    if not isinstance(algorithm, Smoothable):
+        hint = ": smooth what it wraps" if isinstance(algorithm, Wrapper) else ""
         faults.add(
             f"smooth needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
             f"{type(algorithm).__name__} has none{hint}."
         )
-    forgetting = getattr(algorithm, "forgetting", 1.0)
-    if forgetting != 1.0:
+    elif algorithm.forgetting != 1.0:
         faults.add(
-            f"smooth needs a model of how the gain moves, and forgetting = {forgetting:g} is none: give UnknownGain a "
+            f"smooth needs a model of how the gain moves, and forgetting = {algorithm.forgetting:g} is none: give UnknownGain a "
             "`walk` instead, and forgetting = 1."
         )
     faults.finish()
+
+
+@frozen
+class _Passed:
+    """What the forward pass says of a row, for an engine: the belief that was `predicted` for it."""
+
+    predicted: Belief
+    log_likelihood: Any
+    outcome: Any
 
 
 @frozen
@@ -109,17 +121,17 @@ class _Forward:
     def init(self, prior: Prior) -> Belief:
         return self.algorithm.init(prior)
 
-    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+    def correct(self, state: Belief, sample: Sample) -> tuple[Belief, _Passed]:
         after, info = self.algorithm.correct(state, sample)
-        return after, replace(info, extra=state)
+        return after, _Passed(state, info.log_likelihood, info.outcome)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         return self.algorithm.predict(state, interval)
 
 
-def _predicted(info: Info, keep: str) -> Info:
-    """Of an info of `_Forward`, the belief."""
-    return Info(extra=info.extra)
+def _predicted(passed: _Passed, keep: str) -> Belief:
+    """Of what `_Forward` says, the belief."""
+    return passed.predicted
 
 
 @frozen

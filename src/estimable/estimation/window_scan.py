@@ -25,7 +25,7 @@ AT_ONCE = 128  # runs whose beliefs between the passes stay in the processor's c
 
 def fits(algorithm: Any) -> bool:
     """Whether stretches describe the filter: linear, every output with a noise of its own that is not zero, no forgetting."""
-    if not isinstance(algorithm, Kalman | UnknownGain) or np.any(getattr(algorithm, "forgetting", 1.0) != 1.0):
+    if not isinstance(algorithm, Kalman | UnknownGain) or np.any(algorithm.forgetting != 1.0):
         return False
     ready: Any = algorithm.ready
     noises = np.diagonal(np.asarray(ready.V), axis1=-2, axis2=-1)

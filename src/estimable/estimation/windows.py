@@ -11,6 +11,7 @@ from ..filters.bounded import Bounded
 from ..filters.moving_window import MovingWindow
 from ..filters.smoothed import Smoothed
 from ..frozen import frozen, replace
+from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from . import window_scan
 from .binding import select as keep_of
@@ -20,24 +21,20 @@ NUMBERS = 2_000_000  # of rows that are laid out at a time: windows overlap, so 
 
 
 @frozen
-class Replayed:
-    """In the place of a window that has been run: each sample brings in `arrived` what it says."""
+class Replayed(Wrapper[tuple[()]]):
+    """Instead of a window that has been run: each sample brings what it says, in `extra`."""
 
     algorithm: Any
 
-    def at(self, k) -> "Replayed":
-        """The same: what is replayed has been worked out."""
-        return self
-
-    def init(self, prior) -> tuple[()]:
+    def init(self, prior: Any) -> tuple[()]:
         """Nothing is remembered."""
         return ()
 
-    def correct(self, state, sample: Sample) -> tuple[Any, Info]:
+    def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
         """What the window said."""
-        return state, sample.arrived
+        return state, sample.extra
 
-    def predict(self, state, interval: Interval):
+    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
         """Nothing moves."""
         return state
 
@@ -62,7 +59,7 @@ def scan_bank(
     engine, infos = _run_windows(engine, window, a, (prior, p), (samples, intervals), kept)
     if algorithm is window:
         return engine, _as_run(infos, keep, select)
-    rows = replace(samples, arrived=infos)
+    rows = replace(samples, extra=infos)
     _, run = choice.scan_bank(
         engine, _replaying(algorithm), prior, rows, intervals, axes=axes, keep=keep, select=select
     )

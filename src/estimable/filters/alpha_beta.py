@@ -1,18 +1,20 @@
 """The α-β and α-β-γ trackers, over steps of any length."""
 
 from dataclasses import KW_ONLY, InitVar, field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import tracker_error as kernel
 from ..models.discretisation import over
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample
 from .belief import Belief
 from .fixed_gain import correct_by
@@ -31,7 +33,7 @@ class Track:
 
 
 @frozen
-class AlphaBeta:
+class AlphaBeta(Algorithm[Track]):
     """A tracker of a position with two or three constant gains, over steps of any length, with the true covariance of its error.
 
     Model: r' = v, v' = a white noise of density σ_a² (with `gamma`: v' = a, a' that noise); y[k] = r + noise. After a step of T
@@ -93,11 +95,16 @@ class AlphaBeta:
         return self.model
 
     @property
+    def has_innovation_covariance(self) -> bool:
+        """Not where the noises were not given."""
+        return not self.silent
+
+    @property
     def names(self) -> Names:
         """Names of states, inputs and outputs."""
         return Names(self._model.states, self._model.inputs, self._model.outputs)
 
-    def sampled(self, clock: Clock) -> "AlphaBeta":
+    def sampled(self, clock: Clock) -> Self:
         """The same tracker with its model discretised for the steps of `clock` and its noises factored."""
         model = self._model
         density = (
@@ -105,7 +112,7 @@ class AlphaBeta:
         )
         return replace(self, kalman=Kalman(model).sampled(clock), density=density, model=None)
 
-    def at(self, k) -> "AlphaBeta":
+    def at(self, k: int | Array) -> Self:
         """The tracker at row k of a record whose steps vary."""
         return replace(self, kalman=self._beside.at(k))
 

@@ -83,25 +83,6 @@ def predict(belief: Belief, F, c, W, Ω) -> Belief:
     return Belief(*moved._replace(Z=settled(moved.Z, b.before)))
 
 
-@frozen
-class Instant:
-    """One row of a linear Gaussian model, as the smoother needs it: how x moves from here, and what is measured here.
-
-    x+ = F x + c + E δ + ω, y = C x + d + N δ + v, with v = V e, ω = Ω e + W e' (Ω may be None) and δ an input of which
-    nothing is known: E (n, d) and N (p, d), with d = 0 where there is none.
-    """
-
-    moved: smoothing.Moved
-    measured: smoothing.Measured
-
-    @staticmethod
-    def of(F, c, W, Ω, C, d, V, *, E=None, N=None) -> "Instant":
-        """An instant from its matrices; without E and N every input is known."""
-        E = jnp.zeros((F.shape[0], 0)) if E is None else E
-        N = jnp.zeros((C.shape[0], E.shape[1])) if N is None else N
-        return Instant(smoothing.Moved(F, c, E, W, Ω), smoothing.Measured(C, d, N, V))
-
-
 def smoothed(predicted: Belief, said: smoothing.Evidence) -> Belief:
     """The belief about (x, δ) from what was `predicted` of x and what this and later samples have `said` of both."""
     unknown = said.H.shape[1] - predicted.mean.shape[0]

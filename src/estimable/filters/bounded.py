@@ -7,14 +7,13 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, replace, set_field
-from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..protocols import Wrapper
+from ..results import Info, Sample
 from . import wrapped
 
 
 @frozen
-class Bounded:
+class Bounded(Wrapper[Any]):
     """An algorithm whose estimated gain is reported within bounds.
 
     Model: that of the algorithm. The gain that it reports is clipped to [lower, upper]; nothing else is changed, neither
@@ -51,28 +50,7 @@ class Bounded:
         faults.finish()
         set_field(self, lower=lower, upper=upper)
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and gains."""
-        return self.algorithm.names
-
-    def sampled(self, clock: Clock) -> "Bounded":
-        """The same bounds on the algorithm sampled."""
-        return replace(self, algorithm=self.algorithm.sampled(clock))
-
-    def at(self, k) -> "Bounded":
-        """The same bounds on the algorithm at row k of a time-varying model."""
-        return replace(self, algorithm=self.algorithm.at(k))
-
-    def init(self, prior: Prior) -> Any:
-        """What the algorithm believes before y[0]."""
-        return self.algorithm.init(prior)
-
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
         """Learn from one sample, and report the gain within the bounds."""
         state, info = self.algorithm.correct(state, sample)
         return state, replace(info, gain=jnp.minimum(jnp.maximum(info.gain, self.lower), self.upper))
-
-    def predict(self, state: Any, interval: Interval) -> Any:
-        """Move to the next sample."""
-        return self.algorithm.predict(state, interval)

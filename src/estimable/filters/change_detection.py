@@ -1,23 +1,22 @@
 """That a gain jumped, when, and to what."""
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import jumps
 from ..kernels.small import factor, product
 from ..models.prior import Prior
 from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..protocols import JumpingGains, Wrapper
+from ..results import Info, Interval, Sample
 from .belief import Belief
-from .extended_kalman import ExtendedKalman
-from .second_order_kalman import SecondOrderKalman
-from .unknown_gain import UnknownGain
 
 
 @frozen
@@ -43,7 +42,7 @@ class Watch:
 
 
 @frozen
-class ChangeDetection:
+class ChangeDetection(Wrapper[Watch]):
     """A filter of gains that finds out by itself that a gain jumped, when, and to what.
 
     Model: that of the algorithm, with gains that are constant but for jumps: at any sample one of them may change by
@@ -107,7 +106,7 @@ class ChangeDetection:
         set_field(self, persistence=persistence if checks.is_traced(persistence) else np.asarray(persistence))
 
     def _check_algorithm(self, faults: checks.Faults) -> None:
-        if not isinstance(self.algorithm, UnknownGain | ExtendedKalman | SecondOrderKalman):
+        if not isinstance(self.algorithm, JumpingGains):
             faults.add(
                 "`algorithm` must be an UnknownGain, or an ExtendedKalman or SecondOrderKalman with parameters. Got "
                 f"{checks.short(self.algorithm)}. Only a gain that is estimated can be seen to jump."
@@ -128,18 +127,13 @@ class ChangeDetection:
             faults.add(f"`jump` must be variances of a jump, greater than 0. {told} {checks.short(jump.tolist())}.")
         return jump
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and gains."""
-        return self.algorithm.names
-
-    def sampled(self, clock: Clock) -> "ChangeDetection":
+    def sampled(self, clock: Clock) -> Self:
         """The same detector, its algorithm sampled."""
         Q = self.algorithm.model.Q
         lasting = self.persistence.reshape(self.persistence.shape + (1,) * (Q.ndim - self.persistence.ndim))
         return replace(self, algorithm=self.algorithm.constant(self.walk, lasting).sampled(clock))
 
-    def at(self, k) -> "ChangeDetection":
+    def at(self, k: int | Array) -> Self:
         """The detector at row k of a time-varying model."""
         return replace(self, algorithm=self._ready.at(k))
 

@@ -7,11 +7,14 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import first_order
 from ..models.prior import Prior
+from ..protocols import JumpingGains
+from ..results import Names
 from . import nonlinear
+from .belief import Belief
 
 
 @frozen
-class ExtendedKalman:
+class ExtendedKalman(JumpingGains[Belief]):
     """The Kalman filter of the tangents of a nonlinear model, with its parameters estimated where asked.
 
     Model: `NonlinearModel` (or `StateSpace`, of which it is `Kalman`): x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous
@@ -55,7 +58,11 @@ class ExtendedKalman:
         faults.finish()
         nonlinear.check(self)
 
-    names = property(nonlinear.names)
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+        return nonlinear.names(self)
+
     gain = property(nonlinear.gain)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell

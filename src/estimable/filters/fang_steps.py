@@ -11,6 +11,7 @@ from ..kernels.small import apply, factor, gram, product
 from ..models.prior import Prior
 from ..models.sampled import SampledModel
 from ..results import Info, outcome_code
+from .input_noise import refuse_unknown_input
 from .unknown_layout import Layout, pick
 
 
@@ -60,6 +61,7 @@ def correct(state: FangState, model: SampledModel, layout: Layout, sample: Any) 
 
 def predict(state: FangState, model: SampledModel, layout: Layout, interval: Any) -> FangState:
     """The state of the next sample."""
+    refuse_unknown_input(interval)
     d, p = layout.d, model.C.shape[0]
     c = apply(pick(model.B, layout.known), interval.u - pick(model.point.inputs, layout.known))
     H, e, seen = state.gain, state.innovation, state.seen

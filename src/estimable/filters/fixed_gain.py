@@ -1,23 +1,25 @@
 """A filter whose gain is given and stays."""
 
 from dataclasses import field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field
 from ..kernels import joseph as kernel
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample, outcome_code
 from .belief import Belief
 from .kalman_filter import Kalman
 
 
 @frozen
-class FixedGain:
+class FixedGain(Algorithm[Belief]):
     """A filter whose gain is given, with the true covariance of its error: not that of the filter it ought to be.
 
     Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. The mean moves by
@@ -59,11 +61,11 @@ class FixedGain:
         """Names of states, inputs and outputs."""
         return Names(self.model.states, self.model.inputs, self.model.outputs)
 
-    def sampled(self, clock: Clock) -> "FixedGain":
+    def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
         return replace(self, kalman=Kalman(self.model).sampled(clock), model=None)
 
-    def at(self, k) -> "FixedGain":
+    def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
         return replace(self, kalman=self._beside.at(k))
 

@@ -1,21 +1,21 @@
 """An algorithm that leaves out samples which its own prediction makes incredible."""
 
 from dataclasses import field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 from jax.scipy.special import erfinv
 
 from .. import checks
 from ..frozen import frozen, replace, set_field
-from ..models.prior import Prior
 from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..protocols import Wrapper
+from ..results import Info, Sample
 from . import wrapped
 
 
 @frozen
-class Gated:
+class Gated(Wrapper[Any]):
     """An algorithm that takes an output for not seen where the innovation is too large to be believed.
 
     Model: that of the algorithm. Output i is left out where e_i² > q S_ii, q the quantile of χ² with one degree of freedom
@@ -49,7 +49,7 @@ class Gated:
     def __post_init__(self):
         faults = checks.Faults()
         wrapped.check_algorithm(self.algorithm, faults)
-        if not faults.sentences and getattr(wrapped.innermost(self.algorithm), "silent", False):
+        if not faults.sentences and not self.algorithm.has_innovation_covariance:
             faults.add(
                 "`algorithm` must tell the covariance of its innovations: give AlphaBeta `sigma_a2` and `sigma_s2`."
             )
@@ -60,22 +60,9 @@ class Gated:
         faults.finish()
         set_field(self, probability=probability)
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and gains."""
-        return self.algorithm.names
-
-    def sampled(self, clock: Clock) -> "Gated":
+    def sampled(self, clock: Clock) -> Self:
         """The same gate before the algorithm sampled, and the quantile worked out."""
         return replace(self, algorithm=self.algorithm.sampled(clock), limit=_quantile(self.probability))
-
-    def at(self, k) -> "Gated":
-        """The same gate before the algorithm at row k of a time-varying model."""
-        return replace(self, algorithm=self.algorithm.at(k))
-
-    def init(self, prior: Prior) -> Any:
-        """What the algorithm believes before y[0]."""
-        return self.algorithm.init(prior)
 
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
         """Learn from what of one sample is credible."""
@@ -86,10 +73,6 @@ class Gated:
         rejected = sample.seen & (error * error > limit * variance)
         state, info = self.algorithm.correct(state, replace(sample, seen=sample.seen & ~rejected))
         return state, replace(info, extra={**(info.extra or {}), "rejected": rejected})
-
-    def predict(self, state: Any, interval: Interval) -> Any:
-        """Move to the next sample."""
-        return self.algorithm.predict(state, interval)
 
 
 def _quantile(probability):

@@ -1,20 +1,27 @@
 """The Kalman filter."""
 
 from dataclasses import field
+from typing import Self
+
+import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace
 from ..kernels.small import apply, gram
+from ..kernels.smoothing import Instant
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..protocols import Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
-from .belief import Belief, Instant
+from .belief import Belief
+from .input_noise import with_input_noise
 
 
 @frozen
-class Kalman:
+class Kalman(Smoothable[Belief]):
     """The exact posterior of the state of a known linear Gaussian model, sample by sample.
 
     Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying, with cross noise S,
@@ -52,11 +59,11 @@ class Kalman:
         """Names of states, inputs and outputs."""
         return Names(self.model.states, self.model.inputs, self.model.outputs)
 
-    def sampled(self, clock: Clock) -> "Kalman":
+    def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
         return replace(self, ready=sample(self.model, clock), model=None)
 
-    def at(self, k) -> "Kalman":
+    def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
         return replace(self, ready=self._ready.at(k))
 
@@ -89,12 +96,16 @@ class Kalman:
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
         model = self._ready
-        return belief.predict(state, model.A, self._known_change(interval), model.W, model.Ω)
+        return belief.predict(state, model.A, self._known_change(interval), self._noise(interval), model.Ω)
+
+    def _noise(self, interval: Interval):
+        """The factor of what the next state has of noise, that of the input with it."""
+        return with_input_noise(self._ready.W, self._ready, interval, jnp.ones((1, 1)))
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model, for the smoother."""
         model = self._ready
-        moved = (model.A, self._known_change(interval), model.W, model.Ω)
+        moved = (model.A, self._known_change(interval), self._noise(interval), model.Ω)
         return Instant.of(*moved, model.C, self.known_output(sample), model.V)
 
     def known_output(self, sample: Sample):

@@ -9,8 +9,8 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, static
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..protocols import Wrapper
+from ..results import Info, Interval, Sample
 from . import wrapped
 
 
@@ -23,7 +23,7 @@ class Copies:
 
 
 @frozen
-class MovingWindow:
+class MovingWindow(Wrapper[Copies]):
     """An algorithm that is started anew on the last `length` samples, at every sample.
 
     Model: that of the algorithm. Row k is what the algorithm says at k when it was started at row k - length + 1 from its
@@ -78,21 +78,9 @@ class MovingWindow:
 
     def check_record(self, rows: int, faults: checks.Faults) -> None:
         """A window is not longer than the record."""
+        self.algorithm.check_record(rows, faults)
         if rows < self.length:
             faults.add(f"the window has {self.length} samples, and the record only {rows}: no window is ever full.")
-
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and gains."""
-        return self.algorithm.names
-
-    def sampled(self, clock: Clock) -> "MovingWindow":
-        """The same window on the algorithm sampled."""
-        return replace(self, algorithm=self.algorithm.sampled(clock))
-
-    def at(self, k) -> "MovingWindow":
-        """The same window on the algorithm at row k of a time-varying model."""
-        return replace(self, algorithm=self.algorithm.at(k))
 
     def init(self, prior: Prior) -> Copies:
         """What the copies believe before y[0]: the one that will fill the first whole window, and those before it."""

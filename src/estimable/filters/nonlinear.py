@@ -7,17 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..frozen import replace, set_field
 from ..kernels import expansion, flow, kalman
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import factor, factors, gram, triangularise
 from ..models.nonlinear_model import NonlinearModel
-from ..models.plant import plant
+from ..models.plant import Functions, plant
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..results import Info, Names, outcome_code
+from ..results import Info, Interval, Names, Sample, outcome_code
 from .belief import Belief, believe, posterior, side_by_side
+from .input_noise import refuse_unknown_input
 
 
 def check(algorithm: Any) -> None:
@@ -39,9 +41,9 @@ def check(algorithm: Any) -> None:
     set_field(algorithm, walk=walk)
 
 
-def read_walk(algorithm: Any, given: Any, faults: checks.Faults) -> Any:
+def read_walk(self: Any, given: Numbers, faults: checks.Faults) -> Any:
     """A walk of the parameters as a covariance per second, (k, k): of one variance, k of them, or the covariance."""
-    k = 0 if algorithm.parameters is None else getattr(algorithm.parameters, "size", 0)
+    k = 0 if self.parameters is None else getattr(self.parameters, "size", 0)
     if checks.is_traced(given) or np.shape(given) == (k, k):
         return given if checks.is_traced(given) else faults.covariance("walk", given, "k k")
     faults.learn("k", k, f"{checks.counted(k, 'parameter')} {'is' if k == 1 else 'are'} estimated")
@@ -51,27 +53,27 @@ def read_walk(algorithm: Any, given: Any, faults: checks.Faults) -> Any:
     return None if variances is None else np.diag(variances)
 
 
-def gain(algorithm: Any) -> Prior | None:
+def gain(self: Any) -> Prior | None:
     """The prior of the parameters that are estimated, which are reported as gains."""
-    return algorithm.parameters
+    return self.parameters
 
 
-def names(algorithm: Any) -> Names:
+def names(self: Any) -> Names:
     """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
-    model = algorithm.model
-    parameters = () if algorithm.parameters is None else model.parameter_names
+    model = self.model
+    parameters = () if self.parameters is None else model.parameter_names
     return Names(model.states, model.inputs, model.outputs, parameters)
 
 
-def sampled(algorithm: Any, clock: Clock) -> Any:
+def sampled(self: Any, clock: Clock) -> Any:
     """The same filter with its model made ready for the steps of `clock`, and its noises factored."""
-    ready = plant(algorithm.model, clock)
-    return replace(algorithm, ready=ready, walk_factor=factors(algorithm.walk), model=None)
+    ready = plant(self.model, clock)
+    return replace(self, ready=ready, walk_factor=factors(self.walk), model=None)
 
 
-def at(algorithm: Any, k) -> Any:
+def at(self: Any, k: int | Array) -> Any:
     """The filter at row k."""
-    algorithm = ready_of(algorithm)
+    algorithm = ready_of(self)
     return replace(algorithm, ready=algorithm.ready.at(k))
 
 
@@ -80,12 +82,12 @@ def ready_of(algorithm: Any) -> Any:
     return algorithm if algorithm.ready is not None else sampled(algorithm, Clock.every(algorithm.model.dt))
 
 
-def init(algorithm: Any, prior: Prior) -> Belief:
+def init(self: Any, prior: Prior) -> Belief:
     """What is believed about (x[0], θ) before y[0]."""
-    if algorithm.curved:
-        refuse_diffuse(algorithm, prior)
-    belief = believe(prior, ready_of(algorithm).ready.origin)
-    return belief if algorithm.parameters is None else side_by_side(belief, believe(algorithm.parameters))
+    if self.curved:
+        refuse_diffuse(self, prior)
+    belief = believe(prior, ready_of(self).ready.origin)
+    return belief if self.parameters is None else side_by_side(belief, believe(self.parameters))
 
 
 def refuse_diffuse(algorithm: Any, prior: Prior) -> None:
@@ -103,19 +105,19 @@ def split(z, n: int, θ):
     return z[:n], (z[n:] if z.shape[0] > n else θ)
 
 
-def output_of(ready: Any, sample: Any) -> Callable:
+def output_of(ready: Any, sample: Sample) -> Callable:
     """z -> y without noise."""
     return lambda z: ready.output(*split(z, ready.n, ready.θ), sample.u)
 
 
-def move_of(ready: Any, interval: Any) -> Callable:
+def move_of(ready: Any, interval: Interval) -> Callable:
     """z -> z at the next sample without noise; parameters stay."""
     return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
 
 
-def tell(algorithm: Any, state: Belief) -> Info:
+def tell(self: Any, state: Belief) -> Info:
     """What a belief about (x, θ) says, in the user's units."""
-    ready = ready_of(algorithm).ready
+    ready = ready_of(self).ready
     n, covariance = ready.n, state.covariance
     has_parameters = state.mean.shape[0] > n
     return Info(
@@ -156,30 +158,30 @@ def lessened(L, b):
     return jnp.where(misses, jnp.nan, Z)
 
 
-def correct(algorithm: Any, state: Belief, sample: Any) -> tuple[Belief, Info]:
+def correct(self: Any, state: Belief, sample: Sample) -> tuple[Belief, Info]:
     """Condition on y with h expanded about the belief, and again about what came out, `iterations` times in all.
 
     Each pass conditions the same prior belief on a better straight line through h: the iterated extended filter
     (Jazwinski §8.3) where the expansion is of the first order, posterior linearisation (García-Fernández et al., IEEE TSP
     63 (2015) 5561-5573) where it is of the second.
     """
-    line, told = _condition(algorithm, state, sample, state.mean, state.factor)
+    line, told = _condition(self, state, sample, state.mean, state.factor)
     post = told
-    for _ in range(algorithm.iterations - 1):
-        post = _condition(algorithm, state, sample, post.m, post.Z)[1]
+    for _ in range(self.iterations - 1):
+        post = _condition(self, state, sample, post.m, post.Z)[1]
     after = replace(state, mean=post.m, factor=post.Z, diffuse=post.X)
     told = told._replace(contradicted=post.contradicted)  # the innovation and its likelihood are the prediction's
-    return after, tell_sample(algorithm, after, told, line.bias if algorithm.curved else None)
+    return after, tell_sample(self, after, told, line.bias if self.curved else None)
 
 
-def condition(algorithm: Any, state: Belief, sample: Any, about: Belief | None = None) -> tuple[Belief, Any]:
+def condition(self: Any, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Any]:
     """The belief about (x, θ) after one sample by the straight line through h at `about` (None: the belief itself)."""
     about = state if about is None else about
-    post = _condition(algorithm, state, sample, about.mean, about.factor)[1]
+    post = _condition(self, state, sample, about.mean, about.factor)[1]
     return replace(state, mean=post.m, factor=post.Z, diffuse=post.X), post
 
 
-def _condition(algorithm: Any, b: Belief, sample: Any, mean, L):
+def _condition(algorithm: Any, b: Belief, sample: Sample, mean, L):
     """The belief b conditioned on y by the straight line through h at a mean and a factor of its covariance."""
     ready = ready_of(algorithm).ready
     line = algorithm.expand(output_of(ready, sample), mean, L)
@@ -188,23 +190,24 @@ def _condition(algorithm: Any, b: Belief, sample: Any, mean, L):
     return line, posterior(b, line.slope, d, V, None, sample, independently=ready.independent and V is ready.V)
 
 
-def constant(algorithm: Any, walk: Any, lasting: Any) -> Any:
-    """The same filter with parameters that walk by `walk` per second only, and `lasting` times its process noise."""
-    return replace(algorithm, walk=walk, model=replace(algorithm.model, Q=lasting * algorithm.model.Q))
+def constant(self: Any, walk: Array, persistence: Array) -> Any:
+    """The same filter with parameters that walk by `walk` per second only, and `persistence` times its process noise."""
+    return replace(self, walk=walk, model=replace(self.model, Q=persistence * self.model.Q))
 
 
-def walk_columns(algorithm: Any, interval: Any) -> Any:
+def walk_columns(algorithm: Any, interval: Interval) -> Any:
     """The factor of what the parameters walk by in a step, (n + k, k)."""
     return block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
 
 
-def predict(algorithm: Any, state: Belief, interval: Any) -> Belief:
+def predict(self: Any, state: Belief, interval: Interval) -> Belief:
     """Move to the next sample, with f expanded about the belief."""
-    algorithm, b, expand = ready_of(algorithm), state, algorithm.expand
+    refuse_unknown_input(interval)
+    algorithm, b, expand = ready_of(self), state, self.expand
     ready, walk = algorithm.ready, walk_columns(algorithm, interval)
     if ready.continuous:
-        return (mapped if algorithm.between == "map" else flowed)(algorithm, b, interval, walk)
-    L = triangularise(b.factor) if algorithm.curved else b.factor
+        return (mapped if self.between == "map" else flowed)(algorithm, b, interval, walk)
+    L = triangularise(b.factor) if self.curved else b.factor
     f = move_of(ready, interval)
     if ready.noise_input is None:
         line = expand(f, b.mean, L)
@@ -217,17 +220,17 @@ def predict(algorithm: Any, state: Belief, interval: Any) -> Belief:
     moved = kalman.predict(b.mean, L, b.diffuse, None, None, slope, c, jnp.concatenate([W, rest, walk], axis=1), b.size,
                            b.log_scale)  # fmt: skip
     moved = Belief(*moved)
-    return replace(moved, factor=lessened(moved.factor, line.bias)) if algorithm.truncated else moved
+    return replace(moved, factor=lessened(moved.factor, line.bias)) if self.truncated else moved
 
 
-def _with_noise_input(ready, b: Belief, L, interval, f, expand):
+def _with_noise_input(ready: Functions, b: Belief, L: Array, interval: Interval, f: Callable, expand: Callable):
     """f(z) + W(z) e expanded over (z, e): a noise input that depends on the state adds what it varies by."""
     size, q = b.mean.shape[0], ready.white.shape[0]
     line = expand(noisy(ready, b, f, interval), jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q)))
     return line, line.slope[:, :size], line.slope[:, size:]
 
 
-def noisy(ready, b: Belief, f: Callable, interval) -> Callable:
+def noisy(ready: Any, b: Belief, f: Callable, interval: Interval) -> Callable:
     """(z, e) -> f(z) + W(z) e."""
     size = b.mean.shape[0]
 
@@ -244,7 +247,7 @@ def padded(W, belief: Belief):
     return jnp.concatenate([W, jnp.zeros((rest, W.shape[1]))]) if rest else W
 
 
-def augmented(ready: Any, b: Belief, interval: Any) -> tuple[Callable, Callable]:
+def augmented(ready: Any, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
     """f(z, t) and W(z, t) of z = (x, θ), of which θ stays."""
     n, derivative = ready.n, ready.derivative(interval)
 
@@ -255,7 +258,7 @@ def augmented(ready: Any, b: Belief, interval: Any) -> tuple[Callable, Callable]
     return f, lambda z, t: padded(ready.noise(*split(z, n, ready.θ), interval.u), b)
 
 
-def flowed(algorithm: Any, b: Belief, interval: Any, walk: Any) -> Belief:
+def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
     """The belief carried through time by the equations of its moments."""
     ready, order = algorithm.ready, 2 if algorithm.curved else 1
     size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
@@ -267,7 +270,7 @@ def flowed(algorithm: Any, b: Belief, interval: Any, walk: Any) -> Belief:
     return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
 
 
-def mapped(algorithm: Any, b: Belief, interval: Any, walk: Any) -> Belief:
+def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
     """The belief carried to the next sample by the expansion of the map from one sample to the next, as of a discrete model.
 
     The noise that comes in meanwhile is carried by the tangents along the mean.

@@ -7,14 +7,17 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import bias_only, second_order
 from ..models.prior import Prior
+from ..protocols import JumpingGains
+from ..results import Names
 from . import nonlinear
+from .belief import Belief
 
 MOMENTS = ("gaussian", "bias_only", "truncated")
 BETWEEN = ("moments", "map")
 
 
 @frozen
-class SecondOrderKalman:
+class SecondOrderKalman(JumpingGains[Belief]):
     """The Gaussian second-order filter: mean and covariance of f and h to their second derivatives, found automatically.
 
     Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
@@ -81,7 +84,11 @@ class SecondOrderKalman:
         """How f and h are expanded."""
         return second_order if self.moments == "gaussian" else bias_only
 
-    names = property(nonlinear.names)
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+        return nonlinear.names(self)
+
     gain = property(nonlinear.gain)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from .. import checks
 from ..frozen import frozen, replace, set_field
 from ..models.prior import Prior
-from ..models.sampled import Clock
-from ..results import Info, Interval, Names, Sample
+from ..protocols import Wrapper
+from ..results import Info, Interval, Sample
 from . import wrapped
 
 
@@ -21,7 +21,7 @@ class Average:
 
 
 @frozen
-class Smoothed:
+class Smoothed(Wrapper[Average]):
     """An algorithm whose estimated gain is averaged exponentially over time.
 
     Model: that of the algorithm. Reported is K~[k] = a K~[k-1] + (1 - a) K^[k], a = `weight`, from the mean of the gain's
@@ -57,22 +57,9 @@ class Smoothed:
         faults.finish()
         set_field(self, weight=weight)
 
-    @property
-    def names(self) -> Names:
-        """Names of states, inputs, outputs and gains."""
-        return self.algorithm.names
-
-    def sampled(self, clock: Clock) -> "Smoothed":
-        """The same average of the algorithm sampled."""
-        return replace(self, algorithm=self.algorithm.sampled(clock))
-
-    def at(self, k) -> "Smoothed":
-        """The same average of the algorithm at row k of a time-varying model."""
-        return replace(self, algorithm=self.algorithm.at(k))
-
     def init(self, prior: Prior) -> Average:
         """What the algorithm believes before y[0], and the prior mean of the gain."""
-        return Average(self.algorithm.init(prior), jnp.asarray(wrapped.gain_prior(self.algorithm).mean))
+        return Average(self.algorithm.init(prior), jnp.asarray(self.algorithm.innermost.gain.mean))
 
     def correct(self, state: Average, sample: Sample) -> tuple[Average, Info]:
         """Learn from one sample, and report the average of the gain."""

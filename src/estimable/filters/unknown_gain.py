@@ -1,27 +1,31 @@
 """The state and the loop gain, estimated jointly."""
 
 from dataclasses import KW_ONLY, field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
 from ..kernels.kalman import Posterior
-from ..kernels.small import factors, gram
+from ..kernels.small import factors, gram, triangularise
+from ..kernels.smoothing import Instant
 from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..protocols import JumpingGains, Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief
-from .belief import Belief, Instant
+from .belief import Belief
+from .input_noise import refuse_unknown_input, with_input_noise
 
 
 @frozen
-class UnknownGain:
+class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     """The exact joint posterior of the state and of the gain through which the measured input acts.
 
     Model: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with B(θ) = fixed + Σ θ_i directions_i
@@ -107,7 +111,7 @@ class UnknownGain:
         gains = gain_blocks.gain_names(self.directions, self.gain.size, model)
         return Names(model.states, model.inputs, model.outputs, gains)
 
-    def sampled(self, clock: Clock) -> "UnknownGain":
+    def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
         return replace(self, ready=sample(self._in_blocks(), clock), walk_factor=factors(self.walk), model=None)
 
@@ -117,7 +121,7 @@ class UnknownGain:
             self.model, p, directions=self.directions, fixed=self.fixed, feedthrough=self.feedthrough
         )
 
-    def at(self, k) -> "UnknownGain":
+    def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
         ready = self._ready
         return replace(ready, ready=ready.ready.at(k))
@@ -143,12 +147,12 @@ class UnknownGain:
         )
         return state, info
 
-    def constant(self, walk: Any, lasting: Any) -> "UnknownGain":
-        """The same filter with gains that walk by `walk` per second only, and `lasting` times its process noise."""
-        model = replace(self.model, Q=lasting * self.model.Q)
+    def constant(self, walk: Array, persistence: Array) -> Self:
+        """The same filter with gains that walk by `walk` per second only, and `persistence` times its process noise."""
+        model = replace(self.model, Q=persistence * self.model.Q)
         return replace(self, walk=walk, forgetting=0 * self.forgetting + 1, model=model)
 
-    def condition(self, state: Belief, sample: Sample, about: Any = None) -> tuple[Belief, Posterior]:
+    def condition(self, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Posterior]:
         """The belief about (x, θ) after one sample, and all that the sample told; straight, whatever it is expanded about."""
         model = self._ready.ready
         H, d = self._observation(sample)
@@ -173,11 +177,12 @@ class UnknownGain:
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        F, c, W = self._transition(interval)
+        F, c, W = self._transition(interval, state)
         return self._forget(belief.predict(state, F, c, W, self._cross_noise(self._ready.ready)))
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model of (x, θ), for the smoother; of forgetting there is none."""
+        refuse_unknown_input(interval)  # its effect depends on the gain
         model = self._ready.ready
         H, d = self._observation(sample)
         return Instant.of(*self._transition(interval), self._cross_noise(model), H, d, model.V)
@@ -188,13 +193,14 @@ class UnknownGain:
         d = joint_gain.effects(model.D, sample.u - model.point.inputs, self.gain.mean.shape[0] + 1)
         return joint_gain.observation(model.C, d[:, 1:]), model.point.outputs + d[:, 0]
 
-    def _transition(self, interval: Interval):
-        """F, c and W of the next (x, θ)."""
+    def _transition(self, interval: Interval, state: Belief | None = None):
+        """F, c and W of the next (x, θ); `state`, what is believed of θ, where inputs are not known."""
         model, p = self._ready.ready, self.gain.mean.shape[0]
         b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
         if model.B_end is not None:
             b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
-        W = joint_gain.block_diagonal(model.W, self._ready.walk_factor * jnp.sqrt(interval.dt))
+        noise = model.W if state is None else with_input_noise(model.W, model, interval, _moments(state, p))
+        W = joint_gain.block_diagonal(noise, self._ready.walk_factor * jnp.sqrt(interval.dt))
         return joint_gain.transition(model.A, b[:, 1:]), jnp.concatenate([b[:, 0], jnp.zeros(p)]), W
 
     def _cross_noise(self, model: SampledModel):
@@ -207,3 +213,10 @@ class UnknownGain:
         p = self.gain.mean.shape[0]
         D = jnp.ones(state.mean.shape[0]).at[-p:].set(self.forgetting**-0.5)[:, None]
         return replace(state, factor=D * state.factor, diffuse=D * state.diffuse)
+
+
+def _moments(state: Belief, p: int) -> Array:
+    """A factor (1 + p, 1 + k) of E[θ~ θ~'] with θ~ = (1, θ): E[θ θ'] = θ^ θ^' + P."""
+    known = jnp.concatenate([jnp.ones(1), state.mean[-p:]])
+    spread = jnp.concatenate([jnp.zeros((1, state.factor.shape[1])), state.factor[-p:]])
+    return triangularise(jnp.concatenate([known[:, None], spread], axis=1))

@@ -1,28 +1,32 @@
 """The state and the inputs that nobody measured, estimated together."""
 
 from dataclasses import KW_ONLY, field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
 from ..analysis.unknown_input_existence import unknown_columns
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import diffuse_input as kernel
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import apply, factors, gram, product
+from ..kernels.smoothing import Instant
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..protocols import Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, fang_steps, levels
-from .belief import Belief, Instant
+from .belief import Belief
+from .input_noise import with_input_noise
 from .unknown_layout import METHODS, Layout, lay_out, pick
 
 
 @frozen
-class UnknownInput:
+class UnknownInput(Smoothable[Any]):
     """The state, and the inputs that nobody measured, as far as the outputs tell of them.
 
     Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying; of u the inputs named
@@ -96,7 +100,7 @@ class UnknownInput:
         known = tuple(name for name in self.model.inputs if name not in self.unknown)
         return Names(self.model.states, known, self.model.outputs, unknown_inputs=self.unknown)
 
-    def sampled(self, clock: Clock) -> "UnknownInput":
+    def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised, its noises factored, and its method chosen from the ranks."""
         layout = self.layout if self.layout is not None else lay_out(self, self.model, clock)
         given = self.walk if layout.freedom == "walk" else self.variance
@@ -106,17 +110,17 @@ class UnknownInput:
         )  # fmt: skip
 
     @property
-    def complete(self) -> "UnknownInput":
-        """The filter, once sampled, for a record of which every output is seen, and a proper prior: the same, and faster."""
+    def where_all_is_seen(self) -> Self:
+        """The filter, once sampled, for a record whose every output is seen, and a proper prior: the same, and faster."""
         constant = self.ready is not None and not self.ready.varying
         return replace(self, layout=self.layout.complete) if constant and self.layout is not None else self
 
     @property
-    def told(self) -> dict:
+    def result_names(self) -> dict[str, Any]:
         """What a result says of its rows, once the model is sampled: which input, which samples, and by which method."""
         return {} if self.layout is None else {"input_delay": self.layout.delay, "note": self.layout.note}
 
-    def at(self, k) -> "UnknownInput":
+    def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
         ready = self._ready
         return replace(ready, ready=ready.ready.at(k))
@@ -197,7 +201,8 @@ class UnknownInput:
         B, B_end = pick(model.B, layout.unknown), pick(model.B_end, layout.unknown)
         F = kernel.transition(model.A, B if layout.now else None, layout.slots, d)
         E = kernel.entrance(B_end if layout.now else B, n, layout.slots, d)
-        W = jnp.concatenate([model.W, jnp.zeros((d * layout.slots, model.W.shape[1]))])
+        noise = _with_input_noise(model, layout, interval)
+        W = jnp.concatenate([noise, jnp.zeros((d * layout.slots, noise.shape[1]))])
         if layout.freedom == "walk":
             F = F + jnp.concatenate([jnp.zeros((layout.size, n + d * older)), E], axis=1)
             W = jnp.concatenate([W, product(E, self.freedom) * jnp.sqrt(interval.dt)], axis=1)
@@ -207,7 +212,7 @@ class UnknownInput:
         return F, c, E, W
 
     @property
-    def for_smoothing(self) -> "UnknownInput":
+    def for_smoothing(self) -> Self:
         """The same filter telling of the input of each row in that row. Raises `InputError` where it cannot be smoothed."""
         if self.method == "fang" or self.levels is not None:
             which = 'method = "fang"' if self.method == "fang" else "levels"
@@ -282,6 +287,12 @@ def _grown(Ω: Any, layout: Layout) -> Any:
 def _known(model: SampledModel, layout: Layout, u: Any) -> Any:
     """What of the outputs the known inputs make."""
     return model.point.outputs + apply(pick(model.D, layout.known), u - pick(model.point.inputs, layout.known))
+
+
+def _with_input_noise(model: SampledModel, layout: Layout, interval: Interval) -> Any:
+    """The factor of what the next state has of noise, that of the known inputs with it."""
+    known = replace(model, **{name: pick(getattr(model, name), layout.known) for name in ("B", "B_end", "wandering")})
+    return with_input_noise(model.W, known, interval, jnp.ones((1, 1)))
 
 
 def _drive(model: SampledModel, layout: Layout, interval: Interval) -> Any:

@@ -12,13 +12,15 @@ from ..kernels.expansion import from_points, sigma_points
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import apply, factor, product, triangularise
 from ..models.prior import Prior
-from ..results import Info, Interval, Sample
+from ..protocols import GainAlgorithm
+from ..results import Info, Interval, Names, Sample
 from . import nonlinear
 from .belief import Belief
+from .input_noise import refuse_unknown_input
 
 
 @frozen
-class UnscentedKalman:
+class UnscentedKalman(GainAlgorithm[Belief]):
     """Mean and covariance of f and h through 2 n + 1 points, without derivatives; κ = 0 is the cubature filter.
 
     Model: that of `ExtendedKalman`. Continuous models: each point is carried by the differential equation, and the noise
@@ -60,7 +62,11 @@ class UnscentedKalman:
         set_field(self, kappa=κ)
         nonlinear.check(self)
 
-    names = property(nonlinear.names)
+    @property
+    def names(self) -> Names:
+        """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+        return nonlinear.names(self)
+
     gain = property(nonlinear.gain)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
 
@@ -81,6 +87,7 @@ class UnscentedKalman:
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
+        refuse_unknown_input(interval)
         algorithm, b = nonlinear.ready_of(self), state
         ready, walk, L = algorithm.ready, nonlinear.walk_columns(algorithm, interval), triangularise(b.factor)
         if ready.continuous:

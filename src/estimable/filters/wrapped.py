@@ -3,27 +3,19 @@
 from typing import Any
 
 from .. import checks
-from ..models.prior import Prior
-
-STEPS = ("init", "correct", "predict")
-
-
-def innermost(algorithm: Any) -> Any:
-    """The algorithm inside all wrappers: the one that has a model."""
-    while not hasattr(algorithm, "model"):
-        algorithm = algorithm.algorithm
-    return algorithm
-
-
-def gain_prior(algorithm: Any) -> Prior:
-    """The prior of the gains that an algorithm estimates."""
-    return innermost(algorithm).gain
+from ..annotations import Numbers
+from ..protocols import Algorithm
 
 
 def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
-    """What is wrapped has the three steps."""
-    if isinstance(algorithm, type) or not all(hasattr(algorithm, step) for step in STEPS):
-        faults.add(f"`algorithm` must be an algorithm, as UnknownGain(model, gain) is. Got {checks.short(algorithm)}.")
+    """An algorithm, made of a model; not a class."""
+    if isinstance(algorithm, type) and issubclass(algorithm, Algorithm):
+        faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
+    elif not isinstance(algorithm, Algorithm):
+        faults.add(
+            "`algorithm` must be an algorithm, such as Kalman(model), or one of your own that derives from estimable.Algorithm. "
+            f"Got {type(algorithm).__name__}."
+        )
 
 
 def check_gain(algorithm: Any, wrapper: str, faults: checks.Faults) -> None:
@@ -32,12 +24,12 @@ def check_gain(algorithm: Any, wrapper: str, faults: checks.Faults) -> None:
     faults.finish()
     if not algorithm.names.gains:
         faults.add(
-            f"`algorithm` must estimate a gain, on which {wrapper} acts: {type(innermost(algorithm)).__name__} has none. "
+            f"`algorithm` must estimate a gain, on which {wrapper} acts: {type(algorithm.innermost).__name__} has none. "
             "Wrap an UnknownGain."
         )
 
 
-def per_gain(name: str, value: Any, algorithm: Any, faults: checks.Faults) -> Any:
+def per_gain(name: str, value: Numbers, algorithm: Algorithm[Any], faults: checks.Faults) -> Any:
     """`value` for each gain, (p,), from one number or as many as there are gains."""
     p = len(algorithm.names.gains)
     faults.learn("gains", p, f"the algorithm has {checks.counted(p, 'gain')}")

@@ -20,6 +20,7 @@ from ..kernels.small import factors
 from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import plant
 from ..models.prior import Prior
+from ..protocols import FilterIdentifier
 from ..results import Estimate, Fit, Interval, Validation
 from .candidates import best_order
 
@@ -28,7 +29,7 @@ LARGEST = 1e6  # of the spread of an output: what a simulation that leaves it co
 STEP = 1e-3  # of a standard deviation, for the differences of gradients
 
 
-def tracked(method: Any, records: Sequence[Record], engine: str) -> Fit:
+def tracked(method: FilterIdentifier, records: Sequence[Record], engine: str) -> Fit:
     """Start the parameters, run the filter over the records, and look at the model it ends with."""
     records = [of_channels(one, method.model) for one in records]
     begun = method.begin(records)

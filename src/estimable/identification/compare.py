@@ -11,6 +11,7 @@ from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import standing, state_space_of
 from ..models.state_space import StateSpace
+from ..protocols import FilterIdentifier
 from ..results import Fit
 from . import adaptive
 from .candidates import candidates
@@ -44,9 +45,8 @@ class Ranked(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The class, and the weighting where there are several."""
-        weighting = getattr(self.method, "weighting", "")
-        return f"{self.name} {weighting}" if self.name == "Subspace" else self.name
+        """What the method is called."""
+        return self.method.label
 
     @property
     def order(self) -> int | None:
@@ -190,7 +190,7 @@ def _run(method: Any, task: Divided) -> Any:
     """
     rows, whole = [len(part) for part in task.first], task.whole
     try:
-        if hasattr(method, "tracker"):
+        if isinstance(method, FilterIdentifier):
             whole = task.records
             fit = identify(method, [one[:n] for one, n in zip(whole, rows, strict=True)])
             model = fit.model

@@ -10,9 +10,10 @@ from .. import checks
 from ..data.record import UNIFORM, Record
 from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
-from ..estimation.binding import bind, select, takes_fates
-from ..frozen import frozen, replace
+from ..estimation.binding import bind, select
+from ..frozen import frozen
 from ..identifiers.validation import stability_check, told, validated
+from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
 
@@ -20,7 +21,7 @@ Records = Record | Sequence[Record]
 LONGEST = 100_000  # rows of which every one is kept
 
 
-def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
+def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     """Identify a model from one record, or from a list of them (several experiments on one plant).
 
     `method`: `RecursiveOutputError`, `OutputErrorML`, or any other with `fit(records) -> Fit`, or with the steps of a
@@ -41,30 +42,28 @@ def identify(method: Any, record: Records, *, engine: str = "auto") -> Fit:
     True
     """
     records = _read(method, record, engine)
-    if hasattr(method, "tracker"):
-        return tracked(method, records, engine)
-    if hasattr(method, "starter"):
-        method.check(records)
-        starter = method.starter(records)
-        if starter is None:
+    match method:
+        case FilterIdentifier():
+            return tracked(method, records, engine)
+        case RecursiveIdentifier():
+            return _recursive(method, records, engine)
+        case StartedIdentifier():
+            return _started(method, records, engine)
+        case Identifier():
             return method.fit(records)
-        start, _ = _run(starter.for_channels(records[0].inputs, records[0].outputs), records, engine)
-        return method.fit(records, np.asarray(start.mean)[-1])
-    if hasattr(method, "fit"):
-        return method.fit(records)
-    return _recursive(method, records, engine)
+    raise TypeError(f"{type(method).__name__} is no identifier")  # _read has refused it
 
 
-def _read(method: Any, record: Records, engine: str) -> list[Record]:
+def _read(method: Method, record: Records, engine: str) -> list[Record]:
     """The records, of one kind with each other; every fault of the call at once."""
     faults = checks.Faults()
     choice.check(engine, faults)
-    steps = all(hasattr(method, step) for step in ("init", "correct", "predict", "fitted"))
     if isinstance(method, type):
         faults.add(f"`method` must be made with its orders: write {method.__name__}(...), not {method.__name__}.")
-    elif not (steps or hasattr(method, "fit") or hasattr(method, "tracker")):
+    elif not isinstance(method, Method):
         faults.add(
-            f"`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does. Got {checks.short(method)}."
+            "`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does; one of your own derives from "
+            f"estimable.Identifier or RecursiveIdentifier. Got {checks.short(method)}."
         )
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
     if not records or not all(isinstance(one, Record) for one in records):
@@ -92,50 +91,39 @@ def _check_alike(record: Record, first: Record, which: str, faults: checks.Fault
 
 
 @frozen
-class _Resumed:
+class _Resumed(Wrapper[Any]):
     """A recursive method that goes on from where another record left it, with the plant at rest."""
 
-    algorithm: Any
+    algorithm: RecursiveIdentifier[Any]
     state: Any
 
-    has_state_prior = False
-
-    @property
-    def model(self):
-        return self.algorithm.model
-
-    @property
-    def names(self):
-        return self.algorithm.names
-
-    def sampled(self, clock):
-        return replace(self, algorithm=self.algorithm.sampled(clock))
-
-    def at(self, k):
-        return self.algorithm.at(k)
-
-    def init(self, prior):
+    def init(self, prior: None) -> Any:
+        """What the last record left, at rest."""
         return self.algorithm.rested(self.state)
 
-    def correct(self, state, sample):
-        return self.algorithm.correct(state, sample)
 
-    def predict(self, state, interval):
-        return self.algorithm.predict(state, interval)
+def _started(method: StartedIdentifier, records: list[Record], engine: str) -> Fit:
+    """The fit, with a start from a recursion."""
+    method.check(records)
+    starter = method.starter(records)
+    if starter is None:
+        return method.fit(records)
+    end, _ = _run(starter.for_channels(records[0].inputs, records[0].outputs), records, engine)
+    return method.fit(records, np.asarray(end.mean)[-1])
 
 
-def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
+def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> Fit:
     """Run the recursion over the records, and look at the model it ends with."""
     method = method.for_channels(records[0].inputs, records[0].outputs)
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
-    model, free = method.fitted(θ, records[0].dt), None
-    known = not (takes_fates(method) and any(np.isnan(one.applied()).any() for one in records))
+    model, free = method.fitted(θ, records[0].dt or 0.0), None
+    known = not (method.takes_unknown_arrivals and any(np.isnan(one.applied()).any() for one in records))
     if not (known and model.is_stable):  # its response is not known, or runs away
         validation = Validation((), np.full(model.p, np.nan), (stability_check(model),))
     else:
         M = told(model, records)
-        free, printed = undetermined(M), getattr(method, "method", "") == "printed"
+        free, printed = undetermined(M), method.method == "printed"
         validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
     return Fit(
         model, θ, Σ, method.names.states, validation, estimate, log_likelihood,
@@ -143,7 +131,7 @@ def _recursive(method: Any, records: list[Record], engine: str) -> Fit:
     )  # fmt: skip
 
 
-def _run(method: Any, records: list[Record], engine: str) -> tuple[Estimate, float]:
+def _run(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> tuple[Estimate, float]:
     """The estimate over the last record, after those before it, and the log-likelihood of all."""
     asked, start, total = engine, method, 0.0
     for record in records[:-1]:

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import Record
 from ..filters.change_detection import ChangeDetection
 from ..filters.second_order_kalman import MOMENTS, SecondOrderKalman
 from ..frozen import frozen, replace, set_field, static
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
+from ..protocols import FilterIdentifier
 from .ho_kalman import HoKalman
 from .linear_start import Start, at_rest, deviation, levels, matched
 from .subspace import Subspace
@@ -22,7 +24,7 @@ REFINEMENTS = ("none", "likelihood")
 
 
 @frozen
-class AdaptiveIdentification:
+class AdaptiveIdentification(FilterIdentifier):
     """The parameters of a nonlinear model by a second-order filter, started from a linear model of the record.
 
     Model: `NonlinearModel` with parameters θ. A linear model is realised from the record about its means; θ starts where the
@@ -135,6 +137,6 @@ class AdaptiveIdentification:
             seconds_between_false_alarms=self.seconds_between_false_alarms,
         )  # fmt: skip
 
-    def known(self, parameters: np.ndarray) -> SecondOrderKalman:
+    def known(self, parameters: Array) -> SecondOrderKalman:
         """The filter of the state alone, with parameters (k,) that are known."""
         return SecondOrderKalman(replace(self.model, parameters=parameters), moments=self.moments)

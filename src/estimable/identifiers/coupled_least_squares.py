@@ -13,6 +13,7 @@ from ..frozen import frozen, static
 from ..kernels.regression import Regression, lagged, regress
 from ..kernels.tangents import Dynamics, root
 from ..models.state_space import StateSpace
+from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares
 from .standing import validation_of
@@ -26,7 +27,7 @@ class Rows(NamedTuple):
 
 
 @frozen
-class CoupledLeastSquares:
+class CoupledLeastSquares(Identifier):
     """The parameters of an ARX model with a full matrix polynomial A, by least squares, from one record or several with gaps.
 
     Model: y[k] + Σ_{l=1..na} A_l y[k-l] = Σ_{l=0..nb} B_l u[k-delay-l] + c + e[k], A_l (p, p), e white with covariance Σ (p, p):

@@ -12,6 +12,7 @@ from ..frozen import frozen, static
 from ..kernels.realisation import ho_kalman
 from ..kernels.tangents import Dynamics, aligned, impulse_moves, root
 from ..models.state_space import StateSpace
+from ..protocols import Identifier
 from ..results import Fit
 from .markov_parameters import WEIGHTINGS, MarkovParameters
 from .realised import check_moving, check_records, impulse_names, whole
@@ -22,7 +23,7 @@ STEP = 1e-3  # of a standard deviation: step of the numerical derivative
 
 
 @frozen
-class HoKalman:
+class HoKalman(Identifier):
     """A state-space model of a given order from Markov parameters: those of a record, or given.
 
     Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], balanced: `fit.model`, without process noise.

@@ -14,6 +14,7 @@ from ..kernels.auxiliary_model import stabilise
 from ..kernels.banded import correlated, whitened
 from ..kernels.regression import regress
 from ..models.arx import ARX, arx_names
+from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares, Rows
 from .realised import check_records
@@ -33,7 +34,7 @@ class Weighed(NamedTuple):
 
 
 @frozen
-class InstrumentalVariables:
+class InstrumentalVariables(Identifier):
     """The parameters of an ARX equation by instrumental variables: consistent whatever the noise, without a search.
 
     Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + v_i[k], v stationary, of any colour; each output has its own.

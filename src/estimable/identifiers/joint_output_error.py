@@ -13,7 +13,8 @@ from ..frozen import frozen, replace, set_field, static
 from ..kernels import bilinear as kernel
 from ..kernels.small import factor, gram, triangularise
 from ..models.prior import Prior
-from ..results import Info, Interval, Sample, outcome_code
+from ..protocols import Anticipating
+from ..results import Info, Interval, Names, Sample, outcome_code
 from . import recursive
 from .channels import Channels
 
@@ -37,7 +38,7 @@ class JointBelief:
 
 
 @frozen
-class JointOutputError(recursive.Recursive):
+class JointOutputError(Anticipating[JointBelief]):
     """The parameters of an output-error model and its outputs, as one belief: for data with gaps, fast starts and jumps.
 
     Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
@@ -94,14 +95,21 @@ class JointOutputError(recursive.Recursive):
         set_field(self, alarm=alarm, jump=jump, arrival=arrival, **read)
         recursive.check_prior(self)
 
+    for_channels, fitted = recursive.for_channels, recursive.fitted
+
+    @property
+    def names(self) -> Names:
+        """Names of the parameters (as states), inputs and outputs."""
+        return recursive.names(self)
+
     @property
     def model(self) -> Channels:
         """The channels: all that is known of the model before there are data."""
-        return super().model._replace(direct=self.delay == 0 or self.arrival is not None)
+        return recursive.channels(self)._replace(direct=self.delay == 0 or self.arrival is not None)
 
     @property
-    def takes_fates(self) -> bool:
-        """Whether it takes inputs of which nobody knows whether they arrived."""
+    def takes_unknown_arrivals(self) -> bool:
+        """Whether inputs may come whose arrival is unknown."""
         return self.arrival is not None
 
     @property

@@ -12,6 +12,7 @@ from ..data.record import Record
 from ..frozen import frozen, static
 from ..kernels.regression import Regression, lagged, regress
 from ..models.arx import ARX, arx_names
+from ..protocols import Identifier
 from ..results import Fit
 from .standing import validation_of
 
@@ -28,7 +29,7 @@ class Rows(NamedTuple):
 
 
 @frozen
-class LeastSquares:
+class LeastSquares(Identifier):
     """The parameters of an ARX model by least squares, from one record or several with gaps.
 
     Model: `ARX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k], e white; each output with polynomials of its own.

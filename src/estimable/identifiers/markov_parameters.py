@@ -15,6 +15,7 @@ from ..kernels.banded import autocovariance, whitened
 from ..kernels.regression import Regression, regress
 from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.arx import ARX
+from ..protocols import Identifier
 from ..results import Fit
 from .coupled_least_squares import CoupledLeastSquares
 from .least_squares import LeastSquares, Rows
@@ -26,7 +27,7 @@ ROUNDS = 3  # of estimating the noise from the residuals, and the response again
 
 
 @frozen
-class MarkovParameters:
+class MarkovParameters(Identifier):
     """The Markov parameters (impulse response) of a stable system by least squares, from one record or several with gaps.
 
     Model: y[k] = Σ_{j=0..length} M_j u[k-j] + c + v[k]: `fit.model` is an `ARX` with na = 0. M_0 = D, M_j = C A^(j-1) B.

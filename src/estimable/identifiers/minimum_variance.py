@@ -12,6 +12,7 @@ from ..frozen import frozen, replace, static
 from ..kernels.banded import whitened
 from ..kernels.regression import regress
 from ..models.output_error import OutputError
+from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares, Rows
 from .realised import check_records
@@ -30,7 +31,7 @@ class Weighted(NamedTuple):
 
 
 @frozen
-class MinimumVariance:
+class MinimumVariance(Identifier):
     """The parameters of an output-error model by least squares, weighted with the covariance of its coloured noise, iterated.
 
     Model: `OutputError`: A(z) y = B(z) u + A(z) v, so that the equation's noise has the banded covariance σ² T(a) T(a)'.

@@ -12,6 +12,7 @@ from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..frozen import frozen, set_field, static
 from ..kernels import impulse_start
 from ..models.output_error import OutputError
+from ..protocols import StartedIdentifier
 from ..results import Fit
 from .one_output import Datum, OneOutput, Orders, fit_output
 from .recursive_output_error import RecursiveOutputError
@@ -23,7 +24,7 @@ LEAST_NOISE = 1e-10  # of the mean square of an output: what the recursion takes
 
 
 @frozen
-class OutputErrorML:
+class OutputErrorML(StartedIdentifier):
     """The parameters of an output-error model by maximum likelihood, from one record or several with gaps.
 
     Model: `OutputError`, each output with polynomials of its own; outputs seen or not, inputs as they were applied. Inputs

@@ -14,6 +14,7 @@ from ..kernels import phasors as kernel
 from ..models.output_error import OutputError
 from ..models.polynomials import joined
 from ..models.state_space import StateSpace
+from ..protocols import Identifier
 from ..results import Check, Fit
 from .realised import check_records
 from .standing import validation_of
@@ -41,7 +42,7 @@ class _Seen(NamedTuple):
 
 
 @frozen
-class Phasor:
+class Phasor(Identifier):
     """A transfer function of a given order from the response to sinusoids, one or several at a time, from records with gaps.
 
     Model: y = H u + c + v. The in-phase and quadrature parts A_k, B_k of y at each frequency, over those of u, are H(jω_k) = A_k

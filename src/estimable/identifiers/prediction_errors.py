@@ -17,6 +17,7 @@ from ..kernels.innovations_form import System
 from ..kernels.regression import lagged, regress
 from ..models.armax import ARMAX
 from ..models.polynomials import companion
+from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares
 from .one_output import FAR, Datum, marginal
@@ -39,7 +40,7 @@ class Ended(NamedTuple):
 
 
 @frozen
-class PredictionError:
+class PredictionError(Identifier):
     """The parameters of an ARMAX model by the prediction-error method, from one record or several with gaps.
 
     Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output with polynomials of its own.

@@ -2,56 +2,20 @@
 
 import dataclasses
 from math import comb
-from typing import Any, Self, cast
+from typing import Any, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..models.output_error import OutputError, parameter_names, read_variance
 from ..models.prior import Prior
-from ..models.sampled import Clock
 from ..results import Names
 from .channels import Channels
 
+Identified = TypeVar("Identified", bound=Any)
 VAGUE = 1e6  # prior variance of an entry of b where none is given, in squared units of output over input
-
-
-class Recursive:
-    """A frozen record that learns θ of an output-error model sample by sample."""
-
-    has_state_prior = False  # `prior` is a setting: the drivers take none
-
-    @property
-    def model(self) -> Channels:
-        """The channels: all that is known of the model before there are data."""
-        return channels(self)
-
-    @property
-    def names(self) -> Names:
-        """Names of the parameters (as states), inputs and outputs."""
-        return names(self)
-
-    def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Self:
-        """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
-        settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(cast(Any, self))}
-        return type(self)(**settings | for_channels(self, inputs, outputs))
-
-    def fitted(self, parameters: Any, dt: float) -> OutputError:
-        """The model of a parameter vector."""
-        known, method = channels(self), cast(Any, self)
-        return OutputError.of_parameters(
-            parameters, na=method.na, nb=method.nb, delay=method.delay, noise_variance=method.noise_variance, dt=dt,
-            inputs=known.inputs, outputs=known.outputs,
-        )  # fmt: skip
-
-    def sampled(self, clock: Clock) -> Self:
-        """The same: a sampled model has no other clock than its record's."""
-        return self
-
-    def at(self, k: Any) -> Self:
-        """The same at every row."""
-        return self
 
 
 def read(method: Any, faults: checks.Faults) -> dict[str, Any]:
@@ -90,11 +54,21 @@ def names(method: Any) -> Names:
     return Names(parameter_names(method.na, method.nb, known.inputs, known.outputs), known.inputs, known.outputs)
 
 
-def for_channels(method: Any, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, Any]:
-    """The noise variance and the names for a record's channels, where the method has none of its own."""
-    outputs, noise = method.outputs or outputs, np.ravel(method.noise_variance)
+def for_channels(self: Identified, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Identified:
+    """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
+    settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+    outputs, noise = self.outputs or outputs, np.ravel(self.noise_variance)
     noise = np.broadcast_to(noise, (len(outputs),)) if len(noise) == 1 else noise
-    return {"noise_variance": noise, "inputs": method.inputs or inputs, "outputs": outputs}
+    return type(self)(**settings | {"noise_variance": noise, "inputs": self.inputs or inputs, "outputs": outputs})
+
+
+def fitted(self: Any, parameters: Array, dt: float) -> OutputError:
+    """The model of a parameter vector."""
+    known = channels(self)
+    return OutputError.of_parameters(
+        parameters, na=self.na, nb=self.nb, delay=self.delay, noise_variance=self.noise_variance, dt=dt,
+        inputs=known.inputs, outputs=known.outputs,
+    )  # fmt: skip
 
 
 def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:

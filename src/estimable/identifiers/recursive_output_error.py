@@ -11,7 +11,8 @@ from ..frozen import frozen, replace, set_field, static
 from ..kernels import auxiliary_model as kernel
 from ..kernels.small import apply, factor, gram
 from ..models.prior import Prior
-from ..results import Info, Interval, Sample, outcome_code
+from ..protocols import Anticipating
+from ..results import Info, Interval, Names, Sample, outcome_code
 from . import recursive
 
 METHODS = ("refined", "printed")
@@ -46,7 +47,7 @@ class Recursion:
 
 
 @frozen
-class RecursiveOutputError(recursive.Recursive):
+class RecursiveOutputError(Anticipating[Recursion]):
     """The parameters of an output-error model, sample by sample, when inputs and outputs get lost.
 
     Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with polynomials of its own. A lost
@@ -99,6 +100,14 @@ class RecursiveOutputError(recursive.Recursive):
         faults.finish()
         set_field(self, forgetting=forgetting, alarm=alarm, **read)
         recursive.check_prior(self)
+
+    model = property(recursive.channels)
+    for_channels, fitted = recursive.for_channels, recursive.fitted
+
+    @property
+    def names(self) -> Names:
+        """Names of the parameters (as states), inputs and outputs."""
+        return recursive.names(self)
 
     @property
     def _believed(self) -> tuple[Any, Any]:

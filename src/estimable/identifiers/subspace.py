@@ -14,6 +14,7 @@ from ..kernels.innovations_form import System, response
 from ..kernels.subspace_spread import Drawn, spread
 from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.state_space import StateSpace
+from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares
 from .realised import (
@@ -35,7 +36,7 @@ Data = list[tuple[np.ndarray, np.ndarray]]
 
 
 @frozen
-class Subspace:
+class Subspace(Identifier):
     """A state-space model of a given order by subspace identification, from one record or several.
 
     Model: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k], e white: `fit.model`, in innovations form.
@@ -86,6 +87,11 @@ class Subspace:
         if self.draws == 1:
             faults.add("`draws` must be 0, or at least 2: one draw has no spread.")
         faults.finish()
+
+    @property
+    def label(self) -> str:
+        """The class and its weighting."""
+        return f"Subspace {self.weighting}"
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step. Raises `InputError` where they do not bear the order."""

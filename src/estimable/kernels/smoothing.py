@@ -51,6 +51,24 @@ class Measured(NamedTuple):
     V: Real
 
 
+class Instant(NamedTuple):
+    """One row of a linear Gaussian model: how x moves from here, and what is measured here."""
+
+    moved: Moved
+    measured: Measured
+
+    @staticmethod
+    def of(
+        F: Float[Real, "n n"], c: Float[Real, " n"], W: Float[Real, "n q"], Ω: Float[Real, "n p"] | None,
+        C: Float[Real, "p n"], d: Float[Real, " p"], V: Float[Real, "p p"],
+        *, E: Float[Real, "n d"] | None = None, N: Float[Real, "p d"] | None = None,
+    ) -> "Instant":  # fmt: skip
+        """An instant from its matrices; without E and N every input is known."""
+        E = jnp.zeros((F.shape[0], 0)) if E is None else E
+        N = jnp.zeros((C.shape[0], E.shape[1])) if N is None else N
+        return Instant(Moved(F, c, E, W, Ω), Measured(C, d, N, V))
+
+
 def nothing(n: int) -> Evidence:
     """Before any sample, nothing is said of n states."""
     return Evidence(jnp.zeros((n, n)), jnp.zeros((n, n)), jnp.zeros(n), jnp.zeros(n))

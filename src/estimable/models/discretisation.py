@@ -9,6 +9,7 @@ import numpy as np
 from .. import checks
 
 HOLDS = ("zero_order", "first_order")
+NODES = 24  # of Gauss's rule over a step
 
 
 def read_steps(dt, rows: int | None, faults: checks.Faults):
@@ -41,6 +42,26 @@ def over(A, B, GQG, h, *, hold):
         return Φ, Γ @ B, None, Qd
     ramp = Γ2 / np.where(h > 0, h, 1.0)[..., None, None]  # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
+
+
+def wandering(A, h, *, hold):
+    """M (.., n, n, n) of an input error that wanders: ∫_0^h e^{A (h-s)} w(s) ds = Σ_k M_k ε_k, ε unit white.
+
+    w is a Brownian motion of unit diffusion from w(0) = 0, free at the end where the input is held; where it moves linearly
+    between samples, a bridge to w(h) = 0. By parts, the integral is ∫ Γ(h - s) dw(s); a bridge takes Γ's mean away. Gauss's
+    rule makes a sum of it, exact to rounding for |A| h up to about 8. Its terms, polynomials in A, are n independent ones.
+    """
+    h, n = np.asarray(h, float), A.shape[-1]
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    t = h[..., None] * (1 + nodes) / 2
+    _, Γ, _ = _input_integrals(A[..., None, :, :], t)
+    if hold == "first_order":
+        Γ = Γ - _input_integrals(A, h)[2][..., None, :, :] / h[..., None, None, None]
+    terms = (np.sqrt(h[..., None] * weights / 2)[..., None, None] * Γ).reshape(*Γ.shape[:-2], n * n)
+    size = np.abs(terms).max(axis=-2, keepdims=True)
+    size = np.where(size > 0, size, 1.0)  # entry by entry: those of integrators differ by powers of h
+    _, s, V = np.linalg.svd(terms / size, full_matrices=False)
+    return (s[..., :n, None] * V[..., :n, :] * size).reshape(*terms.shape[:-2], -1, n, n)
 
 
 def _input_integrals(A, h):

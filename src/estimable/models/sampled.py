@@ -9,22 +9,26 @@ import numpy as np
 from .. import checks
 from ..frozen import frozen, replace, static
 from ..kernels.small import factors
-from .discretisation import over
+from .discretisation import over, wandering
 from .operating_point import OperatingPoint
 from .state_space import StateSpace
 
 
 class Clock(NamedTuple):
-    """The steps of a record: their distinct lengths (K,) in seconds, which of them each row has, and the hold of u."""
+    """The steps of a record: their distinct lengths (K,) in seconds, which of them each row has, and the hold of u.
+
+    `wanders`: whether intervals come with `u_diffusion`, for which a continuous model needs more than B.
+    """
 
     lengths: np.ndarray
     rows: np.ndarray | None = None
     hold: str = "zero_order"
+    wanders: bool = False
 
     @staticmethod
-    def every(dt: float, hold: str = "zero_order") -> "Clock":
+    def every(dt: float | None, hold: str = "zero_order", *, wanders: bool = False) -> "Clock":
         """Steps of `dt` seconds."""
-        return Clock(np.asarray(dt, float), None, hold)
+        return Clock(np.asarray(dt, float), None, hold, wanders)
 
 
 @frozen
@@ -32,7 +36,8 @@ class SampledModel:
     """x+ = A x + B u + B_end u_end + ω, y = C x + D u + v about `point`; v = V e, ω = Ω e + W e' with e, e' unit white.
 
     Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` where several rows share one entry.
-    `independent`: V is diagonal and there is no Ω, so that each output has a noise of its own.
+    `independent`: V is diagonal and there is no Ω, so that each output has a noise of its own. `wandering` (n, n, m), of
+    a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state.
     """
 
     A: Any
@@ -47,6 +52,7 @@ class SampledModel:
     rows: Any = None
     varying: tuple[str, ...] = static(default=())
     independent: bool = static(default=False)
+    wandering: Any = None
 
     def at(self, k) -> "SampledModel":
         """The model at row k."""
@@ -68,15 +74,35 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
         checks.refuse(
             "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."
         )
-    rows = None
+    rows = Ψ = None
     if model.is_continuous:
+        if clock.wanders:
+            Ψ = _wandering(model, clock)
         model, rows = _discrete(model, clock)
     V, Ω, W = _white(model)
     deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
+    if Ψ is not None and np.ndim(Ψ) > 3 + len(_batch(model)):
+        deterministic |= {"wandering"}
     return SampledModel(
         model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
-        tuple(sorted(deterministic | _varying_noise(model))), model.S is None and is_diagonal(model.R),
+        tuple(sorted(deterministic | _varying_noise(model))), model.S is None and is_diagonal(model.R), Ψ,
     )  # fmt: skip
+
+
+def _wandering(model: StateSpace, clock: Clock) -> np.ndarray:
+    """`wandering` for each distinct step, or for each row of a model that varies; without that axis where it is one."""
+    lengths = np.atleast_1d(clock.lengths)
+    if model.varying and clock.rows is not None:
+        lengths = lengths[clock.rows]
+    A, B = (_timed(model, name) for name in "AB")
+    Ψ = wandering(A, lengths, hold=clock.hold) @ B[..., None, :, :]
+    return Ψ[..., 0, :, :, :] if Ψ.shape[-4] == 1 else Ψ
+
+
+def _timed(model: StateSpace, name: str) -> np.ndarray:
+    """A matrix with an axis of time, of length one where it does not vary."""
+    M = getattr(model, name)
+    return M if name in model.varying else M[..., None, :, :]
 
 
 def is_diagonal(R: Any) -> bool:
@@ -110,13 +136,8 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
     if model.varying and rows is not None:
         lengths, rows = lengths[rows], None
     rows = None if rows is None else np.broadcast_to(rows, (*_batch(model), len(rows)))
-
-    def timed(name):
-        M = getattr(model, name)
-        return M if name in model.varying else M[..., None, :, :]
-
-    G = timed("G")
-    Φ, B, B_end, Q = over(timed("A"), timed("B"), G @ timed("Q") @ np.swapaxes(G, -1, -2), lengths, hold=clock.hold)
+    A, B, G, Q = (_timed(model, name) for name in "ABGQ")
+    Φ, B, B_end, Q = over(A, B, G @ Q @ np.swapaxes(G, -1, -2), lengths, hold=clock.hold)
     changed = {"A": Φ, "B": B, "B_end": B_end, "Q": Q}
     fixed = {name for name, M in changed.items() if M is not None and M.shape[-3] == 1}
     changed = {name: M[..., 0, :, :] if name in fixed else M for name, M in changed.items()}

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..models.controlled import ControlledPlant
 from ..models.state_space import StateSpace
+from ..protocols import Plant
 from . import f16
 
 AIRCRAFT, ELEVATOR = "f16", "estimable/elevator-rad"
@@ -35,7 +37,7 @@ SEEN_BY_THE_AIR = f"""<fcs_function name="estimable/effective"><function><sum>
 PROPERTIES = {"estimable/effect": 1.0, "estimable/about-rad": 0.0, "estimable/nudge-rad": 0.0, ELEVATOR: 0.0}
 
 
-class JsbsimF16:
+class JsbsimF16(Plant):
     """The F-16 of JSBSim at a trimmed, level flight, for `close_loop`; all six degrees of freedom fly.
 
     Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim; the elevator
@@ -48,8 +50,6 @@ class JsbsimF16:
     Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: of the sensors; `Q` (2, 2): the density that stands for what the
     linear model leaves out (default 1e-3, .1: measured on this aircraft).
     """
-
-    traceable = False
 
     def __init__(
         self, gain_after: float = 1.0, *, failure_time: float = 4.5, about: str = "trim", mach: float = 0.9,
@@ -102,7 +102,7 @@ class _Flight:
         """The elevator about the trim."""
         return np.array([self.position])
 
-    def move(self, command: np.ndarray) -> None:
+    def move(self, command: Array) -> None:
         """Fly a sample under a command (1,) that is held."""
         fdm, trim = self.simulator.fdm, self.aircraft.trim["elevator_deg"]
         if self.samples * self.dt >= self.aircraft.failure_time - 1e-9:

@@ -11,8 +11,8 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..diagnostics.check_innovations import diagnose
 from ..diagnostics.consistency import nis
+from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 from ..estimation.binding import columns, model_of
 from ..models.prior import Prior
@@ -103,7 +103,7 @@ def _size(result: Any) -> Verdict:
 def _correlations(result: Any, record: Record) -> Iterator[Verdict]:
     """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
     try:
-        told = diagnose(result, record)
+        told = check_innovations(result, record)
     except InputError:
         return
     for name, check in told.whiteness.items():

@@ -10,22 +10,34 @@ from ..frozen import frozen
 
 @frozen
 class Sample:
-    """One instant of a record: outputs y (p,), the mask of what was seen, the input u (m,) and what of it arrived."""
+    """One instant of a record: outputs y (p,), the mask `seen` (p,), and the input u (m,), where it enters y directly.
+
+    `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where nobody knows. `extra`: what a driver hands to
+    an algorithm of its own, by name.
+    """
 
     y: Any
     seen: Any
     u: Any
     arrived: Any = None
+    extra: Any = None
 
 
 @frozen
 class Interval:
-    """From one sample to the next: the input at both ends, what of it arrived, and the length in seconds."""
+    """From one sample to the next: the input at both ends, whether it arrived, and the length in seconds.
+
+    What is not known of the input: `u_covariance` (m, m), of an error that is constant over the interval; `u_diffusion` (m,),
+    variance per second of one that wanders: a Brownian motion from zero at the sample, which ends at zero at the next where
+    the input moves linearly between them. None: the input is known.
+    """
 
     u: Any
     u_end: Any
     arrived: Any = None
     dt: Any = None
+    u_covariance: Any = None
+    u_diffusion: Any = None
 
 
 @frozen
@@ -33,7 +45,9 @@ class Info:
     """What an algorithm says after one sample, in the user's units; None where it does not apply.
 
     `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans what nothing is known of yet.
-    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`.
+    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`. `gain_quantiles` (p, 5) at .025, .16, .5, .84
+    and .975, and `jump_probability`, that a gain has jumped unseen, of algorithms whose gains are not Gaussian. `extra`: what
+    this algorithm alone says, by name.
     """
 
     mean: Any = None
@@ -46,6 +60,8 @@ class Info:
     unknown_input: Any = None
     unknown_input_covariance: Any = None
     diffuse_covariance: Any = None
+    gain_quantiles: Any = None
+    jump_probability: Any = None
     outcome: Any = None
     extra: Any = None
 

@@ -7,21 +7,25 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..controllers.state_feedback import check_controller
 from ..engines import choice
 from ..errors import RunError
-from ..estimation.binding import check_algorithm, check_hold, check_prior, check_prior_kind, has_state_prior, model_of
+from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
+from ..filters.wrapped import check_algorithm
 from ..frozen import frozen, replace, static
 from ..models.controlled import ControlledPlant
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..protocols import Anticipating, RecursiveIdentifier
+from ..protocols import Plant as Simulator
 from ..results import Info, Interval, Kept, Names, Outcome
 from . import python_loop, window_loop
 from .loop import Loop, Row
 from .transmit import Links, check_links
 
-Plant = ControlledPlant | StateSpace | OutputError | python_loop.Simulator
+Plant = ControlledPlant | StateSpace | OutputError | Simulator
 NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
 
 
@@ -91,8 +95,8 @@ def close_loop(
     (`ControlledPlant(actuator=...)`) the estimator takes that, else the command that arrived, which the link must acknowledge
     (but to an identifier that takes inputs of unknown fate).
 
-    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told, or a simulator that says `traceable = False`, as
-    `plants.JsbsimF16`, whose loop is run in Python; `dt` in seconds, of a continuous one; `start`
+    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told, or a simulator (a `Plant`, as
+    `plants.JsbsimF16`), whose loop is run in Python; `dt` in seconds, of a continuous one; `start`
     (n,): its state at first (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's,
     its outputs are matched by name. `input_link`, `output_link`, `lost` as in `simulate`; outputs that come late are
     not used. `seed`: of the noises and links. `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
@@ -154,14 +158,12 @@ def _plant(given: Any) -> tuple[Any, Any]:
     """The plant with its actuators, and the simulator that flies in its place, or None."""
     if isinstance(given, StateSpace | OutputError):
         return ControlledPlant(given), None
-    return (given, None) if getattr(given, "traceable", True) else (given.linear, given)
+    return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
 def _for_channels(estimator: Any, plant: Any) -> Any:
     """An identifier with the names of the plant's channels, where it has none of its own."""
-    named = (
-        isinstance(plant, ControlledPlant) and hasattr(estimator, "for_channels") and not isinstance(estimator, type)
-    )
+    named = isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier)
     return estimator.for_channels(plant.model.inputs, plant.model.outputs) if named else estimator
 
 
@@ -230,14 +232,13 @@ def _check_call(
     """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
     faults = checks.Faults()
     faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError will do too.")
-    if isinstance(controller, type) or not all(hasattr(controller, part) for part in ("act", "references")):
-        faults.add(f"`controller` must be a controller, as StateFeedback(feedback). Got {checks.short(controller)}.")
+    check_controller(controller, faults)
     check_algorithm(estimator, faults)
     faults.finish()
     check_prior_kind(estimator, prior, faults)
     faults.finish()
     model, inner = plant.model, model_of(estimator)
-    if has_state_prior(estimator):
+    if estimator.has_state_prior:
         check_prior(prior, inner, faults)
     step = _read_step(model, inner, dt, faults)
     _check_blocks(plant, controller, estimator, links, lost, faults)
@@ -294,7 +295,7 @@ def _check_blocks(
     if controller.acts_on == "predicted":
         _check_first(plant, controller, estimator, faults)
     if plant.actuator is None and not (
-        getattr(links.input, "acknowledged", True) or getattr(estimator, "takes_fates", False)
+        links.input is None or links.input.acknowledged or estimator.takes_unknown_arrivals
     ):
         faults.add(
             "`input_link` never acknowledges, so that the estimator would not know what the actuators did: measure it "
@@ -304,7 +305,7 @@ def _check_blocks(
 
 def _check_first(plant: ControlledPlant, controller, estimator, faults: checks.Faults) -> None:
     """What a controller asks that acts before the sample is measured."""
-    if not hasattr(estimator, "ahead"):
+    if not isinstance(estimator, Anticipating):
         faults.add(
             "`controller` acts on what is predicted, and the estimator does not say it: use JointOutputError or "
             f"RecursiveOutputError. Got {type(estimator).__name__}."
@@ -314,5 +315,4 @@ def _check_first(plant: ControlledPlant, controller, estimator, faults: checks.F
             "`controller` acts on what is predicted, of a plant whose inputs do what they are told: leave out `actuator`."
         )
     for phase in plant.phases():
-        if hasattr(controller, "check_plant"):
-            controller.check_plant(phase, faults)
+        controller.check_plant(phase, faults)

@@ -113,8 +113,8 @@ class Loop:
         """Learn from what comes of the outputs, act, and see what comes of the command."""
         measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        besides = None if row.begin is None else (row.begin, row.place)
-        belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), besides)
+        block = None if row.begin is None else (row.begin, row.place)
+        belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), extra=block)
         known = replace(info, extra={**(info.extra or {}), "input": standing})
         control, u, said = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
@@ -149,9 +149,9 @@ class Loop:
         measured = apply(now.C, state.x) + apply(now.D, applied) + apply(now.V, row.noise[:p])
         measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        told = getattr(self.links.input, "acknowledged", True)
-        input = applied if told else u
-        belief, info = self._learn(state, measured, seen, input, None if told else jnp.full(m, jnp.nan))
+        known = self.links.input is None or self.links.input.acknowledged
+        input = applied if known else u
+        belief, info = self._learn(state, measured, seen, input, arrived=None if known else jnp.full(m, jnp.nan))
         x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
         last = info.extra["completed"], jnp.where(entries(seen, list(self.columns)), 1.0, 0.0)
         after = LoopState(x, belief, control, (carrier, sensors), applied, input, input, last)
@@ -165,10 +165,10 @@ class Loop:
         seen = Interval(state.input, state.input_end, None, interval.dt)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
-    def _learn(self, state: LoopState, measured, seen, u, besides):
+    def _learn(self, state: LoopState, measured, seen, u, arrived=None, extra=None):
         columns = list(self.columns)
         y = jnp.where(seen, measured, 0.0)
-        sample = Sample(entries(y, columns), entries(seen, columns), u, besides)
+        sample = Sample(entries(y, columns), entries(seen, columns), u, arrived, extra)
         return self.estimator.correct(state.belief, sample)
 
 

@@ -1,28 +1,18 @@
 """Loops whose plant is a simulator that no engine can run: the same blocks, sample by sample in Python."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import numpy as np
 
 from ..engines import xla
 from ..frozen import replace
+from ..protocols import Plant
 from ..results import Info, Interval
 from .loop import Decided, Loop, LoopState, Row
 
 
-class Simulator(Protocol):
-    """A plant that moves itself: `traceable` is False, `linear` its model, names, noises and limits."""
-
-    traceable: bool
-    linear: Any
-
-    def begin(self, dt: float) -> Any:
-        """A run with `state` (n,), `input` (m,) and `move(command)`, in deviations from where `linear` is about."""
-        ...
-
-
-def scan_bank(simulator: Simulator, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
+def scan_bank(simulator: Plant, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
     """What `xla.scan_bank` leaves, of loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from .. import checks
 from ..data.record import LOST
 from ..networks.delivery import transmit
+from ..protocols import Link
 
 INPUT, OUTPUT = 1, 2  # streams of a run's random numbers: the plant's own draws stay what they are without links
 
@@ -31,21 +32,26 @@ class Sent(NamedTuple):
 def check_links(links: Links, lost: str, m: int, hold: str, faults: checks.Faults) -> None:
     """Links that have the steps, and that a record can tell of."""
     for name, link in (("input_link", links.input), ("output_link", links.output)):
-        if link is not None and (isinstance(link, type) or not all(hasattr(link, step) for step in ("init", "send"))):
+        if link is not None and not is_link(link):
             faults.add(f"`{name}` must be a link, as BernoulliLink(0.8). Got {checks.short(link)}.")
     faults.choice("lost", lost, LOST)
     link = links.input
-    if link is None or isinstance(link, type):
+    if link is None or not is_link(link):
         return
     if m == 0:
         faults.add("`input_link` carries inputs, and the model has none.")
     if hold == "first_order":
         faults.add('`input_link` needs hold = "zero_order": an input that comes in packets does not move between them.')
-    if getattr(link, "late", "drop") == "use" and not getattr(link, "acknowledged", True):
+    if link.late == "use" and not link.acknowledged:
         faults.add(
             '`input_link`: of late packets that are used (late = "use") a record can tell only where they are acknowledged: '
             'give late="drop" or acknowledged=True.'
         )
+
+
+def is_link(thing: Any) -> bool:
+    """Whether it is a link, made, and not a class."""
+    return isinstance(thing, Link) and not isinstance(thing, type)
 
 
 def send_inputs(link: Any, u: Any, key: Any, lost: str) -> Sent:

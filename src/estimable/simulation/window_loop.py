@@ -126,9 +126,9 @@ class _Beginnings:
 
     def correct(self, state: _Begun, sample: Sample) -> tuple[_Begun, Info]:
         """Go through what the block has told so far, and learn from the sample as the filter does."""
-        begin, place = sample.arrived
+        begin, place = sample.extra
         gathered = or_empty(place == 0, state.gathered)
-        info, again = window_scan.learn(self.algorithm, begin, gathered, replace(sample, arrived=None))
+        info, again = window_scan.learn(self.algorithm, begin, gathered, replace(sample, extra=None))
         info = replace(info, extra={**(info.extra or {}), "again": again})
         return _Begun(gathered, sample.y, sample.seen, sample.u), info
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from estimable import InputError, Kalman, Prior, Record, StateSpace, estimate, estimate_bank, simulate_bank
-from estimable.diagnostics import check_innovations as diagnose
-from estimable.diagnostics import cross_correlation, standardised, whiteness
+from estimable.diagnostics import check_innovations, cross_correlation, standardised, whiteness
 
 T, PRIOR = 300, Prior([0.0, 0.0], np.eye(2))
 INPUT = np.sign(np.sin(0.31 * np.arange(T)))[:, None] + 0.3 * np.random.default_rng(0).normal(size=(T, 1))
@@ -26,7 +25,7 @@ def draw(runs, u=INPUT, seed=5):
 
 def judged(model, records, false_alarm=0.01):
     bank = estimate_bank(Kalman(model), records, prior=PRIOR)
-    return [diagnose(bank[i], record, false_alarm=false_alarm) for i, record in enumerate(records)]
+    return [check_innovations(bank[i], record, false_alarm=false_alarm) for i, record in enumerate(records)]
 
 
 def test_a_right_model_alarms_as_rarely_as_is_said():
@@ -109,9 +108,9 @@ def test_too_little_to_judge_by_is_said():
     record = draw(1)[0]
     blind = estimate(Kalman(loop()), record, prior=PRIOR, keep="means")
     with pytest.raises(InputError, match="no innovations with their covariances"):
-        diagnose(blind, record)
+        check_innovations(blind, record)
     whole = estimate(Kalman(loop()), record, prior=PRIOR)
     with pytest.raises(InputError, match="must be the record that the result was made of: 300 rows"):
-        diagnose(whole, record[:100])
+        check_innovations(whole, record[:100])
     with pytest.raises(InputError, match="`false_alarm` must be greater than 0"):
-        diagnose(whole, record, false_alarm=0.0)
+        check_innovations(whole, record, false_alarm=0.0)

@@ -9,7 +9,7 @@ from .consistency import Consistency, nis
 from .innovations import LAGS, Correlations, cross_correlation, standardised, whiteness
 
 
-class Diagnosis(NamedTuple):
+class InnovationChecks(NamedTuple):
     """Verdicts on a result: of all outputs together (`nis`), of each output, and of each output against each input.
 
     `false_alarm` is the probability with which a right model fails any of them.
@@ -50,7 +50,7 @@ class Diagnosis(NamedTuple):
         return "\n".join(self.faults) if self.faults else "nothing speaks against the model"
 
 
-def diagnose(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float = 0.01) -> Diagnosis:
+def check_innovations(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float = 0.01) -> InnovationChecks:
     """Look at the innovations of a result in every way there is: their size, whether they are white, whether any input
     is left in them, output by output.
 
@@ -63,7 +63,7 @@ def diagnose(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float =
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> drawn = simulate(model, seed=1, steps=300, prior=Prior([0.0], [[1.0]]))
     >>> result = estimate(Kalman(model), drawn.record, prior=Prior([0.0], [[1.0]]))
-    >>> str(diagnostics.diagnose(result, drawn.record))
+    >>> str(diagnostics.check_innovations(result, drawn.record))
     'nothing speaks against the model'
     """
     e, u, inputs = _read(result, record)
@@ -84,7 +84,7 @@ def diagnose(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float =
                     e[:, i], u[:, j], name=name, input_name=input_name, lags=lags, probability=probability
                 )
     together = nis(result.innovation, S, probability=probability)
-    return Diagnosis(together, levels, white, crossed, false_alarm)
+    return InnovationChecks(together, levels, white, crossed, false_alarm)
 
 
 def checks_share(false_alarm: float, tests: int) -> float:

@@ -1,0 +1,54 @@
+"""One row of a run, the same for every engine: correct, keep, predict; and the names of what a row leaves."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from ..annotations import Array, Tree
+
+Part = TypeVar("Part")
+Select = Callable[[Any, str], Tree]  # of an info and of `keep`, what is kept
+
+
+class Stepping(Protocol):
+    """What an engine runs: the steps of an algorithm, or anything with the same three and `at`."""
+
+    def at(self, k: Any) -> "Stepping":
+        """The same at row k."""
+        ...
+
+    def init(self, prior: Any) -> Any:
+        """The state before the first row."""
+        ...
+
+    def correct(self, state: Any, sample: Any) -> tuple[Any, Any]:
+        """The state after a sample, and an info with `log_likelihood` (or None) and `outcome`."""
+        ...
+
+    def predict(self, state: Any, interval: Any) -> Any:
+        """The state at the next row."""
+        ...
+
+
+class Row(NamedTuple):
+    """What a row leaves: the state at the next, what is kept of the info, the log-likelihood of the sample, and the outcome."""
+
+    state: Any
+    kept: Any
+    log_likelihood: Any
+    outcome: Any
+
+
+def step(
+    algorithm: Stepping, k: int | Array, state: Tree, sample: Tree, interval: Tree, keep: str, select: Select
+) -> Row:
+    """Row k."""
+    now = algorithm.at(k)
+    state, info = now.correct(state, sample)
+    log_likelihood = 0.0 if info.log_likelihood is None else info.log_likelihood
+    return Row(now.predict(state, interval), select(info, keep), log_likelihood, info.outcome)
+
+
+def named(outputs: Sequence[Part], states: int) -> Row:
+    """The flat outputs of a row, of which the first `states` are those of the state."""
+    *arrays, log_likelihood, outcome = outputs
+    return Row(tuple(arrays[:states]), tuple(arrays[states:]), log_likelihood, outcome)
