@@ -33,6 +33,7 @@ from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.files import ModelFile
 from .models.nonlinear_model import NonlinearModel
+from .protocols import Algorithm
 
 
 class Entry(NamedTuple):
@@ -197,7 +198,7 @@ def entry(name: str) -> Entry:
     return ENTRIES[names.index(name)]
 
 
-def name_of(algorithm: Any) -> str:
+def name_of(algorithm: Algorithm[Any]) -> str:
     """The name of an algorithm's entry."""
     return next(known.name for known in ENTRIES if known.cls is type(algorithm))
 
@@ -239,7 +240,9 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
     return built.cls(file.model, **settings)
 
 
-def _check_settings(built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults) -> None:
+def _check_settings(
+    built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults: checks.Faults
+) -> None:
     """Settings must be known, and what the file lacks must be in them."""
     allowed = list(dict.fromkeys(settings_of(built.cls) + (_every_setting(entry(wraps), file) if wraps else [])))
     for key in settings:

@@ -112,7 +112,9 @@ class Faults:
             if not axis.isdigit():
                 self.learn(axis, size, shown)
 
-    def _shape_fault(self, name, shape, axes, wanted, core) -> str:
+    def _shape_fault(
+        self, name: str, shape: tuple[int, ...], axes: list[str], wanted: tuple[int | None, ...], core: tuple[int, ...]
+    ) -> str:
         symbols = ", ".join(axes) + ("," if len(axes) == 1 else "")
         sizes = ", ".join(a if w is None else str(w) for a, w in zip(axes, wanted, strict=True))
         sizes += "," if len(axes) == 1 else ""

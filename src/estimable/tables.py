@@ -16,7 +16,7 @@ KINDS = ("states", "gains", "unknown_inputs", "outputs")
 NEGLIGIBLE = 1e-12  # of the largest diffuse variance of a row: rounding, in a direction that has been determined
 
 
-def standard_deviation(covariance: Any, diffuse: Any = None) -> np.ndarray:
+def standard_deviation(covariance: np.ndarray, diffuse: np.ndarray | None = None) -> np.ndarray:
     """Standard deviations (T, n) of covariances (T, n, n); infinite where `diffuse` says that nothing is known.
 
     >>> standard_deviation([[[4.0]]]).tolist(), standard_deviation([[[4.0]]], [[[1.0]]]).tolist()
@@ -30,11 +30,11 @@ def standard_deviation(covariance: Any, diffuse: Any = None) -> np.ndarray:
     return np.where(unknown > NEGLIGIBLE * largest, np.inf, sigma)
 
 
-def _diagonal(matrices: Any) -> np.ndarray:
+def _diagonal(matrices: np.ndarray) -> np.ndarray:
     return np.diagonal(np.asarray(matrices, float), axis1=-2, axis2=-1)
 
 
-def at_its_instant(field: str, values: Any, delay: int) -> Any:
+def at_its_instant(field: str, values: np.ndarray, delay: int) -> Any:
     """An unknown input that is told `delay` rows later, in its own row; what is not told any more is NaN.
 
     >>> at_its_instant("unknown_input", np.array([0.0, 1.0, 2.0]), 1).tolist()

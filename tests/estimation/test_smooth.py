@@ -5,7 +5,18 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cases import case
-from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, estimate, simulate, smooth
+from estimable import (
+    ExtendedKalman,
+    InputError,
+    Kalman,
+    Prior,
+    Record,
+    StateSpace,
+    UnknownGain,
+    estimate,
+    simulate,
+    smooth,
+)
 from oracles.augmented import augmented, together
 from oracles.dense import smoothed
 
@@ -216,12 +227,4 @@ def test_what_cannot_be_smoothed_is_refused_in_words():
     with pytest.raises(InputError, match=r"`lag` must be a whole number, at least 0\. Got -1"):
         smooth(Kalman(c.model), c.record, prior=c.prior, lag=-1)
     with pytest.raises(InputError, match="smooth needs an algorithm with a linear Gaussian model"):
-        smooth(_Filter(), c.record, prior=c.prior)
-
-
-class _Filter:
-    """An algorithm that can only go forwards."""
-
-    def init(self, prior): ...
-    def correct(self, state, sample): ...
-    def predict(self, state, interval): ...
+        smooth(ExtendedKalman(c.model), c.record, prior=c.prior)

@@ -154,7 +154,7 @@ def read_horizon(model: StateSpace, horizon: float | None, faults: checks.Faults
     return None if len(faults.sentences) > before else int(horizon)
 
 
-def read_prior(prior: Any, n: int, faults: checks.Faults) -> None:
+def read_prior(prior: Prior | str | None, n: int, faults: checks.Faults) -> None:
     """A prior with a finite covariance, of this many states."""
     if not faults.instance("prior", prior, Prior):
         return

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..data.record import Record, match
 from ..errors import AssumptionError
 from ..frozen import frozen, static
@@ -55,7 +56,7 @@ class GainInformation:
             self.factor, len(self.information) - len(self.gains), float(amplitude), self.gains, self.state, self.gain
         )
 
-    def amplitude_for(self, sigma: Any) -> float:
+    def amplitude_for(self, sigma: Numbers) -> float:
         """The amplitude of the dither from which on every gain is known to `sigma`, a number or (p,).
 
         Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
@@ -86,13 +87,13 @@ class GainInformation:
 
 def gain_information(
     model: StateSpace,
-    u: Any,
+    u: Numbers | Record,
     *,
-    directions: Any = None,
-    feedthrough: Any = None,
+    directions: Numbers | str | None = None,
+    feedthrough: Numbers | str | None = None,
     state: Prior | None = None,
     gain: Prior | None = None,
-    dither: Any = None,
+    dither: Numbers | None = None,
     dt: float | None = None,
 ) -> GainInformation:
     """How well an input lets unknown gains be known, and which combinations of them it leaves in the dark.
@@ -141,12 +142,12 @@ def gain_information(
     return _found(factor, model.n, 0.0, gain_blocks.gain_names(given, p, model), state, gain)
 
 
-def _check_prior(name: str, prior: Any, size: int, what: str, faults: checks.Faults) -> None:
+def _check_prior(name: str, prior: Prior | None, size: int, what: str, faults: checks.Faults) -> None:
     if prior is not None and faults.instance(name, prior, Prior) and prior.size != size and size:
         faults.add(f"`{name}` must be a prior of {checks.counted(size, what)}. Got {prior.size}.")
 
 
-def _read_inputs(model: StateSpace, u: Any, dt: Any, faults: checks.Faults) -> Any:
+def _read_inputs(model: StateSpace, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
     """What the actuators do (T, m), which outputs are seen (T, p), and the steps."""
     if isinstance(u, Record):
         return _from_record(model, u, dt, faults)
@@ -160,7 +161,7 @@ def _read_inputs(model: StateSpace, u: Any, dt: Any, faults: checks.Faults) -> A
     return u, None if u is None else np.ones((len(u), model.p), bool), Clock.every(dt or 1.0)
 
 
-def _from_record(model: StateSpace, record: Record, dt: Any, faults: checks.Faults) -> Any:
+def _from_record(model: StateSpace, record: Record, dt: float | None, faults: checks.Faults) -> Any:
     if dt is not None:
         faults.add("`dt` is for inputs without a time; the record has its own.")
     columns = []
@@ -180,14 +181,14 @@ def _from_record(model: StateSpace, record: Record, dt: Any, faults: checks.Faul
     return u, record.seen[:, columns[1]], record.clock(model.dt or None)
 
 
-def _check_length(model: StateSpace, u: Any, faults: checks.Faults) -> None:
+def _check_length(model: StateSpace, u: Numbers | Record, faults: checks.Faults) -> None:
     if u is not None and len(u) == 0:
         faults.add("`u` must have at least one row.")
     if u is not None and model.steps not in (None, len(u)):
         faults.add(f"`u` must have {model.steps} rows: the model varies over as many. Got {len(u)}.")
 
 
-def _rows(ready: SampledModel, u: Any, dither: Any, seen: Any, p: int) -> Any:
+def _rows(ready: SampledModel, u: Numbers | Record, dither: Numbers, seen: Numbers, p: int) -> Any:
     """(A, N, C, M, Q, R, Ω V', seen) of every row, with columns for (x[0], θ by u, θ by the dither)."""
     n, point = ready.A.shape[-1], np.asarray(ready.point.inputs)
     acts = [u - point] if dither is None else [u - point, np.asarray(dither)]
@@ -226,7 +227,9 @@ class _Instant:
         return W @ W.T + Ω @ Ω.T, V @ V.T, Ω @ V.T
 
 
-def _found(factor: Any, n: int, amplitude: float, gains: tuple[str, ...], state: Any, gain: Any) -> GainInformation:
+def _found(
+    factor: np.ndarray, n: int, amplitude: float, gains: tuple[str, ...], state: np.ndarray, gain: np.ndarray
+) -> GainInformation:
     """The bound where the last p columns of the factor count `amplitude` times."""
     p = len(gains)
     F = factor[:, : n + p]
@@ -272,7 +275,7 @@ def _of_gains(untold: np.ndarray, F: np.ndarray, n: int) -> np.ndarray:
     return echelon(basis / np.linalg.norm(basis, axis=0)).T
 
 
-def _sentences(sigma: Any, hidden: Any, gains: tuple[str, ...], amplitude: float) -> tuple[str, ...]:
+def _sentences(sigma: Numbers, hidden: np.ndarray, gains: tuple[str, ...], amplitude: float) -> tuple[str, ...]:
     when = f"With {amplitude:g} times the dither, " if amplitude else ""
     told = [
         f"{when}{name} can be known to ±{s:.3g} (1 sigma)."
@@ -283,7 +286,7 @@ def _sentences(sigma: Any, hidden: Any, gains: tuple[str, ...], amplitude: float
     return (*told, *nothing)
 
 
-def _smallest(worst: Any, start: float) -> float | None:
+def _smallest(worst: np.ndarray, start: float) -> float | None:
     """The amplitude above which `worst` stays at most 1, searched below the first doubling of `start` where it is."""
     from scipy.optimize import brentq
 

@@ -130,7 +130,7 @@ def _parts(model: StateSpace) -> Any:
     return A, C, G @ np.asarray(model.Q) @ G.T, R, N
 
 
-def _lower_covariance(A: Any, C: Any, Q: Any, R: Any, N: Any, λ: float) -> Any:
+def _lower_covariance(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray, N: np.ndarray, λ: float) -> Any:
     """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if a sample that arrives told the whole state. (None: no solution.)"""
     try:
         return dlyap(np.sqrt(1 - λ) * A, Q - λ * N @ np.linalg.solve(R, N.T))

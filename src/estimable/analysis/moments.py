@@ -5,6 +5,7 @@ covariance of the state, P of its error given all past outputs, N = Π H', and �
 state with each past output. Σ = Π - P is what the outputs explain; it has its own recursion, so nothing cancels.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -131,7 +132,9 @@ def steady_predictor(problem: Problem, Π: np.ndarray) -> tuple[np.ndarray, np.n
     return P, K
 
 
-def _explained(problem: Problem, P, K, lyapunov) -> tuple[np.ndarray, np.ndarray]:
+def _explained(
+    problem: Problem, P: np.ndarray, K: np.ndarray, lyapunov: Callable[..., np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Σ = F Σ F' + K S K', the covariance of the estimate; and with the present output."""
     F, _, H, R, _ = problem
     S = H @ P @ H.T + R
@@ -140,7 +143,7 @@ def _explained(problem: Problem, P, K, lyapunov) -> tuple[np.ndarray, np.ndarray
     return Σ, symmetric(Σ + L @ S @ L.T)
 
 
-def _joseph(closed, P, K, Q, R, J):
+def _joseph(closed: np.ndarray, P: np.ndarray, K: np.ndarray, Q: np.ndarray, R: np.ndarray, J: np.ndarray):
     cross = K @ J.T
     return symmetric(closed @ P @ closed.T + Q - cross - cross.T + K @ R @ K.T)
 

@@ -144,7 +144,9 @@ def noise_factor(model: StateSpace) -> np.ndarray:
     return model.G @ (V * np.sqrt(np.maximum(λ, 0.0))[..., None, :])
 
 
-def _structure(model: StateSpace, F, M, horizon, *, reverse: bool = False) -> dict[str, Any]:
+def _structure(
+    model: StateSpace, F: np.ndarray, M: np.ndarray, horizon: int | None, *, reverse: bool = False
+) -> dict[str, Any]:
     """The fields of a structure, of the pair (F, M)."""
     if horizon is not None:
         Γ = effects(F, M, horizon, continuous=model.is_continuous, reverse=reverse)

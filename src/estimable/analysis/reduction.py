@@ -144,14 +144,14 @@ def _balanced(model: StateSpace, order: int) -> Reduction:
     return Reduction(small, to, back, prior, 2 * float(σ[order:].sum()), σ, method="balanced")
 
 
-def _shown(A, C, to, back):
+def _shown(A: np.ndarray, C: np.ndarray, to: np.ndarray, back: np.ndarray):
     """Without what no output shows."""
     T = balancing_units(A.T, C.T)
     shown = complement(reach(A.T * (T / T[:, None]), C.T / T[:, None]).Z)
     return (shown.T * T) @ to, back @ (shown / T[:, None])
 
 
-def _project(model: StateSpace, to, back, **noise) -> StateSpace:
+def _project(model: StateSpace, to: np.ndarray, back: np.ndarray, **noise) -> StateSpace:
     """The model of z = to x; one state that is nothing where none is left."""
     if len(to) == 0:
         checks.refuse("nothing is left to model: neither inputs nor noise move anything that an output shows.")
@@ -163,12 +163,12 @@ def _project(model: StateSpace, to, back, **noise) -> StateSpace:
     )  # fmt: skip
 
 
-def _prior(model: StateSpace, to, Σ) -> Prior:
+def _prior(model: StateSpace, to: np.ndarray, Σ: np.ndarray) -> Prior:
     point = model.operating_point
     return Prior(np.zeros(len(to)) if point is None else to @ point.states, Σ)
 
 
-def _stationary_prior(model: StateSpace, small: StateSpace, to) -> Prior | None:
+def _stationary_prior(model: StateSpace, small: StateSpace, to: np.ndarray) -> Prior | None:
     try:
         return _prior(model, to, (clyap if small.is_continuous else dlyap)(small.A, small.G @ small.Q @ small.G.T))
     except AssumptionError:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, static
 from ..models.state_space import StateSpace
 from .assessment import Assessment, assess
@@ -46,7 +47,7 @@ class Regulability(Assessment):
 
 
 def regulability(
-    model: StateSpace, L: Any, M: Any, *, horizon: float | None = None, terminal: Any = None
+    model: StateSpace, L: Numbers, M: Numbers, *, horizon: float | None = None, terminal: Numbers | None = None
 ) -> Regulability:
     """Whether the best control costs strictly less than none, from every initial state.
 
@@ -87,13 +88,13 @@ def regulability(
 def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = None) -> Problem:
     """The estimation problem with the same answer: matrices transposed, and time reversed from `steps` on."""
 
-    def turned(X):
+    def turned(X: np.ndarray):
         return np.swapaxes(X if X.ndim == 2 else X[:steps][::-1], -1, -2)
 
     return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
 
 
-def _read_weights(model: StateSpace, L, M, terminal, faults: checks.Faults):
+def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers, faults: checks.Faults):
     """L, M and the terminal weight; None where one is at fault."""
     for axis in ("n", "m"):
         size = getattr(model, axis)

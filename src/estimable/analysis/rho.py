@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..frozen import frozen, static
 from ..kernels import decay
@@ -32,7 +33,7 @@ class Perturbed:
     final: float
     dt: float = static()
 
-    def at(self, t: Any, *, x0: float) -> Any:
+    def at(self, t: Numbers, *, x0: float) -> Any:
         """The bound at times t (seconds) from a start of norm `x0`."""
         t = np.asarray(t, float)
         d = np.exp(-self.decay * t) if self.dt == 0 else self.decay ** (t / self.dt)
@@ -111,7 +112,7 @@ class _Rates:
         growing = at[:-1] + max(self.course.ω + α, 0.0) * self.h
         return float(np.exp(max(np.max(at), np.max(np.minimum(line, growing)))))
 
-    def best(self, value: Any) -> float:
+    def best(self, value: float) -> float:
         """The λ of the largest `value`, which has one maximum."""
         from scipy.optimize import minimize_scalar
 
@@ -124,12 +125,12 @@ class _Rates:
         return max((λ for λ in (at(float(found.x)), at(0.0)) if λ > 0 or self.dead), key=value)
 
 
-def _log(a: Any) -> Any:
+def _log(a: float) -> Any:
     with np.errstate(divide="ignore"):
         return np.log(a)
 
 
-def rho_margin(A: Any, *, dt: float, scaling: Any = None) -> RhoMargin:
+def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoMargin:
     """How much unmodelled coupling, nonlinearity or change in time a stable system bears.
 
     Model: x[k+1] = A x[k] + f(k, x[k]) + g[k] (dt = 0: dx/dt). With ||f|| <= κ ||x|| and κ below the margin, x stays
@@ -159,7 +160,7 @@ def rho_margin(A: Any, *, dt: float, scaling: Any = None) -> RhoMargin:
     return RhoMargin(speed / γ, speed if dt == 0 else rate, γ, 1 / total, radius, scaling, course, dt)
 
 
-def stability_radius(A: Any, *, dt: float) -> StabilityRadius:
+def stability_radius(A: Numbers, *, dt: float) -> StabilityRadius:
     """How far, in the spectral norm, a stable A is from a matrix that is not stable (the complex stability radius).
 
     A (n, n); `dt` in seconds, 0 if continuous. Raises `InputError`; `AssumptionError` where A is not stable.
@@ -175,7 +176,7 @@ def stability_radius(A: Any, *, dt: float) -> StabilityRadius:
     return StabilityRadius(margin, θ if dt == 0 else θ / dt)
 
 
-def _read(A: Any, dt: Any) -> tuple[np.ndarray, float]:
+def _read(A: Numbers, dt: float) -> tuple[np.ndarray, float]:
     faults = checks.Faults()
     A = faults.array("A", A, "n n")
     dt = faults.number("dt", dt, lower=0.0, unit="seconds")
@@ -195,7 +196,7 @@ def _read(A: Any, dt: Any) -> tuple[np.ndarray, float]:
     return A, dt
 
 
-def _scaling(A: np.ndarray, scaling: Any) -> np.ndarray:
+def _scaling(A: np.ndarray, scaling: Numbers) -> np.ndarray:
     if scaling is None:
         return np.ones(len(A))
     if isinstance(scaling, str):

@@ -1,10 +1,12 @@
 """Whether inputs that nobody measured can be known from the outputs, and how late."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, static
 from ..kernels.steady_unknown_input import closed_loop, fang_closed_loop
 from ..models.state_space import StateSpace
@@ -51,7 +53,9 @@ class UnknownInputExistence:
         return f"UnknownInputExistence({self.sentence})"
 
 
-def unknown_input_existence(model: StateSpace, *, unknown: Any, seen: Any = None) -> UnknownInputExistence:
+def unknown_input_existence(
+    model: StateSpace, *, unknown: str | Sequence[str] | Sequence[int], seen: Numbers | Sequence[str] | None = None
+) -> UnknownInputExistence:
     """Whether the inputs named in `unknown` can be estimated from the outputs, before any data.
 
     Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], of which the columns `unknown` of B and D count.
@@ -91,7 +95,9 @@ def unknown_input_existence(model: StateSpace, *, unknown: Any, seen: Any = None
     return replace(verdict, input_delay=input_delay, state_known=state_known)
 
 
-def unknown_columns(model: StateSpace, unknown: Any, faults: checks.Faults) -> tuple[int, ...]:
+def unknown_columns(
+    model: StateSpace, unknown: str | Sequence[str] | Sequence[int], faults: checks.Faults
+) -> tuple[int, ...]:
     """Columns of the inputs given by name or number, checked."""
     given = [unknown] if isinstance(unknown, str | int) else list(unknown)
     columns = []
@@ -196,7 +202,7 @@ def null_space(M: np.ndarray) -> np.ndarray:
     return V[int(np.sum(s > RANK * max(s.max(initial=0.0), 1e-300))) :].T
 
 
-def _ranks(A, B, C, D) -> tuple[int, int, int | None]:
+def _ranks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[int, int, int | None]:
     """rank D, rank of [C B N, D], and the delay after which the input is known."""
     d = B.shape[1]
     N = null_space(D)
@@ -228,7 +234,7 @@ def _method(rank_D: int, delay: int) -> str:
     return "delayed"
 
 
-def _sentence(model: StateSpace, columns, ranks, outside, radius) -> str:
+def _sentence(model: StateSpace, columns: list[int], ranks: Sequence[int], outside: np.ndarray, radius: float) -> str:
     rank_D, rank_next, delay = ranks
     d, names = len(columns), checks.listed(model.inputs[i] for i in columns)
     if d > model.p:
@@ -248,7 +254,7 @@ def _sentence(model: StateSpace, columns, ranks, outside, radius) -> str:
     return f"{names} is known {at_once} (rank D = {rank_D}, {d} unknown){told}"
 
 
-def _read_seen(seen: Any, model: StateSpace, faults: checks.Faults) -> np.ndarray | None:
+def _read_seen(seen: Numbers | Sequence[str], model: StateSpace, faults: checks.Faults) -> np.ndarray | None:
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
     pattern = faults.array("seen", seen, "T p")
     if model.is_continuous:

@@ -17,7 +17,7 @@ class Zeros(NamedTuple):
     normal_rank: int
 
 
-def invariant_zeros(A, B, C, D) -> Zeros:
+def invariant_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Zeros:
     """The zeros of (A, B, C, D), whatever its shape and ranks.
 
     >>> zeros = invariant_zeros([[0.5]], [[1.0]], [[1.0]], [[0.5]])
@@ -33,7 +33,7 @@ def invariant_zeros(A, B, C, D) -> Zeros:
     return Zeros(np.sort_complex(np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(complex)), len(D))
 
 
-def _scaled(A, B, C, D):
+def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray):
     """The same zeros in balanced units of states, inputs and outputs."""
     from scipy.linalg import matrix_balance
 
@@ -47,7 +47,7 @@ def _scaled(A, B, C, D):
     return A, B / np.where(columns > 0, columns, 1.0), C, D / np.where(columns > 0, columns, 1.0)
 
 
-def _without_silent_states(A, B, C, D, tolerance):
+def _without_silent_states(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, tolerance: float):
     """The system with the same zeros of which D has full row rank: states that the outputs fix are made outputs."""
     while True:
         U, s, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from ..annotations import Array
 from ..errors import EstimableError, InputError
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
@@ -36,7 +37,7 @@ class Edge(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _usage(error: Any) -> str:
+def _usage(error: Array) -> str:
     """What was wrong with the options, and where to read about them."""
     message = " ".join(error.format_message().split())
     message += "" if message.endswith((".", "?")) else "."

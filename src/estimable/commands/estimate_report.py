@@ -5,6 +5,7 @@ from typing import Any
 
 from .. import checks
 from ..figures.bands import bands
+from ..results import Estimate
 from . import innovation_checks, run_filter
 from .gain_text import header
 from .numbers import counted, decimals
@@ -13,7 +14,7 @@ from .run_filter import Run
 KINDS = (("mean", "state"), ("gain", "gain"), ("unknown_input", "unknown_input"))
 
 
-def last_estimates(result: Any) -> dict[str, dict[str, tuple[float, float]]]:
+def last_estimates(result: Estimate) -> dict[str, dict[str, tuple[float, float]]]:
     """{"state": {name: (mean, sigma)}, "gain": {...}, "unknown_input": {...}} of the last row that tells of it.
 
     Sigma is infinite where nothing is known.
@@ -26,7 +27,7 @@ def last_estimates(result: Any) -> dict[str, dict[str, tuple[float, float]]]:
     return last
 
 
-def _delay(result: Any) -> int:
+def _delay(result: Estimate) -> int:
     """How many rows before the last the last unknown input is."""
     rows = 0 if result.unknown_input is None else len(result.unknown_input)
     return result.names.input_delay if rows > max(result.names.input_delay, 1) else 0

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..filters.unknown_gain import UnknownGain
+from ..protocols import Algorithm
+from ..results import Estimate
 from ..tables import standard_deviation
 from .numbers import decimals
 
@@ -79,7 +81,7 @@ def _verb(before: float, after: float) -> str:
     return "changed" if (before < 0) != (after < 0) else "fell" if abs(after) < abs(before) else "rose"
 
 
-def gain_summary(result: Any) -> GainSummary:
+def gain_summary(result: Estimate) -> GainSummary:
     """The gains over 2 s before the first change that was found, and over the last 2 s of a record, or since the last change
     was seen.
 
@@ -100,7 +102,7 @@ def gain_summary(result: Any) -> GainSummary:
     )  # fmt: skip
 
 
-def changes_of(result: Any) -> tuple[Any, ...]:
+def changes_of(result: Estimate) -> tuple[Any, ...]:
     """The changes that a detector found; none where none was looked for."""
     from .. import diagnostics
 
@@ -118,7 +120,7 @@ def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, firs
     return GainWindow(float(start), float(end), mean, sigma[last])
 
 
-def is_effectiveness(algorithm: Any) -> bool:
+def is_effectiveness(algorithm: Algorithm[Any]) -> bool:
     """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
     algorithm = algorithm.innermost
     scaled = isinstance(algorithm, UnknownGain) and isinstance(algorithm.directions, str)

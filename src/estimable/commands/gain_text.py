@@ -157,7 +157,7 @@ def _plots(run: Run, summary: GainSummary, width: int, unicode: bool) -> list[An
     return lines
 
 
-def _coloured(line: Any) -> Any:
+def _coloured(line: str) -> Any:
     line.highlight_regex("[░:]+", "blue")
     line.highlight_regex("[\u2800-\u28ff*]+", "bold bright_cyan")
     return line

@@ -9,6 +9,7 @@ import numpy as np
 from ..data.record import Record
 from ..identification.compare import Comparison, Ranked
 from ..models.state_space import StateSpace
+from ..protocols import Method
 from ..results.order_selection import OrderSelection
 from .destination import check_destination
 
@@ -113,7 +114,7 @@ def _script(found: Comparison, record: Record, source: Path) -> str:
     )
 
 
-def _call(method: Any) -> str:
+def _call(method: Method) -> str:
     fields = type(method).__dataclass_fields__
     given = {name: getattr(method, name) for name in fields if name != "_"}
     shown = ", ".join(f"{name}={value!r}" for name, value in given.items() if isinstance(value, bool | int | str))

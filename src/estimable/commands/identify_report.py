@@ -11,6 +11,7 @@ from .. import checks
 from ..data.record import Record
 from ..errors import InputError
 from ..models.state_space import StateSpace
+from ..protocols import Method
 from ..results import Fit
 from .identify_files import Asked, Written, write_model_file, write_page
 from .numbers import counted, decimals
@@ -78,7 +79,7 @@ def _made(entry: Any, given: dict[str, Any]) -> Any:
         checks.refuse(f"{entry.name} has the settings {checks.listed(fields)}. Got {checks.listed(given)}.")
 
 
-def _write(asked: Asked, record: Record, method: Any, fit: Fit, level: str) -> Written:
+def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> Written:
     """The model of the fit, and the page of the same method fitted to the first part; less where that cannot be."""
     from ..identification.compare import absolute, compare, divided
 
@@ -97,7 +98,7 @@ def _write(asked: Asked, record: Record, method: Any, fit: Fit, level: str) -> W
     return Written(asked.files.model, asked.files.report)
 
 
-def name_of(method: Any) -> str:
+def name_of(method: Method) -> str:
     """Its name on the command line."""
     from .. import catalogue
 

@@ -2,14 +2,16 @@
 
 from typing import Any
 
+from ..data.record import Record
 from ..diagnostics.consistency import Consistency, nis
 from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
+from ..results import Estimate
 
 NOTHING = "no innovation to judge by: no output was seen with noise"
 
 
-def innovation_check(result: Any) -> Consistency | None:
+def innovation_check(result: Estimate) -> Consistency | None:
     """The normalised innovations squared of a result; None where there is nothing to judge by."""
     if result.innovation is None or result.innovation_covariance is None:
         return None
@@ -40,7 +42,7 @@ def sentence(check: Consistency | None) -> str:
     return f"Innovation check (NIS): {NOTHING if check is None else check.sentence}."
 
 
-def faults(result: Any, record: Any) -> tuple[str, ...]:
+def faults(result: Estimate, record: Record) -> tuple[str, ...]:
     """What else the innovations say against the model: that they are not white, or that an input is left in them."""
     try:
         found = check_innovations(result, record)

@@ -9,10 +9,11 @@ import numpy as np
 from ..data.record import Record
 from ..frozen import replace
 from ..models.prior import Prior
+from ..protocols import Algorithm
 from ..results import Estimate
 
 
-def estimate_between_changes(algorithm: Any, record: Record, prior: Prior, onsets: list[int]) -> Estimate:
+def estimate_between_changes(algorithm: Algorithm[Any], record: Record, prior: Prior, onsets: list[int]) -> Estimate:
     """The algorithm run anew from each onset, from what was then believed of the state and the gain's own prior.
 
     A jump that was found must not count against the model; one that was not found does. A model that varies in time cannot
@@ -43,7 +44,7 @@ def _with_next_row_unseen(record: Record, start: int, stop: int) -> tuple[Record
     return (part, True) if last else (replace(part, y=np.concatenate([part.y[:-1], np.nan * part.y[-1:]])), False)
 
 
-def _columns(diffuse: Any) -> Any:
+def _columns(diffuse: np.ndarray) -> Any:
     """Columns that span what nothing is known of at the last row; None where all is known."""
     if diffuse is None:
         return None

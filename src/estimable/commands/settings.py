@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .. import catalogue, checks
+from ..protocols import Algorithm
 
 WORD = re.compile(r"[A-Za-z_][\w.-]*")
 
@@ -34,7 +35,7 @@ def read_settings(given: Iterable[str]) -> dict[str, Any]:
     return settings
 
 
-def settings_in_force(algorithm: Any) -> dict[str, Any]:
+def settings_in_force(algorithm: Algorithm[Any]) -> dict[str, Any]:
     """What --set can change of an algorithm and of those it wraps, as it is: of two of a name, the outer one acts.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)

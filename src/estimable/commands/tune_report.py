@@ -222,5 +222,5 @@ def _gains(found: RhoSynthesis) -> list[str]:
     return rows + [f"filter {name}: {_row(row)}" for name, row in zip(found.model.states, found.filter, strict=True)]
 
 
-def _row(values: Any) -> str:
+def _row(values: np.ndarray) -> str:
     return "  ".join(f"{value:.4g}" for value in values)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..analysis.gain_information import gain_information
-from ..annotations import Array
+from ..annotations import Array, Numbers
 from ..frozen import frozen, set_field, static
 from ..models.state_space import StateSpace
 from ..protocols import SharedController
@@ -68,8 +68,8 @@ class Dither(SharedController[Any]):
 
     @staticmethod
     def sized(
-        controller: Any, model: StateSpace, *, sigma: float, seconds: float, period: int, dt: float, directions: Any = None,
-        each: Any = None,
+        controller: SharedController[Any], model: StateSpace, *, sigma: float, seconds: float, period: int, dt: float, directions: Numbers | str | None = None,
+        each: Numbers | None = None,
     ) -> "Dither":  # fmt: skip
         """The dither that brings every gain to `sigma` within `seconds`, in level flight and from knowing nothing of it.
 

@@ -119,7 +119,7 @@ class GainReconfiguration(Controller[Any]):
         state, u, said = self.controller.act(state, estimate, reference, self._share(1 / inverse, K))
         return (state, inverse), u, {**said, "effect": 1 / inverse}
 
-    def _share(self, effect, K) -> Any:
+    def _share(self, effect: Array, K: Array) -> Any:
         """What the law divides by, or multiplies with where the inputs stand in for one another."""
         if self.allocation is None:
             return effect

@@ -107,13 +107,13 @@ def check_inner(controller: Any, around: str, faults: checks.Faults) -> None:
         )
 
 
-def demand(law: Any, estimate: Info, reference) -> Any:
+def demand(law: Any, estimate: Info, reference: Array) -> Any:
     """N r - F x^: what is asked of the plant."""
     wanted = apply(jnp.asarray(law.reference_gain), jnp.asarray(reference)) if law.references else 0.0
     return wanted - apply(jnp.asarray(law.feedback), jnp.asarray(estimate.mean))
 
 
-def shared(wanted, effect) -> Any:
+def shared(wanted: Array, effect: Array | float) -> Any:
     """What is asked of the plant, divided by `effect`, one number or (m,); or times it, where it is a matrix (m, m)."""
     return apply(effect, wanted) if jnp.ndim(effect) == 2 else wanted / effect
 

@@ -158,7 +158,7 @@ class Tracking(Controller[Remembered]):
         command, offset, said = solve(state.offset, a, b, outputs, u[:, : self.nb], r, most, estimate)
         return replace(state, offset=offset, largest=largest), command, said
 
-    def _fed_back(self, state: Remembered, estimate: Info, a):
+    def _fed_back(self, state: Remembered, estimate: Info, a: Array):
         """What is remembered after the last sample, and the past outputs (p, na) that count."""
         modelled = jnp.asarray(estimate.extra["past_outputs"])
         if self.feedback == "model" or self.na == 0:
@@ -169,13 +169,13 @@ class Tracking(Controller[Remembered]):
             return replace(state, measured=measured), measured
         calm = jax.vmap(stabilise)(a)
 
-        def one(ε, P, a, e, seen):
+        def one(ε: Array, P: Array, a: Array, e: Array, seen: Array):
             return kernel.deviate(ε, P, a, e, seen, self.noise_ratio)
 
         ε, P = jax.vmap(one)(state.deviation, state.covariance, calm, y - modelled[:, 0], seen)
         return replace(state, deviation=ε, covariance=P), modelled + ε
 
-    def _one(self, δ, a, b, outputs, u, r, most, estimate: Info):
+    def _one(self, δ: Array, a: Array, b: Array, outputs: Array, u: Array, r: Array, most: Array, estimate: Info):
         """One input and one output."""
         a, b, δ = a[0], b[0, 0], δ[0]
         P = jnp.asarray(estimate.covariance)[self.na :, self.na :]
@@ -193,7 +193,7 @@ class Tracking(Controller[Remembered]):
         said = {"divisor": D[None], "minimum_phase": numerator.minimum_phase[None]}
         return command[None], δ[None], said
 
-    def _several(self, δ, a, b, outputs, u, r, most, estimate: Info):
+    def _several(self, δ: Array, a: Array, b: Array, outputs: Array, u: Array, r: Array, most: Array, estimate: Info):
         """As many inputs as outputs: b0 is a matrix."""
         moved = jnp.sum(b[:, :, 1:] * u[None], axis=(1, 2)) - jnp.sum(a * outputs, axis=1)
         wanted = jnp.clip(r - moved, -most, most)

@@ -1,16 +1,27 @@
 """Named columns of a table as channels."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from .na_values import without_na
 
 REMEDY = "sort the rows, and drop repeated ones"
 
 
-def channels_of(frame, *, outputs, inputs, time, dt, arrived, na_values) -> dict[str, Any]:
+def channels_of(
+    frame,
+    *,
+    outputs: Sequence[str],
+    inputs: Sequence[str],
+    time: str | None,
+    dt: float | None,
+    arrived: str | Sequence[str] | None,
+    na_values: Numbers,
+) -> dict[str, Any]:
     """The arguments `y`, `u`, `t`, `arrived`, `outputs` and `inputs` of a `Record` of named columns.
 
     Raises `InputError` with every column that is not there, or holds what is not a number.
@@ -36,7 +47,7 @@ def channels_of(frame, *, outputs, inputs, time, dt, arrived, na_values) -> dict
     columns |= {name: without_na(np.asarray(columns[name]), name, marks, faults) for name in (*outputs, *inputs)}
     faults.finish()
 
-    def together(names):
+    def together(names: Sequence[str]):
         return np.stack([np.asarray(columns[name]) for name in names], axis=1) if names else np.zeros((len(frame), 0))
 
     repeated = arrivals * len(inputs) if len(arrivals) == 1 else arrivals
@@ -89,7 +100,9 @@ def _as_numbers(column, label: str, wanted: str, faults: checks.Faults) -> np.nd
     return numbers
 
 
-def _time(frame, time: Any, dt: Any, outputs: tuple[str, ...], faults: checks.Faults) -> np.ndarray | None:
+def _time(
+    frame, time: str | None, dt: float | None, outputs: tuple[str, ...], faults: checks.Faults
+) -> np.ndarray | None:
     """Seconds from a column, or from the index; None where `dt` counts, or something is at fault."""
     import pandas as pd
 

@@ -1,7 +1,5 @@
 """Numbers that a recorder writes where it measured nothing."""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
@@ -10,7 +8,7 @@ MARKS = (-999.0, -9999.0, -99999.0, -32768.0, 9999.0, 99999.0, 1e20, 1e30)  # th
 FAR = 10.0  # a mark lies beyond so many times the largest other number
 
 
-def without_na(column: np.ndarray, name: str, na_values: Any, faults: checks.Faults) -> np.ndarray:
+def without_na(column: np.ndarray, name: str, na_values: np.ndarray | None, faults: checks.Faults) -> np.ndarray:
     """The column with NaN in the place of `na_values`; where those are None, a usual mark among them is a fault."""
     if na_values is not None:
         return np.where(np.isin(column, na_values), np.nan, column)

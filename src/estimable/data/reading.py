@@ -2,7 +2,7 @@
 
 import csv
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from .record import Record
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
@@ -27,8 +28,8 @@ def read_record(
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
-    units: Any = (),
-    na_values: Any = None,
+    units: Mapping[str, str] | Sequence[tuple[str, str]] = (),
+    na_values: Numbers | None = None,
 ) -> Record:
     """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
 
@@ -189,6 +190,6 @@ def _kind(value: Any) -> str:
     return words.get(value.dtype.kind, " × ".join(map(str, value.shape)))
 
 
-def column_names(path: Any) -> list[str]:
+def column_names(path: str | Path) -> list[str]:
     """The names of the columns of a file. Raises `InputError` where it is not there or not readable."""
     return [str(name) for name in _read_frame(checks.existing_file(path), []).columns]

@@ -1,12 +1,13 @@
 """What was measured, when, and what of the inputs arrived."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
 from typing import Any
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
@@ -72,8 +73,8 @@ class Record:
 
     @staticmethod
     def from_pandas(
-        frame, *, outputs, inputs=(), time=None, dt=None, arrived=None, lost="zero", hold="zero_order", units=(),
-        na_values=None,
+        frame, *, outputs: Sequence[str], inputs: Sequence[str]=(), time: str | None=None, dt: float | None=None, arrived: str | Sequence[str] | None=None, lost: str="zero", hold: str="zero_order", units=(),
+        na_values: Numbers | None=None,
     ) -> "Record":  # fmt: skip
         """A record of named columns of a DataFrame.
 
@@ -188,7 +189,7 @@ def _read_units(units: Any, channels: tuple[str, ...], faults: checks.Faults) ->
     return tuple(sorted(pairs))
 
 
-def _read_arrived(arrived: Any, hold: str, faults: checks.Faults) -> np.ndarray | None:
+def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndarray | None:
     if faults.sizes.get("m") == 0:
         faults.add("`arrived` says which inputs were applied, but the record has no input: give `u`.")
         return None
@@ -200,7 +201,9 @@ def _read_arrived(arrived: Any, hold: str, faults: checks.Faults) -> np.ndarray 
     return read
 
 
-def _read_time(dt: Any, t: Any, rows: int, faults: checks.Faults) -> tuple[float | None, np.ndarray | None]:
+def _read_time(
+    dt: float | None, t: Numbers, rows: int, faults: checks.Faults
+) -> tuple[float | None, np.ndarray | None]:
     """The regular step (None if there is none) and the times (None if the record has none)."""
     if dt is not None:
         dt = faults.number("dt", dt, above=0.0, unit="seconds")

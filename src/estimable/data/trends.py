@@ -1,6 +1,7 @@
 """Levels and straight drifts of the signals of a record: found by least squares, taken away in the open."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class Trend(NamedTuple):
     outputs: np.ndarray
 
     @staticmethod
-    def of(records: Any, degree: int = 0) -> "Trend":
+    def of(records: Sequence[Record], degree: int = 0) -> "Trend":
         """The levels (degree 0) or straight lines (degree 1) of records, over what is known, by least squares.
 
         Of several records it is the one they have in common. Inputs are those that were applied.

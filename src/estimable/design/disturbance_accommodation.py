@@ -3,12 +3,14 @@
 Letters of the source: d = H z enters by F, Γ cancels it; Π is the state that goes with z in the end.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..analysis.observability import observability, reachability
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..frozen import frozen, static
 from ..models.constant import check_constant, check_noise
@@ -46,7 +48,7 @@ class DisturbanceAccommodation:
         """The number of states of the waveform."""
         return self.steady.shape[1]
 
-    def prior(self, of_state: Prior, covariance: Any = None) -> Prior:
+    def prior(self, of_state: Prior, covariance: Numbers | None = None) -> Prior:
         """The prior of the composite: that of the state, and z zero on average with this `covariance` (q, q), or one variance.
 
         None: nothing is known of z (diffuse).
@@ -85,8 +87,8 @@ class _Plan(NamedTuple):
 
 
 def disturbance_accommodation(
-    model: StateSpace, disturbance: Waveform, *, through: Any, L: Any, M: Any, mode: str = "absorption", walk: Any = 1.0,
-    freed: Any = None,
+    model: StateSpace, disturbance: Waveform, *, through: Numbers, L: Numbers, M: Numbers, mode: str = "absorption", walk: Numbers = 1.0,
+    freed: Sequence[str] | str | None = None,
 ) -> DisturbanceAccommodation:  # fmt: skip
     """Estimate a disturbance of known form beside the state, and cancel it, free the outputs of it, or use it.
 
@@ -131,7 +133,9 @@ def disturbance_accommodation(
     )
 
 
-def _read(model: Any, disturbance: Any, through: Any, mode: Any, walk: Any, freed: Any) -> _Plan:
+def _read(
+    model: StateSpace, disturbance: Any, through: Numbers, mode: str, walk: Numbers, freed: Sequence[str] | str
+) -> _Plan:
     faults = checks.Faults()
     if faults.instance("model", model, StateSpace):
         check_constant(model, faults)
@@ -155,7 +159,7 @@ def _read(model: Any, disturbance: Any, through: Any, mode: Any, walk: Any, free
     return _Plan(F @ disturbance.H, *_sampled(disturbance.D, model.dt), C, _composite(model, disturbance, F, W))
 
 
-def _read_walk(walk: Any, disturbance: Waveform, faults: checks.Faults) -> Any:
+def _read_walk(walk: Numbers, disturbance: Waveform, faults: checks.Faults) -> Any:
     """The covariance per second of z, (q, q)."""
     given = np.asarray(walk) if np.ndim(walk) < 2 else walk
     if np.ndim(walk) < 2 and given.dtype.kind in "fiu" and np.shape(walk) in ((), (disturbance.order,)):
@@ -163,7 +167,7 @@ def _read_walk(walk: Any, disturbance: Waveform, faults: checks.Faults) -> Any:
     return faults.covariance("walk", given, "q q")
 
 
-def _read_freed(freed: Any, model: StateSpace, faults: checks.Faults) -> Any:
+def _read_freed(freed: Sequence[str] | str, model: StateSpace, faults: checks.Faults) -> Any:
     """The combinations of states that are to be freed, (r, n)."""
     if freed is None:
         return model.C
@@ -176,12 +180,12 @@ def _read_freed(freed: Any, model: StateSpace, faults: checks.Faults) -> Any:
     return faults.array("freed", freed, "r n")
 
 
-def _sampled(D: Any, dt: float) -> tuple[Any]:
+def _sampled(D: np.ndarray, dt: float) -> tuple[Any]:
     """How z moves: its rate, or its step."""
     return (D,) if dt == 0 else (over(D, np.zeros((len(D), 0)), np.zeros_like(D), dt, hold="zero_order")[0],)
 
 
-def _composite(model: StateSpace, disturbance: Waveform, F: Any, W: Any) -> StateSpace:
+def _composite(model: StateSpace, disturbance: Waveform, F: np.ndarray, W: np.ndarray) -> StateSpace:
     """Plant and waveform as one model."""
     n, q, (D,) = model.n, disturbance.order, _sampled(disturbance.D, model.dt)
     if not model.is_continuous:
@@ -237,7 +241,7 @@ def _absorbing(model: StateSpace, plan: _Plan) -> Any:
     return K_z
 
 
-def _steady(A: Any, plan: _Plan, E: Any) -> Any:
+def _steady(A: np.ndarray, plan: _Plan, E: np.ndarray) -> Any:
     """Π of Π D = A Π + E: the state x = Π z that goes with a z that enters by E."""
     n, q = E.shape
     T = np.kron(plan.D.T, np.eye(n)) - np.kron(np.eye(q), A)
@@ -247,7 +251,7 @@ def _steady(A: Any, plan: _Plan, E: Any) -> Any:
     return np.linalg.solve(T, E.T.ravel()).reshape(q, n).T
 
 
-def _freeing(model: StateSpace, plan: _Plan, A: Any) -> Any:
+def _freeing(model: StateSpace, plan: _Plan, A: np.ndarray) -> Any:
     """K_z with the least ||C Π||, which is linear in it, and of several the smallest."""
     q, m = plan.FH.shape[1], model.m
     alone = (plan.C @ _steady(A, plan, plan.FH)).T.ravel()
@@ -259,7 +263,7 @@ def _freeing(model: StateSpace, plan: _Plan, A: Any) -> Any:
     return np.linalg.lstsq(np.array(effects).T, alone, rcond=1e-12)[0].reshape(q, m).T
 
 
-def _using(model: StateSpace, plan: _Plan, law: FeedbackGain, A: Any, M: Any) -> Any:
+def _using(model: StateSpace, plan: _Plan, law: FeedbackGain, A: np.ndarray, M: np.ndarray) -> Any:
     """K_z of the cost's cross term x' P_xz z: A'P_xz + P_xz D + P_xx F H = 0, discrete P_xz = A'(P_xx F H + P_xz D)."""
     continuous, P = model.is_continuous, law.cost
     _check_forgotten(A, plan.D, continuous)
@@ -272,7 +276,7 @@ def _using(model: StateSpace, plan: _Plan, law: FeedbackGain, A: Any, M: Any) ->
     return np.linalg.solve(M + model.B.T @ P @ model.B, model.B.T @ (P @ plan.FH + P_xz @ plan.D))
 
 
-def _check_forgotten(A: Any, D: Any, continuous: bool) -> None:
+def _check_forgotten(A: np.ndarray, D: np.ndarray, continuous: bool) -> None:
     slowest, fastest = np.linalg.eigvals(A), np.linalg.eigvals(D)
     if continuous:
         grows = float(slowest.real.max() + fastest.real.max())

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..models.state_space import StateSpace
 
@@ -75,7 +76,9 @@ class DesignFamily:
         return self.Q0 + p * self.Q01 + p**2 * self.Q1, self.S0 + p * self.S1, self.R
 
     @staticmethod
-    def factored(M0: Any, M1: Any, D: Any, *, weight: Any = None, dt: float | None = None) -> "DesignFamily":
+    def factored(
+        M0: np.ndarray, M1: np.ndarray, D: np.ndarray, *, weight: Numbers | None = None, dt: float | None = None
+    ) -> "DesignFamily":
         """The family of the cost ||(M0 + p M1) x + D u||²_W, positive semidefinite at every η. `weight` W (default I).
 
         M0, M1 (k, n), D (k, m), W (k, k).
@@ -96,7 +99,7 @@ class DesignFamily:
         )  # fmt: skip
 
     @staticmethod
-    def approach(model: StateSpace, *, weight: Any = None) -> "DesignFamily":
+    def approach(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
         """The feedback that makes x move as nearly as it can like dx/dt = -η x: cost ||dx/dt + η x||²_W.
 
         Discrete: ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n), symmetric positive semidefinite (default I: it depends
@@ -105,7 +108,7 @@ class DesignFamily:
         return _approaching(model, model.A, model.B, weight)
 
     @staticmethod
-    def approach_of_error(model: StateSpace, *, weight: Any = None) -> "DesignFamily":
+    def approach_of_error(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
         """The same for a filter, by duality: the error of the estimate decays as nearly as it can like exp(-η t).
 
         `weight` (n, n); C weight C' (discrete: C A weight A' C') must not be singular: no two
@@ -116,12 +119,12 @@ class DesignFamily:
         return replace(_approaching(model, model.A.T, (model.C @ model.A).T, weight), next_output=True)
 
 
-def _approaching(model: StateSpace, A: Any, B: Any, weight: Any) -> DesignFamily:
+def _approaching(model: StateSpace, A: np.ndarray, B: np.ndarray, weight: Numbers) -> DesignFamily:
     dt = None if model.is_continuous else model.dt
     return DesignFamily.factored(A, np.eye(len(A)), B, weight=weight, dt=dt)
 
 
-def _even(M: Any) -> Any:
+def _even(M: np.ndarray) -> Any:
     return (M + M.T) / 2
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..frozen import frozen
 from ..kernels.joseph import stationary
@@ -75,7 +76,7 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
     return KalmanGain(filter_gain, K.T, (P_filtered + P_filtered.T) / 2, P, S, _poles(F, continuous=False))
 
 
-def _poles(F: Any, *, continuous: bool) -> Any:
+def _poles(F: np.ndarray, *, continuous: bool) -> Any:
     """The eigenvalues of a loop, none of them on the limit of stability."""
     z = np.linalg.eigvals(F)
     if np.max(z.real / (np.abs(z).max() or 1.0) if continuous else np.abs(z) - 1) > -LIMIT:
@@ -83,7 +84,7 @@ def _poles(F: Any, *, continuous: bool) -> Any:
     return z
 
 
-def filter_covariance(model: StateSpace, filter: Any) -> Any:
+def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
     """The covariance (n, n) to which the error of a filter with a given gain settles, after each sample.
 
     `model`: discrete and constant, with Q and R; `filter` (n, p): x[k|k] = x[k|k-1] + filter e. P = Ψ P Ψ' + (I - K C) G Q G'
@@ -111,7 +112,7 @@ def filter_covariance(model: StateSpace, filter: Any) -> Any:
     return stationary(model.A, model.C, K, model.G @ model.Q @ model.G.T, model.R, GS)
 
 
-def lqr_gain(model: StateSpace, L: Any, M: Any, N: Any = None) -> FeedbackGain:
+def lqr_gain(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None = None) -> FeedbackGain:
     """The feedback that minimises Σ x'L x + u'M u + 2 x'N u of a constant model (continuous: the integral).
 
     L (n, n) weighs the state and M (m, m) the input, both symmetric; N (n, m) couples them (default zero).
@@ -138,7 +139,7 @@ def lqr_gain(model: StateSpace, L: Any, M: Any, N: Any = None) -> FeedbackGain:
     return FeedbackGain(K, X, _poles(F, continuous=model.is_continuous))
 
 
-def _weights(model: StateSpace, L, M, N, faults: checks.Faults):
+def _weights(model: StateSpace, L: Numbers, M: Numbers, N: Numbers, faults: checks.Faults):
     """L, M and N, checked alone and together; None where at fault."""
     for axis in ("n", "m"):
         size = getattr(model, axis)

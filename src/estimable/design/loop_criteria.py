@@ -4,6 +4,7 @@ Letters: A (b, 2n, 2n) the loops in (x, x - x^), in the units of the scaling; W,
 Reference: R. W. Bass (2005), criteria [1]-[6]; discrete time in its own formulas.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ ROOM = 4_000_000  # numbers, of the powers of all loops that are followed togeth
 RESONANCE = 1e-6  # relative, to which a peak is searched
 
 
-def bandwidths(A: Any, dt: float) -> Any:
+def bandwidths(A: np.ndarray, dt: float) -> Any:
     """sqrt(σ_min σ_max) of each loop, of log(A) / dt in discrete time: infinite where a pole has no logarithm."""
     if dt == 0:
         return kernel.bandwidth(A)
@@ -34,7 +35,9 @@ def bandwidths(A: Any, dt: float) -> Any:
     return found
 
 
-def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[dict[str, Any], str]:
+def evaluate(
+    model: StateSpace, gains: Sequence[tuple[np.ndarray, np.ndarray]], loops: np.ndarray, scaling: np.ndarray
+) -> tuple[dict[str, Any], str]:
     """Every criterion of every loop, and of which noise `dispersion` and `control` are."""
     continuous, both = model.is_continuous, np.tile(scaling, 2)
     A = loops * (both / both[:, None])
@@ -52,7 +55,7 @@ def evaluate(model: StateSpace, gains: Any, loops: Any, scaling: Any) -> tuple[d
     return dict(zip(CRITERIA, found, strict=True)), noise
 
 
-def _over_time(A: Any, continuous: bool) -> tuple[Any, ...]:
+def _over_time(A: np.ndarray, continuous: bool) -> tuple[Any, ...]:
     """Settling, ρ, the integral of the norm and those of the rows' norms, of so many loops at a time as the memory likes."""
     size = max(1, ROOM // (kernel.LEVELS * A.shape[1] ** 2))
     parts = []
@@ -63,7 +66,9 @@ def _over_time(A: Any, continuous: bool) -> tuple[Any, ...]:
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
-def _stochastic(model: StateSpace, gains: Any, loops: Any, both: Any) -> tuple[Any, Any, str]:
+def _stochastic(
+    model: StateSpace, gains: Sequence[tuple[np.ndarray, np.ndarray]], loops: np.ndarray, both: np.ndarray
+) -> tuple[Any, Any, str]:
     """rms of the state in units of the scaling, and of the input."""
     own = model.R is not None and np.any(model.Q)
     values = []
@@ -76,7 +81,7 @@ def _stochastic(model: StateSpace, gains: Any, loops: Any, both: Any) -> tuple[A
     return dispersion, control, "the model's" if own else "unit white"
 
 
-def _noise(model: StateSpace, gain: Any) -> Any:
+def _noise(model: StateSpace, gain: np.ndarray) -> Any:
     """The covariance (per step or second) that process and measurement noise give (x, x - x^)."""
     n, G = model.n, model.G
     left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ model.C

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..analysis.observability import observability, reachability
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..models.constant import check_constant
 from ..models.state_space import StateSpace
@@ -31,7 +32,7 @@ class Plan(NamedTuple):
     scaling: Any
 
 
-def read_plan(model: Any, eta: Any, control: Any, filter: Any, weights: Any, scaling: Any) -> Plan:
+def read_plan(model: StateSpace, eta: Numbers, control: Any, filter: Any, weights: Any, scaling: Numbers) -> Plan:
     """Check everything together."""
     faults = checks.Faults()
     _read_model(model, faults)
@@ -54,7 +55,7 @@ def read_plan(model: Any, eta: Any, control: Any, filter: Any, weights: Any, sca
     return Plan(eta, control, filter, weights, scaling)
 
 
-def _read_model(model: Any, faults: checks.Faults) -> None:
+def _read_model(model: StateSpace, faults: checks.Faults) -> None:
     """A constant model with inputs; without one nothing else can be judged."""
     if faults.instance("model", model, StateSpace):
         check_constant(model, faults)
@@ -67,7 +68,9 @@ def _read_model(model: Any, faults: checks.Faults) -> None:
         faults.learn(axis, size, f"the model has {checks.counted(size, noun)}")
 
 
-def _read_part(name: str, given: Any, default: Any, sizes: tuple[int, int], axes: str, model, faults) -> Any:
+def _read_part(
+    name: str, given: Any, default: Any, sizes: tuple[int, int], axes: str, model: StateSpace, faults: checks.Faults
+) -> Any:
     """A family of the right sizes, or a fixed gain."""
     if given is None:
         return default(model)
@@ -107,7 +110,7 @@ def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
     return read
 
 
-def _check_families(eta, control, filter, model: StateSpace, faults: checks.Faults) -> None:
+def _check_families(eta: Numbers, control, filter, model: StateSpace, faults: checks.Faults) -> None:
     """Weights must be positive semidefinite together, and what costs nothing must not be free for ever."""
     for name, family in (("control", control), ("filter", filter)):
         if not isinstance(family, DesignFamily):

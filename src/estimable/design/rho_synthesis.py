@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..analysis.rho import RhoMargin, rho_margin
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..frozen import frozen, static
 from ..kernels.riccati import care, dare
@@ -91,8 +92,8 @@ class RhoSynthesis:
 
 
 def rho_synthesis(
-    model: StateSpace, *, eta: Any = None, control: Any = None, filter: Any = None,
-    weights: Mapping[str, float] | None = None, scaling: Any = None,
+    model: StateSpace, *, eta: Numbers | None = None, control: DesignFamily | Numbers | None = None, filter: DesignFamily | Numbers | str | None = None,
+    weights: Mapping[str, float] | None = None, scaling: Numbers | None = None,
 ) -> RhoSynthesis:  # fmt: skip
     """Go through one-parameter families of feedback and filter gains, and choose by robustness or by a weighted composite.
 
@@ -166,14 +167,14 @@ def _filter(model: StateSpace, family: DesignFamily, η: float) -> Any:
     return dare(model.A.T, (model.C @ model.A).T, Q, R, S).K.T
 
 
-def _loop(model: StateSpace, K: Any, gain: Any) -> Any:
+def _loop(model: StateSpace, K: np.ndarray, gain: np.ndarray) -> Any:
     """The motion of (x, x - x^)."""
     A, B, C, n = model.A, model.B, model.C, model.n
     error = A - gain @ C if model.is_continuous else A - gain @ C @ A
     return np.block([[A - B @ K, B @ K], [np.zeros((n, n)), error]])
 
 
-def _check_stable(model: StateSpace, eta: Any, loops: Any) -> None:
+def _check_stable(model: StateSpace, eta: np.ndarray, loops: np.ndarray) -> None:
     z = np.linalg.eigvals(loops)
     size = z.real.max(axis=1) if model.is_continuous else np.abs(z).max(axis=1)
     at, limit = int(np.argmax(size)), 0.0 if model.is_continuous else 1.0
@@ -184,7 +185,7 @@ def _check_stable(model: StateSpace, eta: Any, loops: Any) -> None:
         )
 
 
-def _relative(scaling: Any) -> Any:
+def _relative(scaling: np.ndarray) -> Any:
     """What A is multiplied by, entry by entry, in the units of `scaling`."""
     both = np.tile(scaling, 2)
     return both / both[:, None]
@@ -196,11 +197,11 @@ def _composite(criteria: dict[str, Any], weights: dict[str, float]) -> Any:
     return np.exp(sum(logs) / sum(weights.values()))
 
 
-def _times_worse(name: str, values: Any) -> Any:
+def _times_worse(name: str, values: np.ndarray) -> Any:
     """How many times worse than its best a criterion is: 1 at its optimum."""
     best = values[_best(name, values)]
     return best / values if BEST[name] == "largest" else values / best
 
 
-def _best(name: str, values: Any) -> int:
+def _best(name: str, values: np.ndarray) -> int:
     return int((np.nanargmax if BEST[name] == "largest" else np.nanargmin)(values))

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, static
 from ..kernels import tracker_error as kernel
 from ..models.state_space import StateSpace
@@ -58,7 +59,7 @@ def alpha_beta_gains(choice: str, *, index: float | None = None, alpha: float | 
     return _gains(choice, *_numbers(choice, CHOICES, needs, index, alpha))
 
 
-def _gains(choice: str, Λ: Any, α: Any) -> tuple[float, float]:
+def _gains(choice: str, Λ: np.ndarray, α: float) -> tuple[float, float]:
     """(α, β) of a choice whose number is in range."""
     if choice == "least_worst":
         s = np.sqrt((3 - np.sqrt(3)) / 2)
@@ -93,7 +94,9 @@ def alpha_beta_gamma_gains(
     return kernel.fading(float(np.cbrt(1 - α)))
 
 
-def _numbers(choice: str, choices: tuple[str, ...], needs: dict[str, str], index: Any, alpha: Any) -> tuple[Any, Any]:
+def _numbers(
+    choice: str, choices: tuple[str, ...], needs: dict[str, str], index: Numbers, alpha: Numbers
+) -> tuple[Any, Any]:
     """`index` and `alpha`, the one that the choice needs and no other, in range."""
     faults = checks.Faults()
     faults.choice("choice", choice, choices)

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..analysis.rho import RhoMargin, rho_margin
+from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..frozen import frozen, replace, static
 from ..kernels import minimax_gain as kernel
@@ -52,7 +53,7 @@ class TransKalman:
         """The same as a part of what that filter costs, (V,)."""
         return self.regret / self.optimal
 
-    def margin(self, scaling: Any = None) -> RhoMargin:
+    def margin(self, scaling: Numbers | None = None) -> RhoMargin:
         """How much unmodelled coupling the error bears; `scaling` as in `rho_margin`."""
         A, C = self.model.A, self.model.C
         return rho_margin(A - self.filter @ C @ A, dt=self.model.dt, scaling=scaling)
@@ -75,7 +76,12 @@ class TransKalman:
 
 
 def trans_kalman(
-    model: StateSpace, *, noises: Any = None, criterion: str = "relative_regret", weight: Any = None, free: Any = None
+    model: StateSpace,
+    *,
+    noises: Any = None,
+    criterion: str = "relative_regret",
+    weight: Numbers | None = None,
+    free: Numbers | None = None,
 ) -> TransKalman:
     """The constant gain whose worst case over a set of noises is least, with what proves it.
 
@@ -122,7 +128,9 @@ def trans_kalman(
     return _told(model, plant, corners, noises, (a, s), best, K, criterion, allowed.all())
 
 
-def _told(model, plant, corners, noises, charge, best, K, criterion, full) -> TransKalman:
+def _told(
+    model: StateSpace, plant, corners, noises, charge, best: float, K: np.ndarray, criterion: str, full
+) -> TransKalman:
     """The result, and what proves it."""
     a, s = charge
     optimal = np.array([one.cost for one in corners])
@@ -172,7 +180,7 @@ def _corners(plant: kernel.Plant, model: StateSpace, noises: list) -> list[kerne
     return found
 
 
-def _sparse(plant, corners, a, s, K, allowed) -> Any:
+def _sparse(plant, corners, a: np.ndarray, s: float, K: np.ndarray, allowed: np.ndarray) -> Any:
     """The gain that is zero where it must be."""
     found = kernel.restricted(plant, corners, a, s, K, allowed)
     if found is None:
@@ -215,7 +223,7 @@ def _noises(model: StateSpace, noises: Any, faults: checks.Faults) -> list:
     ]
 
 
-def _weight(model: StateSpace, weight: Any, faults: checks.Faults) -> Any:
+def _weight(model: StateSpace, weight: Numbers, faults: checks.Faults) -> Any:
     """W (n, n)."""
     faults.learn("n", model.n, model.size_source)
     if weight is None:
@@ -230,7 +238,7 @@ def _weight(model: StateSpace, weight: Any, faults: checks.Faults) -> Any:
     return W
 
 
-def _free(model: StateSpace, free: Any, faults: checks.Faults) -> Any:
+def _free(model: StateSpace, free: Numbers, faults: checks.Faults) -> Any:
     """Where the gain may be other than zero, (n, p)."""
     if free is None:
         return np.ones((model.n, model.p), bool)

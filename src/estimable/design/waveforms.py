@@ -96,7 +96,7 @@ class Waveform:
             )
         return Waveform(block_diag(self.D, other.D), np.hstack([self.H, other.H]))
 
-    def values(self, t: Any, z: Any) -> Any:
+    def values(self, t: np.ndarray, z: np.ndarray) -> Any:
         """d (T, channels) at times t (T,), seconds, from z (q,) at t = 0."""
         faults = checks.Faults()
         faults.learn("q", self.order, f"the waveform has {checks.counted(self.order, 'state')}")

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 
 GROSS = 30.0  # times the expected: no tuning of Q and R explains that
 KNOWN = 1e-10  # eigenvalue of a correlation matrix below which a combination counts as known exactly
@@ -37,7 +38,7 @@ class Consistency(NamedTuple):
         return f"{band}: the covariances are too large (Q, R, the prior or a walk too large)"
 
 
-def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Consistency:
+def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: float = 0.999) -> Consistency:
     """Mean normalised innovation squared e' S^-1 e over the samples with an output, in units of its outputs.
 
     `innovation` (..., p), NaN where not seen; `innovation_covariance` (..., p, p), NaN where it is infinite (a diffuse
@@ -65,7 +66,7 @@ def nis(innovation, innovation_covariance, *, probability: float = 0.999) -> Con
     return _against_chi_square(float(total), int(samples), int(degrees), probability)
 
 
-def nees(error, covariance, *, probability: float = 0.999) -> Consistency:
+def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> Consistency:
     """Mean normalised estimation error squared over independent runs: error (B, n), covariance (B, n, n).
 
     Errors of one run at different times are correlated: use one time of each run. Combinations known exactly are left
@@ -84,7 +85,7 @@ def nees(error, covariance, *, probability: float = 0.999) -> Consistency:
     return _against_chi_square(float(squares.sum()), len(squares), int(ranks.sum()), probability)
 
 
-def _read(name: str, values, covariances, probability) -> tuple[np.ndarray, np.ndarray]:
+def _read(name: str, values: Numbers, covariances: Numbers, probability: float) -> tuple[np.ndarray, np.ndarray]:
     """Vectors (..., p), their covariances (..., p, p), and a probability between 0 and 1."""
     faults = checks.Faults()
     faults.number("probability", probability, above=0.0, upper=1.0)

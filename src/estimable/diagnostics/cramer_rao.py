@@ -1,10 +1,11 @@
 """What an unbiased estimate of an output-error model can reach with the packets that arrived."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..data.record import Record
 from ..errors import AssumptionError
 from ..kernels import output_error_response as kernel
@@ -81,7 +82,7 @@ def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
     return np.linalg.inv(M * np.outer(scale, scale)) * np.outer(scale, scale)
 
 
-def efficiency(error, bound) -> Efficiency:
+def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
     """How near estimates come to the Cramér-Rao bound: error (B, d), bound (B, d, d) of each run.
 
     >>> rng = np.random.default_rng(0)
@@ -126,7 +127,7 @@ def applied(model: OutputError, record: Record) -> np.ndarray:
     return u
 
 
-def undetermined(M: Any) -> np.ndarray:
+def undetermined(M: np.ndarray) -> np.ndarray:
     """An orthonormal basis (d, r) of what the information M (d, d) does not tell of, whatever the units."""
     scale = scale_of(M)
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
@@ -137,7 +138,7 @@ def undetermined(M: Any) -> np.ndarray:
     return np.linalg.qr(basis)[0] if basis.shape[1] else basis
 
 
-def scale_of(M: Any) -> np.ndarray:
+def scale_of(M: np.ndarray) -> np.ndarray:
     """What makes the diagonal of M one; zero where it is zero."""
     size = np.sqrt(np.diagonal(M))
     return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)

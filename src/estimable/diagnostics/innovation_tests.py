@@ -1,10 +1,12 @@
 """Everything that a record says against a result, in one list."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
+from ..data.record import Record
+from ..results import Estimate
 from .consistency import Consistency, nis
 from .innovations import LAGS, Correlations, cross_correlation, standardised, whiteness
 
@@ -50,7 +52,9 @@ class InnovationChecks(NamedTuple):
         return "\n".join(self.faults) if self.faults else "nothing speaks against the model"
 
 
-def check_innovations(result: Any, record: Any, *, lags: int = LAGS, false_alarm: float = 0.01) -> InnovationChecks:
+def check_innovations(
+    result: Estimate, record: Record, *, lags: int = LAGS, false_alarm: float = 0.01
+) -> InnovationChecks:
     """Look at the innovations of a result in every way there is: their size, whether they are white, whether any input
     is left in them, output by output.
 
@@ -95,7 +99,7 @@ def checks_share(false_alarm: float, tests: int) -> float:
     return false_alarm / tests
 
 
-def _read(result: Any, record: Any) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def _read(result: Estimate, record: Record) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     innovation, S = getattr(result, "innovation", None), getattr(result, "innovation_covariance", None)
     if innovation is None or S is None:
         checks.refuse('`result` has no innovations with their covariances: estimate(..., keep="all") has them.')

@@ -1,10 +1,12 @@
 """Do the innovations still hold something that the model could have predicted?"""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 
 LAGS = 20
 FEWEST = 8  # pairs of samples from which a correlation is a number worth judging
@@ -41,7 +43,7 @@ class Correlations(NamedTuple):
         return int(self.lags[np.argmax(np.abs(self.values) * np.sqrt(self.pairs))])
 
 
-def standardised(innovation: Any, innovation_covariance: Any) -> np.ndarray:
+def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndarray:
     """Innovations (T, p) over their standard deviations; NaN where not seen, or known exactly, or not at all.
 
     >>> standardised([[2.0]], [[[4.0]]]).tolist()
@@ -55,7 +57,7 @@ def standardised(innovation: Any, innovation_covariance: Any) -> np.ndarray:
         return np.where(variance > 0, e / np.sqrt(variance), np.nan)
 
 
-def whiteness(e: Any, *, name: str = "the output", lags: int = LAGS, probability: float = 0.999) -> Correlations:
+def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probability: float = 0.999) -> Correlations:
     """Are standardised innovations (T,) of one output white? A portmanteau test that takes missing samples as they are.
 
     The correlation at a lag is taken over the pairs that were both seen, and over their own size, so that a wrong level
@@ -85,8 +87,8 @@ def _correlation(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[float,
 
 
 def cross_correlation(
-    e: Any,
-    u: Any,
+    e: Numbers,
+    u: Numbers,
     *,
     name: str = "the output",
     input_name: str = "the input",
@@ -118,7 +120,9 @@ def cross_correlation(
     return _regressed(e[rows], past[rows], steps, probability, name, input_name)
 
 
-def _regressed(e, past, steps, probability, name, input_name) -> Correlations:
+def _regressed(
+    e: np.ndarray, past: np.ndarray, steps: np.ndarray, probability: float, name: str, input_name: str
+) -> Correlations:
     """The verdict of a regression of e on columns of past input."""
     n, centred = len(e), past - past.mean(axis=0)
     left, size, right = np.linalg.svd(centred, full_matrices=False)
@@ -135,14 +139,14 @@ def _regressed(e, past, steps, probability, name, input_name) -> Correlations:
     return verdict._replace(sentence=_input_sentence(verdict, effect, name, input_name))
 
 
-def _one(values: Any, name: str) -> np.ndarray:
+def _one(values: np.ndarray, name: str) -> np.ndarray:
     array = np.asarray(values, float)
     if array.ndim != 1:
         checks.refuse(f"`{name}` must be one channel, (T,). Got {array.shape}.")
     return array
 
 
-def _check(lags: Any, probability: Any, T: int) -> None:
+def _check(lags: int, probability: float, T: int) -> None:
     faults = checks.Faults()
     faults.whole("lags", lags, 1)
     faults.number("probability", probability, above=0.0, upper=1.0)
@@ -151,7 +155,9 @@ def _check(lags: Any, probability: Any, T: int) -> None:
     faults.finish()
 
 
-def _judged(correlations, steps, probability, sentence) -> Correlations:
+def _judged(
+    correlations: np.ndarray, steps: np.ndarray, probability: float, sentence: Callable[..., str]
+) -> Correlations:
     values, pairs = (np.array(column) for column in zip(*correlations, strict=True))
     counted = pairs >= FEWEST
     if not counted.any():
@@ -163,7 +169,9 @@ def _judged(correlations, steps, probability, sentence) -> Correlations:
     return found._replace(sentence=sentence(found))
 
 
-def _verdict(values, pairs, steps, statistic, degrees, probability) -> Correlations:
+def _verdict(
+    values: np.ndarray, pairs: np.ndarray, steps: np.ndarray, statistic: float, degrees: float, probability: float
+) -> Correlations:
     from scipy.stats import chi2
 
     limit, p_value = float(chi2.ppf(probability, degrees)), float(chi2.sf(statistic, degrees))

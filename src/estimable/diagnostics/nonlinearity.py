@@ -1,17 +1,19 @@
 """How curved a model is over what is not known: whether the extended filter is enough."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
+from ..data.record import Record
 from ..kernels import expansion, flow
 from ..kernels.small import factor, product, triangularise
 from ..models.nonlinear_model import NonlinearModel
-from ..models.plant import plant
-from ..results import Interval
+from ..models.plant import Functions, Matrices, plant
+from ..results import Estimate, Interval
 
 WORTH = 0.1  # of a standard deviation: what the bias of the mean must reach for the second order to be worth its cost
 STRONG = 0.3  # of a standard deviation: where a third-order term changes the gain itself
@@ -49,7 +51,7 @@ class Nonlinearity(NamedTuple):
         return f"{at}, which is small: ExtendedKalman is enough."
 
 
-def nonlinearity(model: NonlinearModel, result: Any, record: Any) -> Nonlinearity:
+def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Nonlinearity:
     """Measure the second- and third-order terms of `model` along an estimate of its state.
 
     `result`: of a filter of that model over `record`, with covariances (`keep="all"`). The curvature is measured over the
@@ -81,7 +83,7 @@ def nonlinearity(model: NonlinearModel, result: Any, record: Any) -> Nonlinearit
     return Nonlinearity(state, output, third, model.states, model.outputs)
 
 
-def _terms(ready: Any, m, P, interval):
+def _terms(ready: Functions | Matrices, m: Array, P: Array, interval: Interval):
     """The biases and the third-order term of one interval, and of the sample at its end."""
     L = factor(P)
     straight, curved, Z = _moved(ready, m, L, interval)
@@ -95,11 +97,11 @@ def _terms(ready: Any, m, P, interval):
     return _ratio(curved - straight, σ_x), _ratio(line.bias, σ_y), _ratio(third, σ_y)
 
 
-def _ratio(size, σ):
+def _ratio(size: np.ndarray, σ: np.ndarray):
     return jnp.where(σ > 0, size / jnp.where(σ > 0, σ, 1.0), 0.0)
 
 
-def _moved(ready: Any, m, L, interval):
+def _moved(ready: Functions | Matrices, m: Array, L: Array, interval: Interval):
     """The mean predicted to the first and to the second order, and a factor of the covariance."""
     if ready.continuous:
         return _flowed(ready, m, L, interval)
@@ -109,7 +111,7 @@ def _moved(ready: Any, m, L, interval):
     return line.mean - line.bias, line.mean, Z
 
 
-def _flowed(ready: Any, m, L, interval):
+def _flowed(ready: Functions | Matrices, m: Array, L: Array, interval: Interval):
     derivative, n = ready.derivative(interval), len(m)
     start = flow.Moments(m, L, jnp.zeros((n, n)))
     ends = [

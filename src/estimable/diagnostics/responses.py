@@ -1,10 +1,11 @@
 """Poles, zeros and responses of a fitted model, each with what the fit's covariance makes of it."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..kernels import tangents as kernel
 from ..kernels.tangents import Dynamics
 from ..models.state_space import StateSpace
@@ -136,7 +137,7 @@ def _roots(values: np.ndarray, moves: np.ndarray, known: bool) -> Roots:
     return Roots(values, Σ if known else np.full_like(Σ, np.nan))
 
 
-def frequency_response(fit: Fit, frequencies: Any = None) -> FrequencyResponse:
+def frequency_response(fit: Fit, frequencies: Numbers | None = None) -> FrequencyResponse:
     """The frequency response of a fit and how sure it is, to first order. `frequencies` (K,) in hertz; None: up to Nyquist's.
 
     >>> u = np.random.default_rng(0).normal(size=400)
@@ -191,7 +192,7 @@ def _length(spread: Spread) -> int:
     return int(np.clip(delays + np.log(SETTLED) / np.log(slowest), FEWEST, MOST))
 
 
-def simulation_sigma(fit: Fit, u: Any, state: Any) -> np.ndarray:
+def simulation_sigma(fit: Fit, u: Numbers, state: Numbers) -> np.ndarray:
     """What the fit's covariance makes of the outputs that u (T, m) causes from a given state, in standard deviations (T, p)."""
     spread = spread_of(fit)
     moves = kernel.output_moves(spread.dynamics, spread.tangents, np.asarray(u, float), np.asarray(state, float))

@@ -40,7 +40,12 @@ def model_of(algorithm: Algorithm[Any]) -> Any:
 
 
 def bind(
-    algorithm: Any, record: Record, prior: Prior | None, *, bank: Record | None = None, algorithms: Any = None
+    algorithm: Algorithm[Any],
+    record: Record,
+    prior: Prior | None,
+    *,
+    bank: Record | None = None,
+    algorithms: Any = None,
 ) -> Bound:
     """Check everything together, then match by name, resolve what was applied, and sample the model.
 
@@ -79,7 +84,9 @@ def bind(
     return Bound(ready, samples, intervals, names, rows.t)
 
 
-def _fates(algorithm: Any, record: Record, rows: Record, faults: checks.Faults) -> tuple[np.ndarray, np.ndarray]:
+def _fates(
+    algorithm: Algorithm[Any], record: Record, rows: Record, faults: checks.Faults
+) -> tuple[np.ndarray, np.ndarray]:
     """What was sent, and what is known of whether it arrived."""
     if record.lost != algorithm.lost:
         faults.add(
@@ -122,7 +129,7 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
     return match(names, any(default), given, what, faults)
 
 
-def check_prior(prior: Any, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
+def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """The prior must describe the model's states."""
     if prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")

@@ -10,6 +10,7 @@ from ..data.record import Record
 from ..engines import choice, xla
 from ..errors import RunError
 from ..models.prior import Prior
+from ..protocols import Algorithm
 from ..results import Estimate, Origin, Outcome
 from . import windows
 from .binding import bind, select
@@ -27,7 +28,7 @@ def check_options(on_failure: str, engine: str, keep: str, *, bank: bool = False
 
 
 def estimate(
-    algorithm: Any,
+    algorithm: Algorithm[Any],
     record: Record,
     *,
     prior: Prior | None,
@@ -63,7 +64,7 @@ def estimate(
     return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names, Origin(algorithm, record, prior))
 
 
-def log_likelihood(algorithm: Any, record: Record, *, prior: Prior):
+def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior):
     """The log-likelihood of a record, as something that JAX can differentiate with respect to the algorithm's numbers.
 
     A variance that is exactly zero has no derivative (its square root has none): the gradient is 0 there.

@@ -1,5 +1,6 @@
 """Run many estimators, or one over many records, at once."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -8,6 +9,8 @@ import numpy as np
 from .. import checks
 from ..data.record import UNIFORM, Record
 from ..errors import RunError
+from ..models.prior import Prior
+from ..protocols import Algorithm
 from ..results import EstimateBank, Outcome
 from . import windows
 from .binding import Bound, bind, select
@@ -16,10 +19,10 @@ from .stack import Stacked, stack
 
 
 def estimate_bank(
-    algorithms: Any,
-    records: Any,
+    algorithms: Algorithm[Any] | Stacked | Sequence[Algorithm[Any]],
+    records: Record | Stacked | Sequence[Record],
     *,
-    prior: Any,
+    prior: Prior | Stacked | Sequence[Prior] | None,
     on_failure: str = "raise",
     engine: str = "auto",
     keep: str = "all",
@@ -55,7 +58,11 @@ def estimate_bank(
     return EstimateBank(info, t, run.log_likelihood, tuple(outcomes), engine, bound.names)
 
 
-def _bind(algorithms: Any, records: Any, prior: Any) -> Bound:
+def _bind(
+    algorithms: Algorithm[Any] | Stacked | Sequence[Algorithm[Any]],
+    records: Record | Stacked | Sequence[Record],
+    prior: Prior | Stacked | Sequence[Prior] | None,
+) -> Bound:
     """One run checked like a single one, then the numbers of all."""
     parts = {"algorithms": algorithms, "records": records, "prior": prior}
     sizes = {name: len(part) for name, part in parts.items() if isinstance(part, Stacked)}

@@ -1,5 +1,6 @@
 """Tune noise levels by the likelihood of records."""
 
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -7,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
+from ..data.record import Record
 from ..engines import xla
 from ..errors import AssumptionError
 from ..filters.kalman_filter import Kalman
@@ -14,6 +17,8 @@ from ..filters.unknown_gain import UnknownGain
 from ..filters.unknown_input import UnknownInput
 from ..frozen import frozen, replace, static
 from ..models.prior import Prior
+from ..protocols import Algorithm
+from ..results import Interval, Sample
 from .binding import bind, model_of, select
 from .noise_parameters import Part, noise_of, parts
 
@@ -60,7 +65,13 @@ class NoiseFit:
         return f"NoiseFit({', '.join(told)})"
 
 
-def fit_noise(algorithm: Any, record: Any, *, prior: Prior, free: Any = ("Q", "R")) -> NoiseFit:
+def fit_noise(
+    algorithm: Algorithm[Any],
+    record: Record | Sequence[Record],
+    *,
+    prior: Prior,
+    free: str | Sequence[str] | Mapping[str, Any] = ("Q", "R"),
+) -> NoiseFit:
     """The noise covariances under which the record (or records) are most likely, with their standard errors.
 
     `algorithm`: `Kalman` or `UnknownGain`; its covariances are where the search starts, and what is not free stays.
@@ -94,7 +105,12 @@ def fit_noise(algorithm: Any, record: Any, *, prior: Prior, free: Any = ("Q", "R
     return NoiseFit(tuned, parameters, slope @ covariance @ slope.T, best, names, zeros, iterations)
 
 
-def _prepare(algorithm: Any, record: Any, prior: Any, free: Any) -> tuple[list[Part], list]:
+def _prepare(
+    algorithm: Algorithm[Any],
+    record: Record | Sequence[Record],
+    prior: Prior,
+    free: str | Sequence[str] | Mapping[str, Any],
+) -> tuple[list[Part], list]:
     """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
     faults = checks.Faults()
     if not isinstance(algorithm, Kalman | UnknownGain | UnknownInput):
@@ -123,7 +139,7 @@ def _together(terms: list) -> list:
         key = (str(structure), tuple(np.asarray(leaf).tobytes() for leaf in leaves), term[2].y.shape)
         groups.setdefault(key, []).append(term)
 
-    def stacked(group, i):
+    def stacked(group: list, i: int):
         return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *(term[i] for term in group))
 
     return [(g[0][0], g[0][1], stacked(g, 2), stacked(g, 3), g[0][4]) for g in groups.values()]
@@ -137,19 +153,27 @@ def likelihood(found: list[Part], terms: list):
 
 
 def _function(found: list[Part], noises: list, data: list):
-    def value(θ, data):
+    def value(θ: Array, data: list):
         return -sum(_one(found, θ, noise, *term) for noise, term in zip(noises, data, strict=True))
 
     compiled = jax.jit(jax.value_and_grad(value))
 
-    def evaluated(θ):
+    def evaluated(θ: Array):
         total, slope = compiled(jnp.asarray(θ), data)
         return float(total), np.asarray(slope)
 
     return evaluated
 
 
-def _one(found: list[Part], θ, noise, algorithm, prior, samples, intervals):
+def _one(
+    found: list[Part],
+    θ: Array,
+    noise: Callable[..., tuple],
+    algorithm,
+    prior: Prior,
+    samples: Sample,
+    intervals: Interval,
+):
     """Log-likelihood of the records of one kind at θ."""
     ready = with_noise(found, θ, noise, algorithm)
     axes = (None, 0, None)
@@ -158,7 +182,7 @@ def _one(found: list[Part], θ, noise, algorithm, prior, samples, intervals):
     )
 
 
-def with_noise(found: list[Part], θ, noise, algorithm):
+def with_noise(found: list[Part], θ: Array, noise: Callable[..., tuple], algorithm):
     """The sampled algorithm with the covariances of θ."""
     from ..kernels.small import factors
 
@@ -173,16 +197,16 @@ def _slices(found: list[Part]) -> list[tuple[Part, slice]]:
     return [(part, slice(int(end) - part.size, int(end))) for part, end in zip(found, ends, strict=True)]
 
 
-def _matrices(found: list[Part], θ) -> dict[str, Any]:
+def _matrices(found: list[Part], θ: Array) -> dict[str, Any]:
     return {part.field: part.matrix(θ[at]) for part, at in _slices(found)}
 
 
-def told(found: list[Part], θ):
+def told(found: list[Part], θ: Array):
     """The entries of the covariances at θ, as the user calls them."""
     return jnp.concatenate([part.told(θ[at]) for part, at in _slices(found)])
 
 
-def _tuned(algorithm: Any, found: list[Part], θ):
+def _tuned(algorithm: Any, found: list[Part], θ: Array):
     """The user's algorithm with the covariances of θ."""
     given = {field: np.asarray(M) for field, M in _matrices(found, θ).items()}
     noises = {field: M for field, M in given.items() if field != "walk"}
@@ -190,13 +214,13 @@ def _tuned(algorithm: Any, found: list[Part], θ):
     return replace(algorithm, **changes, **({"walk": given["walk"]} if "walk" in given else {}))
 
 
-def _climb(value: Any, begin: np.ndarray) -> tuple[np.ndarray, int]:
+def _climb(value: Callable[[np.ndarray], tuple[float, np.ndarray]], begin: np.ndarray) -> tuple[np.ndarray, int]:
     """The most likely θ: a quasi-Newton search, then Newton's steps until they are far below the errors."""
     from scipy.optimize import minimize
 
     scale = max(abs(value(begin)[0]), 1.0)
 
-    def scaled(θ):
+    def scaled(θ: Array):
         total, slope = value(θ)
         return (total / scale, slope / scale) if np.isfinite(total) else (1e30, 0 * slope)
 
@@ -210,7 +234,7 @@ def _climb(value: Any, begin: np.ndarray) -> tuple[np.ndarray, int]:
     return found.x, int(found.nit)
 
 
-def _fallen(value: Any, found: list[Part], θ: np.ndarray) -> np.ndarray:
+def _fallen(value: Callable[[np.ndarray], tuple[float, np.ndarray]], found: list[Part], θ: np.ndarray) -> np.ndarray:
     """Which numbers are a variance that the likelihood takes to zero: it does not fall when they are no more."""
     small = np.concatenate([np.full(part.size, part.kind != "full") & (θ[at] < SMALL) for part, at in _slices(found)])
     for i in np.flatnonzero(small):
@@ -218,7 +242,9 @@ def _fallen(value: Any, found: list[Part], θ: np.ndarray) -> np.ndarray:
     return small
 
 
-def _covariance(value: Any, found: list[Part], θ: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
+def _covariance(
+    value: Callable[[np.ndarray], tuple[float, np.ndarray]], found: list[Part], θ: np.ndarray, at_zero: np.ndarray
+) -> np.ndarray:
     """The inverse of the observed information of θ; zero for what is at zero."""
     free = np.flatnonzero(~at_zero)
     information = np.zeros((len(θ), len(θ)))

@@ -6,15 +6,16 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..data.record import Record
 from ..frozen import replace
 from ..protocols import Smoothable
-from ..results import Estimate, Forecast, Origin, Sample
+from ..results import Estimate, Forecast, Info, Interval, Origin, Sample
 from .binding import bind
 from .estimate import estimate
 
 
-def forecast(result: Estimate, u: Any = None, steps: int | None = None) -> Forecast:
+def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = None) -> Forecast:
     """The states and outputs of the `steps` samples after a record, given all of it, with their covariances.
 
     `result`: of `estimate`, by `Kalman`, `UnknownGain` or another with a linear Gaussian model. `u` (steps, m): the
@@ -62,7 +63,7 @@ def _origin(result: Any) -> Origin:
     return origin
 
 
-def _read_inputs(record: Record, u: Any, steps: Any) -> np.ndarray:
+def _read_inputs(record: Record, u: Numbers, steps: int | None) -> np.ndarray:
     faults = checks.Faults()
     m = record.u.shape[1]
     faults.learn("m", m, f"the record has {checks.counted(m, 'input')}")
@@ -97,7 +98,7 @@ def _extended(record: Record, u: np.ndarray) -> Record:
     return replace(record, y=y, u=np.vstack([record.u, u]), t=t, arrived=arrived)
 
 
-def _outputs(bound: Any, info: Any, T: int) -> np.ndarray:
+def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
     """C x + d of the rows from T on, noise left out."""
     x = info.mean if info.gain is None else np.concatenate([info.mean, info.gain], axis=1)
     point = bound.algorithm.ready.point.states
@@ -107,8 +108,8 @@ def _outputs(bound: Any, info: Any, T: int) -> np.ndarray:
 
 
 @jax.jit
-def _measured(algorithm: Any, samples: Sample, intervals: Any, x):
-    def row(sample, interval, x):
+def _measured(algorithm: Any, samples: Sample, intervals: Interval, x: Array):
+    def row(sample: Sample, interval: Interval, x: Array):
         measured = algorithm.at(0).instant(sample, interval).measured
         return measured.C @ x + measured.d
 

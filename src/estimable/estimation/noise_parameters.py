@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..filters.unknown_gain import UnknownGain
 from ..frozen import replace
 from ..models.discretisation import over
@@ -56,7 +57,7 @@ class Part(NamedTuple):
         L = np.linalg.cholesky(self.start)
         return np.array([np.log(L[i, i]) if i == j else L[i, j] / np.sqrt(self.start[i, i]) for i, j in self._pairs])
 
-    def matrix(self, θ: Any):
+    def matrix(self, θ: Array):
         """The covariance at θ: positive semidefinite for every θ."""
         if self.kind == "scale":
             return jnp.exp(2 * θ[0]) * self.start
@@ -68,7 +69,7 @@ class Part(NamedTuple):
             L = L.at[i, j].set(jnp.exp(θ[at]) if i == j else θ[at] * np.sqrt(self.start[i, i]))
         return L @ L.T
 
-    def told(self, θ: Any):
+    def told(self, θ: Array):
         """The entries of the covariance (or its scale) at θ, as `names` calls them."""
         if self.kind == "scale":
             return jnp.exp(2 * θ[:1])
@@ -105,7 +106,9 @@ def parts(algorithm: Any, free: Any, faults: checks.Faults) -> list[Part]:
     return found
 
 
-def _part(field: str, start: Any, channels: tuple[str, ...], how: Any, faults: checks.Faults) -> Part | None:
+def _part(
+    field: str, start: np.ndarray | None, channels: tuple[str, ...], how: Any, faults: checks.Faults
+) -> Part | None:
     if start is None or np.ndim(start) != 2:
         faults.add(
             f"`{field}` must be one matrix to be fitted: it {'is not given' if start is None else 'varies in time'}."
@@ -144,7 +147,7 @@ def noise_of(model: StateSpace, clock: Clock):
     """A function of (Q, R) that gives V, Ω, W of the sampled model, and that JAX can differentiate."""
     if not model.is_continuous:
 
-        def discrete(Q, R):
+        def discrete(Q: Array, R: Array):
             sampled = sample(replace(model, Q=model.Q if Q is None else Q, R=model.R if R is None else R), clock)
             return sampled.V, sampled.Ω, sampled.W
 
@@ -160,7 +163,7 @@ def noise_of(model: StateSpace, clock: Clock):
     )  # fmt: skip
     one = len(lengths) == 1
 
-    def continuous(Q, R):
+    def continuous(Q: Array, R: Array):
         Q, R = (jnp.asarray(given if M is None else M) for M, given in ((Q, model.Q), (R, model.R)))
         W = factors(jnp.einsum("ij,ijkab->kab", Q, basis))
         return factors(R), None, W[0] if one else W

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
 from ..engines.program.straight_line import UnsupportedError
@@ -15,23 +16,24 @@ from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
+from ..protocols import Algorithm
 from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
 
 
 @jax.jit
-def _init(algorithm, prior):
+def _init(algorithm: Algorithm[Any], prior: Prior | None):
     return algorithm.init(prior)
 
 
 @jax.jit
-def _correct(algorithm, k, state, sample):
+def _correct(algorithm: Algorithm[Any], k: int | Array, state, sample: Sample):
     return algorithm.at(k).correct(state, sample)
 
 
 @jax.jit
-def _predict(algorithm, k, state, interval):
+def _predict(algorithm: Algorithm[Any], k: int | Array, state, interval: Interval):
     return algorithm.at(k).predict(state, interval)
 
 
@@ -112,7 +114,7 @@ class Online:
         """What the last `correct` said; None before the first."""
         return self._base.info if self._quick is None else self._quick.info
 
-    def correct(self, y, u=None, *, arrived=None) -> Info:
+    def correct(self, y: Numbers, u: Numbers | None = None, *, arrived: Numbers | None = None) -> Info:
         """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
 
         Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
@@ -149,7 +151,14 @@ class Online:
         self.progress = replace(self.progress, state=state, info=info, corrected=True)
         return info
 
-    def predict(self, u=None, *, u_end=None, arrived=None, dt: float | None = None) -> None:
+    def predict(
+        self,
+        u: Numbers | None = None,
+        *,
+        u_end: Numbers | None = None,
+        arrived: Numbers | None = None,
+        dt: float | None = None,
+    ) -> None:
         """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold.
 
         `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
@@ -222,7 +231,7 @@ class Online:
 
         save(path, self)
 
-    def _step(self, dt: Any, faults: checks.Faults) -> Any:
+    def _step(self, dt: float | None, faults: checks.Faults) -> Any:
         model = model_of(self.algorithm)
         if dt is None:
             if model.is_continuous and self._now.dt is None:
@@ -240,7 +249,7 @@ class Online:
             )
         return dt
 
-    def _applied(self, u: Any, arrived: Any, faults: checks.Faults):
+    def _applied(self, u: Numbers, arrived: Numbers, faults: checks.Faults):
         """What the actuator applies: u where it arrived, else zero or what it holds."""
         faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
         u = faults.array("u", u, "m")
@@ -284,7 +293,12 @@ class Online:
 
 
 def online(
-    algorithm: Any, *, prior: Prior | None, engine: str = "auto", hold: str = "zero_order", lost: str = "zero"
+    algorithm: Algorithm[Any],
+    *,
+    prior: Prior | None,
+    engine: str = "auto",
+    hold: str = "zero_order",
+    lost: str = "zero",
 ) -> Online:
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 

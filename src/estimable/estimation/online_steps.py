@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array, Tree
 from ..engines.one_step import Place, Step, code_of, flat, form_of
 from ..engines.program.straight_line import UnsupportedError
 from ..engines.time_varying import ByRow, looked_up
@@ -19,18 +20,18 @@ REFUSED = -1  # the code of a step whose datum or input is no number
 LENGTHS = 64  # of steps, for which the sampled model is kept
 
 
-def _now(algorithm: Any, row: Any) -> Any:
+def _now(algorithm: Any, row: Tree) -> Any:
     return algorithm.now(row) if isinstance(algorithm, ByRow) else algorithm
 
 
-def _correct(fixed, state, y, u, row):
+def _correct(fixed, state, y: Array, u: Array, row: Tree):
     """`correct` of y, NaN where not seen, and what is told of it. A state is what is believed, and what the actuator holds."""
     (algorithm, _), (belief, held), seen = fixed, state, y == y
     belief, info = _now(algorithm, row).correct(belief, Sample(jnp.where(seen, y, 0.0), seen, u))
     return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) == jnp.inf), REFUSED, info.outcome)
 
 
-def _predict(fixed, state, u, u_end, row):
+def _predict(fixed, state, u: Array, u_end, row: Tree):
     """`predict` under u, which is held where there is no u_end."""
     (algorithm, dt), (belief, _) = fixed, state
     interval = Interval(u, u_end if u_end.size else u, None, dt)
@@ -112,7 +113,7 @@ class Quick:
             self.info = Told(step.fields, step.told.tobytes())
         return code
 
-    def predict(self, u: Any, u_end: Any, dt: Any) -> int | None:
+    def predict(self, u: Any, u_end: Any, dt: float | None) -> int | None:
         """0 where the run is at the next sample; None where an argument needs another look first."""
         step = self.here.after.get("predict")
         if step is None or self.sample >= self.end or not self._plain_inputs(u, u_end) or not self._lasts(dt):
@@ -132,7 +133,7 @@ class Quick:
             self.dt = self.clock
         return code
 
-    def prepare(self, kind: str, dt: Any = None) -> None:
+    def prepare(self, kind: str, dt: float | None = None) -> None:
         """Make the step of this kind from here, of `dt` seconds where the model is continuous. Raises `UnsupportedError`."""
         if kind == "predict" and self.continuous:
             self._set(dt, self._numbers(dt))
@@ -148,7 +149,7 @@ class Quick:
         plain = _plain(u, self.inputs) if u is not None else not self.inputs[0]
         return plain and (_plain(u_end, self.inputs) if self.moving_input else u_end is None)
 
-    def _lasts(self, dt: Any) -> bool:
+    def _lasts(self, dt: float | None) -> bool:
         """Whether the numbers of a step of `dt` seconds are there, or can be fetched."""
         if dt is None:
             if not self.continuous:
@@ -222,7 +223,7 @@ def _plain(numbers: Any, shape: tuple[int]) -> bool:
     return type(numbers) is list and len(numbers) == shape[0] and {*map(type, numbers)} == {float}
 
 
-def _form(tree: Any) -> Any:
+def _form(tree: Tree) -> Any:
     """All of a tree but its numbers."""
     leaves, structure = jax.tree_util.tree_flatten(form_of(tree))
     return structure, tuple(leaves)

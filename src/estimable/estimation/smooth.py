@@ -8,6 +8,7 @@ import numpy as np
 from jax import lax
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import Record
 from ..engines import choice
 from ..errors import RunError
@@ -25,7 +26,7 @@ AT_ONCE = 1_000  # rows of a fixed lag that are worked out side by side: a few m
 
 
 def smooth(
-    algorithm: Any,
+    algorithm: Smoothable[Any],
     record: Record,
     *,
     prior: Prior,
@@ -115,7 +116,7 @@ class _Forward:
 
     algorithm: Any
 
-    def at(self, k) -> "_Forward":
+    def at(self, k: int | Array) -> "_Forward":
         return replace(self, algorithm=self.algorithm.at(k))
 
     def init(self, prior: Prior) -> Belief:
@@ -155,10 +156,10 @@ class _Backward:
     algorithm: Any
     last: Any
 
-    def at(self, k) -> "_Backward":
+    def at(self, k: int | Array) -> "_Backward":
         return replace(self, algorithm=self.algorithm.at(self.last - k))
 
-    def init(self, first_mean) -> Evidence:
+    def init(self, first_mean: Array) -> Evidence:
         return nothing(first_mean.shape[0])
 
     def correct(self, state: Evidence, sample: _Rows) -> tuple[Evidence, Info]:
@@ -173,7 +174,7 @@ def _gather(later: Evidence, instant: Instant, sample: Sample) -> Evidence:
     return earlier(later, instant.moved, instant.measured, sample.y, sample.seen)
 
 
-def _tell(algorithm: Any, predicted: Belief, said: Evidence) -> Info:
+def _tell(algorithm: Smoothable[Any], predicted: Belief, said: Evidence) -> Info:
     belief = smoothed(predicted, said)
     return replace(algorithm.tell(belief), outcome=outcome_code(False, belief.mean, belief.factor, belief.diffuse))
 
@@ -193,19 +194,19 @@ def _backwards(bound: Bound, rows: _Rows, last: int, engine: str):
 
 
 @jax.jit
-def _lagged(algorithm: Any, rows: _Rows, lag) -> Info:
+def _lagged(algorithm: Smoothable[Any], rows: _Rows, lag: int) -> Info:
     """Fixed lag: from row k + lag back to row k, for every k."""
     T, n = rows.predicted.mean.shape
 
-    def instant_at(row):
+    def instant_at(row: int | Array):
         """Row `row`, of which nothing was seen where it is after the last."""
         there = jnp.minimum(row, T - 1)
         one = jax.tree_util.tree_map(lambda leaf: lax.dynamic_index_in_dim(leaf, there, keepdims=False), rows)
         sample = replace(one.sample, seen=one.sample.seen & (row < T))
         return algorithm.at(there).instant(sample, one.interval), replace(one, sample=sample)
 
-    def row(k):
-        def back(j, said):
+    def row(k: int | Array):
+        def back(j: int | Array, said: Evidence):
             instant, one = instant_at(k + lag - j)
             return about_state(_gather(said, instant, one.sample), n)
 

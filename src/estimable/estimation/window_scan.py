@@ -10,12 +10,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array, Tree
 from ..engines import choice
 from ..filters.belief import Belief
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..frozen import frozen, replace
 from ..kernels import stretch
+from ..models.prior import Prior
+from ..protocols import Algorithm
 from ..results import Info, Interval, Sample
 from .binding import select as keep_of
 
@@ -23,7 +26,7 @@ MOST = 3  # states and gains, or outputs: above, compiling takes longer than it 
 AT_ONCE = 128  # runs whose beliefs between the passes stay in the processor's cache
 
 
-def fits(algorithm: Any) -> bool:
+def fits(algorithm: Algorithm[Any]) -> bool:
     """Whether stretches describe the filter: linear, every output with a noise of its own that is not zero, no forgetting."""
     if not isinstance(algorithm, Kalman | UnknownGain) or np.any(algorithm.forgetting != 1.0):
         return False
@@ -32,13 +35,13 @@ def fits(algorithm: Any) -> bool:
     return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
 
 
-def is_short(algorithm: Any) -> bool:
+def is_short(algorithm: Algorithm[Any]) -> bool:
     """Whether the lines of both passes are short enough for lanes: at most 2,500 operations."""
     states, unknown, outputs = _sizes(algorithm)
     return states <= 2 and unknown <= 3 and outputs <= 2
 
 
-def _sizes(algorithm: Any) -> tuple[int, int, int]:
+def _sizes(algorithm: Algorithm[Any]) -> tuple[int, int, int]:
     """States, states and gains, outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
     ready: Any = algorithm.ready
@@ -47,7 +50,15 @@ def _sizes(algorithm: Any) -> tuple[int, int, int]:
 
 
 def scan_bank(
-    engine: str, algorithm: Any, length: int, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str
+    engine: str,
+    algorithm: Kalman | UnknownGain,
+    length: int,
+    prior: Prior,
+    samples: Sample,
+    intervals: Interval,
+    *,
+    axes: tuple,
+    keep: str,
 ) -> tuple[str, Info, np.ndarray]:
     """The engine that ran; the info of every full window, by its last row; and which windows must be run instead.
 
@@ -109,7 +120,7 @@ def _said(told: Told, keep: str) -> tuple[Info, Any]:
     return keep_of(told.kept, keep), told.again
 
 
-def step_of(algorithm: Any, row: Row) -> stretch.Stretch:
+def step_of(algorithm: Kalman | UnknownGain, row: Row) -> stretch.Stretch:
     """This sample, and the way to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
     (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
@@ -117,7 +128,7 @@ def step_of(algorithm: Any, row: Row) -> stretch.Stretch:
     return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
 
 
-def or_empty(blank: Any, gathered: stretch.Stretch) -> stretch.Stretch:
+def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
     """What is gathered, or nothing at a blank."""
     return either(blank, stretch.empty(gathered.b.shape[0]), gathered)
 
@@ -128,12 +139,14 @@ def through(belief: Belief, gathered: stretch.Stretch) -> Belief:
     return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
 
 
-def either(first: Any, a: Any, b: Any) -> Any:
+def either(first: Array, a: Tree, b: Tree) -> Any:
     """a or b, leaf by leaf."""
     return jax.tree_util.tree_map(lambda x, y: jnp.where(first, x, y), a, b)
 
 
-def learn(algorithm: Any, begin: Belief, gathered: stretch.Stretch, sample: Sample) -> tuple[Info, Any]:
+def learn(
+    algorithm: Kalman | UnknownGain, begin: Belief, gathered: stretch.Stretch, sample: Sample
+) -> tuple[Info, Any]:
     """What the filter says that has gone from a block's `begin` through what is gathered; and whether it must be run instead."""
     begin = replace(begin, factor=jnp.tril(begin.factor), size=jnp.abs(begin.mean), log_scale=jnp.zeros(()))
     before = through(begin, gathered)
@@ -157,11 +170,11 @@ class Backwards:
 
     algorithm: Any
 
-    def at(self, k) -> Self:
+    def at(self, k: int | Array) -> Self:
         """The same: the model does not vary."""
         return self
 
-    def init(self, prior) -> tuple[Belief, stretch.Stretch]:
+    def init(self, prior: Prior) -> tuple[Belief, stretch.Stretch]:
         """The belief that a window begins with, and the stretch from the last row on."""
         fresh = self.algorithm.init(prior)
         return fresh, stretch.empty(fresh.mean.shape[0])
@@ -189,11 +202,11 @@ class _Beginnings:
 
     algorithm: Any
 
-    def at(self, k) -> "_Beginnings":
+    def at(self, k: int | Array) -> "_Beginnings":
         """The same: the model does not vary."""
         return self
 
-    def init(self, prior) -> stretch.Stretch:
+    def init(self, prior: Prior) -> stretch.Stretch:
         """Nothing is gathered."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 

@@ -5,12 +5,15 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..annotations import Tree
 from ..engines import choice, xla
 from ..engines.native import on_all_processors
+from ..engines.step import Select
 from ..filters.bounded import Bounded
 from ..filters.moving_window import MovingWindow
 from ..filters.smoothed import Smoothed
 from ..frozen import frozen, replace
+from ..models.prior import Prior
 from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from . import window_scan
@@ -39,7 +42,9 @@ class Replayed(Wrapper[tuple[()]]):
         return state
 
 
-def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any) -> tuple[str, xla.Run]:
+def scan(
+    engine: str, algorithm: Any, prior: Any, samples: Sample, intervals: Interval, **options: Any
+) -> tuple[str, xla.Run]:
     """`choice.scan`, with the windows of a `MovingWindow` side by side where they can be."""
     if window_of(algorithm) is None:
         return choice.scan(engine, algorithm, prior, samples, intervals, **options)
@@ -49,7 +54,15 @@ def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, 
 
 
 def scan_bank(
-    engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any
+    engine: str,
+    algorithm: Any,
+    prior: Any,
+    samples: Sample,
+    intervals: Interval,
+    *,
+    axes: tuple,
+    keep: str,
+    select: Select,
 ) -> tuple[str, xla.Run]:
     """`choice.scan_bank`, with the windows of a `MovingWindow` side by side where they can be."""
     window, (a, r, p) = window_of(algorithm), axes
@@ -66,7 +79,7 @@ def scan_bank(
     return engine, run
 
 
-def _as_run(infos: Info, keep: str, select: Any) -> xla.Run:
+def _as_run(infos: Info, keep: str, select: Select) -> xla.Run:
     """What an engine would leave that said this row by row."""
     infos = jax.tree_util.tree_map(np.asarray, infos)
     failed_at = np.argmax(infos.outcome != 0, axis=1)
@@ -103,7 +116,7 @@ def _means(info: Info, keep: str) -> Info:
     return keep_of(info, "means")
 
 
-def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple, rows: tuple, kept: Any):
+def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple, rows: tuple, kept: Select):
     """The engine that ran, and what the windows say at every row of every run."""
     length, runs = window.length, len(rows[0].seen)
     own, first = window.priors(prior[0])
@@ -137,13 +150,13 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
     return ran, infos
 
 
-def _write(whole: Any, place: Any, part: Any) -> None:
+def _write(whole: Tree, place: Any, part: Any) -> None:
     """Write a part into the arrays of the whole."""
     for leaf, values in zip(*map(jax.tree_util.tree_leaves, (whole, part)), strict=True):
         leaf[place] = values
 
 
-def _full(engine: str, length: int, algorithm: Any, own: Any, rows: list, axes: tuple, kept: Any, scanned: bool):
+def _full(engine: str, length: int, algorithm: Any, own: Prior, rows: list, axes: tuple, kept: Select, scanned: bool):
     """The engine that ran, and what every full window of some runs says: (runs, windows, ..)."""
     runs, T = rows[0].seen.shape[:2]
     if not scanned:
@@ -161,7 +174,9 @@ def _full(engine: str, length: int, algorithm: Any, own: Any, rows: list, axes: 
     return ran, info
 
 
-def _rerun(engine: str, length: int, algorithm: Any, own: Any, rows: list, axes: tuple, kept: Any, where: np.ndarray):
+def _rerun(
+    engine: str, length: int, algorithm: Any, own: Prior, rows: list, axes: tuple, kept: Select, where: np.ndarray
+):
     """The engine that ran, and what the windows say that begin at (run, row) `where`, each a run of its own."""
     columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
     at_once = max(1, NUMBERS // (length * columns))

@@ -1,9 +1,10 @@
 """What is drawn of a result: each quantity with its standard deviation, which is infinite where nothing is known."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ..results import Kept
 from ..tables import at_its_instant, diffuse_of, standard_deviation
 
 MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
@@ -49,7 +50,7 @@ def cropped(panel: Band) -> tuple[float, float] | None:
     return (float(low), float(high)) if upper.max() - lower.min() > MOST_FLAT * (high - low) else None
 
 
-def bands(result: Any) -> list[Band]:
+def bands(result: Kept) -> list[Band]:
     """The states, gains and unknown inputs of a result, then its innovations."""
     diffuse, names, delay = diffuse_of(result), result.names, result.names.input_delay
     inputs = [
@@ -69,7 +70,9 @@ def bands(result: Any) -> list[Band]:
     ]
 
 
-def _of(kind: str, names: tuple[str, ...], values: Any, covariance: Any, diffuse: Any = None) -> list[Band]:
+def _of(
+    kind: str, names: tuple[str, ...], values: np.ndarray, covariance: np.ndarray, diffuse: np.ndarray | None = None
+) -> list[Band]:
     if values is None:
         return []
     sigma = None if covariance is None else standard_deviation(covariance, diffuse)

@@ -73,7 +73,7 @@ class AlphaBeta(Algorithm[Track]):
     kalman: Kalman | None = field(default=None, init=False)
     density: Any = field(default=None, init=False)
 
-    def __post_init__(self, sigma_a2, sigma_s2, output):
+    def __post_init__(self, sigma_a2: float | None, sigma_s2: float | None, output: str | None):
         faults = checks.Faults()
         _check_gains(self, faults)
         order = 2 if self.gamma is None else 3
@@ -141,7 +141,7 @@ class AlphaBeta(Algorithm[Track]):
             info = Info(mean=info.mean, innovation=info.innovation, outcome=info.outcome)
         return Track(belief, jnp.where(sample.seen[0], 0.0, T)), info
 
-    def _gains(self, kalman: Kalman, T):
+    def _gains(self, kalman: Kalman, T: Array):
         """(α, β) or (α, β, γ)."""
         if not isinstance(self.alpha, str):
             gains = (self.alpha, self.beta) if self.gamma is None else (self.alpha, self.beta, self.gamma)
@@ -181,7 +181,7 @@ def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:
         faults.add(f"with these gains the error does not die out: its largest pole has modulus {radius:.6g}, not < 1.")
 
 
-def _noises(sigma_a2, sigma_s2, alpha, faults: checks.Faults) -> tuple[float, float]:
+def _noises(sigma_a2: float | None, sigma_s2: float | None, alpha, faults: checks.Faults) -> tuple[float, float]:
     """Both densities, or neither."""
     if sigma_a2 is None and sigma_s2 is None:
         if isinstance(alpha, str):

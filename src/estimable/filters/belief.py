@@ -5,12 +5,14 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array
 from ..frozen import frozen
 from ..kernels import independent, kalman, smoothing
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.small import factor, gram, settled
 from ..models.prior import Prior, diffuse_columns
 from ..models.sampled import SampledModel
+from ..results import Sample
 
 
 @frozen
@@ -37,7 +39,7 @@ class Belief:
         return gram(self.factor)
 
 
-def believe(prior: Prior, origin=0.0) -> Belief:
+def believe(prior: Prior, origin: Array | float = 0.0) -> Belief:
     """The belief that a prior states, about deviations from `origin`."""
     mean = jnp.asarray(prior.mean)
     size = jnp.abs(mean) + jnp.abs(origin)
@@ -55,7 +57,9 @@ def side_by_side(a: Belief, b: Belief) -> Belief:
     )
 
 
-def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Belief, kalman.Posterior]:
+def correct(
+    belief: Belief, model: SampledModel, C: Array, d: Array, Ω: Array | None, sample: Sample
+) -> tuple[Belief, kalman.Posterior]:
     """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
     if belief.drift_mean is not None:
         raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
@@ -64,7 +68,9 @@ def correct(belief: Belief, model: SampledModel, C, d, Ω, sample) -> tuple[Beli
     return Belief(post.m, post.Z, post.X, b.size, b.log_scale, post.drift, post.Z_drift, before), post
 
 
-def posterior(b: Belief, C, d, V, Ω, sample, *, independently: bool) -> kalman.Posterior:
+def posterior(
+    b: Belief, C: Array, d: Array, V: Array, Ω: Array | None, sample: Sample, *, independently: bool
+) -> kalman.Posterior:
     """The belief b conditioned on what was seen; `independently`: V is known to be diagonal, and Ω is None."""
     if independently and b.diffuse.shape[1] == 0:
         i = np.arange(C.shape[0])
@@ -72,7 +78,7 @@ def posterior(b: Belief, C, d, V, Ω, sample, *, independently: bool) -> kalman.
     return kalman.correct(b.mean, b.factor, b.diffuse, C, d, V, Ω, sample.y, sample.seen, b.size, b.log_scale)
 
 
-def predict(belief: Belief, F, c, W, Ω) -> Belief:
+def predict(belief: Belief, F: Array, c: Array, W: Array, Ω: Array | None) -> Belief:
     """Move to the next instant; Ω (or None) counts where no `correct` has brought it into the belief."""
     if Ω is not None and belief.drift_mean is None:
         W = jnp.concatenate([Ω, W], axis=1)

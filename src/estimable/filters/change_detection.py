@@ -172,7 +172,7 @@ class ChangeDetection(Wrapper[Watch]):
         """Derivatives with respect to the predicted mean: of what becomes of it, of the drift, and of the innovations, made
         white; and these innovations."""
 
-        def after(mean):
+        def after(mean: Array):
             moved, post = self._ready.condition(replace(belief, mean=mean), sample, belief)
             told = ~jnp.isnan(post.error)
             white = jnp.where(told, post.error, 0.0) / jnp.sqrt(jnp.where(told, post.variance, 1.0))
@@ -181,7 +181,7 @@ class ChangeDetection(Wrapper[Watch]):
         (J, J_drift, E), white = jax.jacfwd(after, has_aux=True)(belief.mean)
         return J, J_drift, E, white
 
-    def _restart(self, watch: Watch, verdict: jumps.Verdict, alarm) -> Watch:
+    def _restart(self, watch: Watch, verdict: jumps.Verdict, alarm: Array) -> Watch:
         """At an alarm: the belief averaged over the onsets, and a watch that starts anew."""
         belief, n = watch.belief, watch.belief.mean.shape[0]
         response = watch.response
@@ -210,7 +210,7 @@ class ChangeDetection(Wrapper[Watch]):
             **{name: jnp.where(alarm, 0.0, getattr(watch, name)) for name in ("score", "information", "weight")},
         )  # fmt: skip
 
-    def _tell(self, watch: Watch, info: Info, statistic) -> Info:
+    def _tell(self, watch: Watch, info: Info, statistic: Array) -> Info:
         """What the algorithm says of the belief that is held now."""
         told = self._ready.tell(watch.belief)
         found = {
@@ -225,7 +225,7 @@ class ChangeDetection(Wrapper[Watch]):
     def predict(self, state: Watch, interval: Interval) -> Watch:
         """Move to the next sample, at which a gain may have jumped."""
 
-        def after(mean, drift_mean):
+        def after(mean: Array, drift_mean: Array):
             return self._ready.predict(replace(state.belief, mean=mean, drift_mean=drift_mean), interval).mean
 
         belief, p = state.belief, self.jump.shape[0]
@@ -237,7 +237,7 @@ class ChangeDetection(Wrapper[Watch]):
         new = jnp.eye(n)[:, n - p :]
         nothing = jnp.zeros(p)
 
-        def shifted(first, rest):
+        def shifted(first: Array, rest: Array):
             return jnp.concatenate([first, rest[..., :-p]], axis=-1)
 
         return replace(

@@ -10,7 +10,7 @@ from ..kernels import fang_filter as kernel
 from ..kernels.small import apply, factor, gram, product
 from ..models.prior import Prior
 from ..models.sampled import SampledModel
-from ..results import Info, outcome_code
+from ..results import Info, Interval, Sample, outcome_code
 from .input_noise import refuse_unknown_input
 from .unknown_layout import Layout, pick
 
@@ -38,7 +38,7 @@ def init(prior: Prior, model: SampledModel) -> FangState:
     return FangState(jnp.asarray(prior.mean) - model.point.states, root, root)
 
 
-def correct(state: FangState, model: SampledModel, layout: Layout, sample: Any) -> tuple[FangState, Info]:
+def correct(state: FangState, model: SampledModel, layout: Layout, sample: Sample) -> tuple[FangState, Info]:
     """The input of this sample."""
     if state.gain is not None:
         raise ValueError("correct was called twice without predict: Fang's Algorithm 1 uses a sample once.")
@@ -59,7 +59,7 @@ def correct(state: FangState, model: SampledModel, layout: Layout, sample: Any) 
     return replace(state, gain=told.H, innovation=jnp.nan_to_num(told.innovation), seen=sample.seen), info
 
 
-def predict(state: FangState, model: SampledModel, layout: Layout, interval: Any) -> FangState:
+def predict(state: FangState, model: SampledModel, layout: Layout, interval: Interval) -> FangState:
     """The state of the next sample."""
     refuse_unknown_input(interval)
     d, p = layout.d, model.C.shape[0]

@@ -87,7 +87,7 @@ class FixedGain(Algorithm[Belief]):
         return self._beside.predict(state, interval)
 
 
-def correct_by(K, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief, Info]:
+def correct_by(K: Array, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief, Info]:
     """What the gain K (n, p) learns from one sample, beside what `kalman` would."""
     optimal, info = kalman.correct(state, sample)
     after = _moved(jnp.asarray(K), kalman, state, sample, optimal)
@@ -98,7 +98,7 @@ def correct_by(K, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief
     )
 
 
-def _moved(K, kalman: Kalman, state: Belief, sample: Sample, optimal: Belief) -> Belief:
+def _moved(K: Array, kalman: Kalman, state: Belief, sample: Sample, optimal: Belief) -> Belief:
     """The belief after a sample; while something is diffuse, that of the Kalman filter."""
     model, b = kalman.ready, state
     assert model is not None

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax.scipy.special import erfinv
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field
 from ..models.sampled import Clock
 from ..protocols import Wrapper
@@ -75,6 +76,6 @@ class Gated(Wrapper[Any]):
         return state, replace(info, extra={**(info.extra or {}), "rejected": rejected})
 
 
-def _quantile(probability):
+def _quantile(probability: Array | float):
     """Of χ² with one degree of freedom."""
     return 2 * erfinv(jnp.asarray(probability)) ** 2

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..frozen import replace
 from ..kernels import kalman
 from ..kernels.small import solve_lower, triangularise
@@ -13,7 +14,7 @@ from .belief import Belief
 from .unknown_layout import Layout
 
 
-def read(given: Any, faults: checks.Faults) -> Any:
+def read(given: Numbers, faults: checks.Faults) -> Any:
     """The levels as (q, d)."""
     if checks.is_traced(given):
         return given
@@ -25,7 +26,7 @@ def read(given: Any, faults: checks.Faults) -> Any:
     return faults.array("levels", given, "q d")
 
 
-def decide(s: Belief, levels: Any, layout: Layout) -> tuple[Belief, dict, Any]:
+def decide(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
     """The belief with its oldest input at the likeliest level, where the outputs have told of it, and the probability.
 
     Also the log-density of the decided level, which makes the likelihood that of a known input.

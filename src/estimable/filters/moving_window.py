@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, static
 from ..models.prior import Prior
 from ..protocols import Wrapper
@@ -86,7 +87,7 @@ class MovingWindow(Wrapper[Copies]):
         """What the copies believe before y[0]: the one that will fill the first whole window, and those before it."""
         fresh, first = map(self.algorithm.init, self.priors(prior))
 
-        def side_by_side(new, old):
+        def side_by_side(new: Array, old: Array):
             return jnp.concatenate([new[None], jnp.broadcast_to(old, (self.length - 1, *jnp.shape(old)))])
 
         return Copies(jax.tree_util.tree_map(side_by_side, fresh, first), fresh)

@@ -11,9 +11,10 @@ from ..annotations import Array, Numbers
 from ..frozen import replace, set_field
 from ..kernels import expansion, flow, kalman
 from ..kernels.joint_gain import block_diagonal
+from ..kernels.kalman import Posterior
 from ..kernels.small import factor, factors, gram, triangularise
 from ..models.nonlinear_model import NonlinearModel
-from ..models.plant import Functions, plant
+from ..models.plant import Functions, Matrices, plant
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
@@ -100,17 +101,17 @@ def refuse_diffuse(algorithm: Any, prior: Prior) -> None:
             )
 
 
-def split(z, n: int, θ):
+def split(z: Array, n: int, θ: Array):
     """x and θ of z, where θ is estimated, or the model's own."""
     return z[:n], (z[n:] if z.shape[0] > n else θ)
 
 
-def output_of(ready: Any, sample: Sample) -> Callable:
+def output_of(ready: Functions | Matrices, sample: Sample) -> Callable:
     """z -> y without noise."""
     return lambda z: ready.output(*split(z, ready.n, ready.θ), sample.u)
 
 
-def move_of(ready: Any, interval: Interval) -> Callable:
+def move_of(ready: Functions | Matrices, interval: Interval) -> Callable:
     """z -> z at the next sample without noise; parameters stay."""
     return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
 
@@ -130,7 +131,7 @@ def tell(self: Any, state: Belief) -> Info:
     )
 
 
-def tell_sample(algorithm: Any, state: Belief, post: Any, bias: Any) -> Info:
+def tell_sample(algorithm: Any, state: Belief, post: Posterior, bias: Array | None) -> Info:
     """What is said after a sample; what is not finite has its own sentence here."""
     told, code = tell(algorithm, state), outcome_code(post.contradicted, state.mean, state.factor, state.diffuse)
     return replace(
@@ -143,14 +144,14 @@ def tell_sample(algorithm: Any, state: Belief, post: Any, bias: Any) -> Info:
     )
 
 
-def noise_of(line: expansion.Expansion, V, truncated: bool):
+def noise_of(line: expansion.Expansion, V: Array, truncated: bool):
     """The factor of what the straight line leaves of y: V V' + E E', or V V' - b b' where fourth moments are neglected."""
     if truncated:
         return lessened(V, line.bias)
     return triangularise(jnp.concatenate([V, line.rest], axis=1)) if line.rest.shape[1] else V
 
 
-def lessened(L, b):
+def lessened(L: Array, b: Array):
     """The factor of L L' - b b'; NaN where that is no covariance."""
     P = gram(L) - b[:, None] * b[None, :]
     Z = factor(P)
@@ -181,7 +182,7 @@ def condition(self: Any, state: Belief, sample: Sample, about: Belief | None = N
     return replace(state, mean=post.m, factor=post.Z, diffuse=post.X), post
 
 
-def _condition(algorithm: Any, b: Belief, sample: Sample, mean, L):
+def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array):
     """The belief b conditioned on y by the straight line through h at a mean and a factor of its covariance."""
     ready = ready_of(algorithm).ready
     line = algorithm.expand(output_of(ready, sample), mean, L)
@@ -230,35 +231,35 @@ def _with_noise_input(ready: Functions, b: Belief, L: Array, interval: Interval,
     return line, line.slope[:, :size], line.slope[:, size:]
 
 
-def noisy(ready: Any, b: Belief, f: Callable, interval: Interval) -> Callable:
+def noisy(ready: Functions | Matrices, b: Belief, f: Callable, interval: Interval) -> Callable:
     """(z, e) -> f(z) + W(z) e."""
     size = b.mean.shape[0]
 
-    def g(ze):
+    def g(ze: Array):
         W = padded(ready.noise(*split(ze[:size], ready.n, ready.θ), interval.u), b)
         return f(ze[:size]) + jnp.sum(W * ze[None, size:], axis=1)
 
     return g
 
 
-def padded(W, belief: Belief):
+def padded(W: Array, belief: Belief):
     """Noise of the states, with none on the parameters."""
     rest = belief.mean.shape[0] - W.shape[0]
     return jnp.concatenate([W, jnp.zeros((rest, W.shape[1]))]) if rest else W
 
 
-def augmented(ready: Any, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
+def augmented(ready: Functions | Matrices, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
     """f(z, t) and W(z, t) of z = (x, θ), of which θ stays."""
     n, derivative = ready.n, ready.derivative(interval)
 
-    def f(z, t):
+    def f(z: Array, t: Array | float):
         x, θ = split(z, n, ready.θ)
         return jnp.concatenate([derivative(x, θ, t), jnp.zeros(z.shape[0] - n)])
 
     return f, lambda z, t: padded(ready.noise(*split(z, n, ready.θ), interval.u), b)
 
 
-def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
+def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
     """The belief carried through time by the equations of its moments."""
     ready, order = algorithm.ready, 2 if algorithm.curved else 1
     size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
@@ -270,7 +271,7 @@ def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
     return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
 
 
-def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
+def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
     """The belief carried to the next sample by the expansion of the map from one sample to the next, as of a discrete model.
 
     The noise that comes in meanwhile is carried by the tangents along the mean.
@@ -278,7 +279,7 @@ def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Any) -> Belief:
     ready, size = algorithm.ready, b.mean.shape[0]
     f, W = augmented(ready, b, interval)
 
-    def move(z):
+    def move(z: Array):
         return flow.integrate(lambda t, z: f(z, t), z, interval.dt, ready.substeps)[0]
 
     L = triangularise(b.factor)

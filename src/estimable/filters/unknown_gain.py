@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..annotations import Array
+from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
 from ..kernels.kalman import Posterior
@@ -90,7 +90,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             gains = checks.counted(p, "gain")
             faults.add(f"`gain` must be a prior of {gains}: {faults.sources['p']}. Got {self.gain.size}.{hint}")
 
-    def read_walk(self, given: Any, faults: checks.Faults) -> Any:
+    def read_walk(self, given: Numbers, faults: checks.Faults) -> Any:
         """A walk of these gains as a covariance per second (p, p)."""
         if checks.is_traced(given):
             return given

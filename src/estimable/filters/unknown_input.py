@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..analysis.unknown_input_existence import unknown_columns
-from ..annotations import Array
+from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import diffuse_input as kernel
 from ..kernels.joint_gain import block_diagonal
@@ -230,7 +230,7 @@ class UnknownInput(Smoothable[Any]):
         return Instant.of(F, c, W, _grown(model.Ω, layout), C, d, model.V, E=E)
 
 
-def _covariance(name: str, value: Any, faults: checks.Faults) -> Any:
+def _covariance(name: str, value: Numbers, faults: checks.Faults) -> Any:
     """A covariance (d, d) from a number, variances (d,) or itself."""
     if value is None or checks.is_traced(value):
         return value
@@ -279,12 +279,12 @@ def _observation(model: SampledModel, layout: Layout) -> Any:
     return jnp.concatenate([model.C, jnp.zeros((p, d * (layout.slots - 1))), D], axis=1)
 
 
-def _grown(Ω: Any, layout: Layout) -> Any:
+def _grown(Ω: Array | None, layout: Layout) -> Any:
     """Ω of s: no output's noise tells of an input."""
     return None if Ω is None else jnp.concatenate([Ω, jnp.zeros((layout.d * layout.slots, Ω.shape[1]))])
 
 
-def _known(model: SampledModel, layout: Layout, u: Any) -> Any:
+def _known(model: SampledModel, layout: Layout, u: Array) -> Any:
     """What of the outputs the known inputs make."""
     return model.point.outputs + apply(pick(model.D, layout.known), u - pick(model.point.inputs, layout.known))
 

@@ -70,7 +70,9 @@ def lay_out(algorithm: Any, model: StateSpace, clock: Clock | None = None) -> La
     return Layout(model.n, len(unknown), slots, now, freedom, method, known, unknown, delay, note)
 
 
-def _choose(algorithm, model, clock, unknown, freedom, first_order) -> tuple[str, int, str]:
+def _choose(
+    algorithm, model: StateSpace, clock: Clock | None, unknown: tuple[int, ...], freedom: str, first_order: bool
+) -> tuple[str, int, str]:
     """Method, delay, and the sentence that says which and why."""
     asked = algorithm.method
     if freedom != "none":

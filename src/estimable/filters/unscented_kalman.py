@@ -6,6 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, set_field, static
 from ..kernels import flow, kalman
 from ..kernels.expansion import from_points, sigma_points
@@ -101,7 +102,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         Z = triangularise(jnp.concatenate([*columns, walk], axis=1))
         return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
 
-    def _with_noise_input(self, ready, b: Belief, L, interval):
+    def _with_noise_input(self, ready, b: Belief, L: Array, interval: Interval):
         """Points in (z, e): the noise input is asked at each."""
         size, q = b.mean.shape[0], ready.white.shape[0]
         g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
@@ -109,13 +110,13 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         line = sigma_points(g, at, spread, self._κ(size + q))
         return line.mean, [line.slope, line.rest]
 
-    def _flowed(self, ready, b: Belief, L, interval):
+    def _flowed(self, ready, b: Belief, L: Array, interval: Interval):
         """Each point carried by the differential equation; one call of the integrator for all."""
         size = b.mean.shape[0]
         f, W = nonlinear.augmented(ready, b, interval)
         noise = flow.moment_derivative(f, W, 1)
 
-        def derivative(t, y):
+        def derivative(t: Array | float, y: tuple):
             return jnp.stack([f(y[0][:, j], t) for j in range(2 * size)], axis=1), noise(t, y[1])
 
         reach = (size + self._κ(size)) ** 0.5

@@ -7,7 +7,7 @@ from ..annotations import Numbers
 from ..protocols import Algorithm
 
 
-def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
+def check_algorithm(algorithm: Algorithm[Any], faults: checks.Faults) -> None:
     """An algorithm, made of a model; not a class."""
     if isinstance(algorithm, type) and issubclass(algorithm, Algorithm):
         faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
@@ -18,7 +18,7 @@ def check_algorithm(algorithm: Any, faults: checks.Faults) -> None:
         )
 
 
-def check_gain(algorithm: Any, wrapper: str, faults: checks.Faults) -> None:
+def check_gain(algorithm: Algorithm[Any], wrapper: str, faults: checks.Faults) -> None:
     """What is wrapped estimates a gain."""
     check_algorithm(algorithm, faults)
     faults.finish()

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import Record
 from ..estimation.binding import columns
 from ..estimation.estimate import estimate, log_likelihood
@@ -18,7 +19,7 @@ from ..identifiers.standing import Standing, held
 from ..identifiers.validation import fit_percent, noise_of_innovations
 from ..kernels.small import factors
 from ..models.nonlinear_model import NonlinearModel
-from ..models.plant import plant
+from ..models.plant import Functions, Matrices, plant
 from ..models.prior import Prior
 from ..protocols import FilterIdentifier
 from ..results import Estimate, Fit, Interval, Validation
@@ -62,7 +63,12 @@ def of_channels(record: Record, model: NonlinearModel) -> Record:
 
 
 def _assembled(
-    method: Any, records: Sequence[Record], begun: Start, parameters: Prior, paths: list[Estimate], total: float
+    method: FilterIdentifier,
+    records: Sequence[Record],
+    begun: Start,
+    parameters: Prior,
+    paths: list[Estimate],
+    total: float,
 ) -> Fit:
     model, path = replace(method.model, parameters=parameters.mean), paths[-1]
     validation = _validated(method, model, records, begun, paths)
@@ -74,7 +80,7 @@ def _assembled(
 
 
 def _validated(
-    method: Any, model: NonlinearModel, records: Sequence[Record], begun: Start, paths: list[Estimate]
+    method: FilterIdentifier, model: NonlinearModel, records: Sequence[Record], begun: Start, paths: list[Estimate]
 ) -> Validation:
     """What was looked at: of parameters that vary, the innovations are those of the filter that follows them."""
     stands = [standing(method, model, one) for one in records]
@@ -99,7 +105,7 @@ def _order(records: Sequence[Record]) -> int:
     return best_order([deviation(one, about) for one in records], "moesp")
 
 
-def standing(method: Any, model: NonlinearModel, record: Record, rows: int | None = None) -> Standing:
+def standing(method: FilterIdentifier, model: NonlinearModel, record: Record, rows: int | None = None) -> Standing:
     """How a nonlinear model stands to a record, as `identifiers.standing` says it of a linear one."""
     record = of_channels(record, model)
     known = estimate(method.known(model.parameters), record, prior=method.state_prior, on_failure="keep")
@@ -118,10 +124,10 @@ def simulated(model: NonlinearModel, record: Record, prior: Prior, rows: int | N
     first, y = slice(0, rows), record.y
     seen = ~np.isnan(y[first])
 
-    def outputs(z):
+    def outputs(z: np.ndarray):
         return _response(ready, prior.mean + L @ z, intervals, u)
 
-    def error(z):
+    def error(z: np.ndarray):
         e = (np.asarray(outputs(z))[first] - np.nan_to_num(y[first])) / scale
         return np.r_[np.nan_to_num(np.clip(e[seen], -LARGEST, LARGEST), nan=LARGEST), z]
 
@@ -132,17 +138,17 @@ def simulated(model: NonlinearModel, record: Record, prior: Prior, rows: int | N
 
 
 @jax.jit
-def _response(ready: Any, x: Any, intervals: Interval, u: Any):
+def _response(ready: Functions | Matrices, x: Array, intervals: Interval, u: Array):
     """h along the path of f from x, without noise."""
 
-    def step(x, row):
+    def step(x: Array, row: tuple[Interval, Array]):
         interval, now = row
         return _moved(ready, x, interval), ready.output(x, ready.θ, now)
 
     return jax.lax.scan(step, jnp.asarray(x), (intervals, u))[1]
 
 
-def _moved(ready: Any, x: Any, interval: Interval):
+def _moved(ready: Functions | Matrices, x: Array, interval: Interval):
     from ..kernels import flow
 
     if not ready.continuous:
@@ -151,20 +157,20 @@ def _moved(ready: Any, x: Any, interval: Interval):
     return flow.integrate(lambda t, x: f(x, ready.θ, t), x, interval.dt, ready.substeps)[0]
 
 
-def most_likely(method: Any, records: Sequence[Record], start: Prior) -> tuple[Prior, float]:
+def most_likely(method: FilterIdentifier, records: Sequence[Record], start: Prior) -> tuple[Prior, float]:
     """The constant parameters under which the records are most likely, with the inverse of the observed information."""
     from scipy.optimize import minimize
 
     known, prior = method.known(method.model.parameters), method.state_prior
     L = np.linalg.cholesky(start.covariance)
 
-    def minus(z):
+    def minus(z: np.ndarray):
         a = replace(known, model=replace(known.model, parameters=start.mean + L @ z))
         return -sum(log_likelihood(a, record, prior=prior) for record in records)
 
     compiled = jax.jit(jax.value_and_grad(minus))
 
-    def value(z):
+    def value(z: np.ndarray):
         total, slope = (np.asarray(part) for part in compiled(z))
         return (float(total), slope) if np.isfinite(total) and np.isfinite(slope).all() else (1e30, 0 * slope)
 

@@ -11,7 +11,7 @@ from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import standing, state_space_of
 from ..models.state_space import StateSpace
-from ..protocols import FilterIdentifier
+from ..protocols import FilterIdentifier, Method
 from ..results import Fit
 from . import adaptive
 from .candidates import candidates
@@ -150,7 +150,9 @@ def compare(
     return _ranked(found)._replace(task=task)
 
 
-def _read(methods: Any, record: Any, split: Any, level: Any, order: Any) -> list[Record]:
+def _read(
+    methods: Sequence[Method] | None, record: Record | Sequence[Record], split: float, level: str, order: int | None
+) -> list[Record]:
     faults = checks.Faults()
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
     if not records or not all(isinstance(one, Record) for one in records):
@@ -183,7 +185,7 @@ def divided(records: Sequence[Record], split: float, level: str) -> Divided:
     return Divided(records, deviations, [one[: len(part)] for one, part in zip(deviations, parts, strict=True)], trend)
 
 
-def _run(method: Any, task: Divided) -> Any:
+def _run(method: Method, task: Divided) -> Any:
     """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not.
 
     A nonlinear model is of the signals themselves: it is fitted to the first parts, the others to their deviations.

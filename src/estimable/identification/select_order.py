@@ -1,7 +1,6 @@
 """Which order? Information criteria, cross-validation and singular values, side by side."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -53,7 +52,9 @@ def select_order(
     return OrderSelection(np.array(orders), **columns, singular_values=values, gap=gap, order=best, criterion=criterion)
 
 
-def _read(record: Any, orders: Any, delays: Any, criterion: Any) -> tuple[list[Record], list[int], list[int]]:
+def _read(
+    record: Record | Sequence[Record], orders: Sequence[int], delays: Sequence[int], criterion: str
+) -> tuple[list[Record], list[int], list[int]]:
     faults = checks.Faults()
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
     if not records or not all(isinstance(one, Record) for one in records):

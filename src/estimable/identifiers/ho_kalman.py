@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..data.record import Record
 from ..frozen import frozen, static
 from ..kernels.realisation import ho_kalman
@@ -57,7 +57,14 @@ class HoKalman(Identifier):
         faults.choice("weighting", self.weighting, WEIGHTINGS)
         faults.finish()
 
-    def realise(self, markov_parameters: Any, *, dt: float, inputs: Any = None, outputs: Any = None) -> StateSpace:
+    def realise(
+        self,
+        markov_parameters: Numbers,
+        *,
+        dt: float,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> StateSpace:
         """The model of M_0, M_1, .. (length+1, p, m), or (length+1,) of one input and output; `dt` in seconds.
 
         Raises `InputError` where there are too few for the order.

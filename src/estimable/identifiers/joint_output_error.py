@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..data.record import LOST
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import bilinear as kernel
@@ -158,7 +159,7 @@ class JointOutputError(Anticipating[JointBelief]):
         fates = self._fates(sample)
         jumped = jnp.sqrt(self.jump) * jax.vmap(factor)(P0)
 
-        def one(belief, y, seen, r, J):
+        def one(belief: JointBelief, y: Array, seen: Array, r: Array, J: Array):
             return self._learn(belief, window, fates, y, seen, r, J)
 
         after, told = jax.vmap(one)(
@@ -177,7 +178,7 @@ class JointOutputError(Anticipating[JointBelief]):
         arrived = jnp.asarray(sample.arrived)
         return jnp.asarray(sample.u), jnp.where(arrived == arrived, arrived, rate)
 
-    def _learn(self, belief: JointBelief, window, fates, y, seen, r, J):
+    def _learn(self, belief: JointBelief, window: Array, fates: Array, y: Array, seen: Array, r: Array, J: Array):
         """One output: the belief after its datum, and what was told of it."""
         nx, nv = self._sizes
         v, Z = belief.inputs, belief.factor
@@ -208,7 +209,7 @@ class JointOutputError(Anticipating[JointBelief]):
         )
         return after, (e, S, jnp.where(seen, y, x), alarmed)
 
-    def _moments(self, θ, φ, Θ, X, V):
+    def _moments(self, θ: Array, φ: Array, Θ: Array, X: Array, V: Array):
         """Those of the product θ'φ; known inputs have no variance."""
         if V.shape[0]:
             inputs = recursive.delayed(V, self.model.m, self.delay)
@@ -217,7 +218,7 @@ class JointOutputError(Anticipating[JointBelief]):
         b, u = Θ[self.na :], φ[self.na :]
         return x + jnp.sum(θ[self.na :] * u), linear + jnp.sum(u[:, None] * b, axis=0), rest
 
-    def _sent(self, v, V, u, probability):
+    def _sent(self, v: Array, V: Array, u: Array, probability: Array):
         """The inputs with what was sent just now, channel by channel, and the factor of what is not known of it."""
         m = self.model.m
         size = v.shape[0] // m
@@ -239,7 +240,7 @@ class JointOutputError(Anticipating[JointBelief]):
         return replace(state, lags=shifted)
 
 
-def _widened(X, V, Θ, doubt, J):
+def _widened(X: Array, V: Array, Θ: Array, doubt: Array, J: Array):
     """Factors after a jump: of past outputs by `doubt`, of parameters by J."""
     nx, d = X.shape[0], Θ.shape[0]
     X = jnp.concatenate([X, doubt, jnp.zeros((nx, d))], axis=1)
@@ -247,20 +248,20 @@ def _widened(X, V, Θ, doubt, J):
     return X, V, jnp.concatenate([Θ, jnp.zeros((d, nx)), J], axis=1)
 
 
-def _driven(θ, φ, Θ, na: int):
+def _driven(θ: Array, φ: Array, Θ: Array, na: int):
     """The root mean square of what the inputs alone make of an output."""
     b, u = θ[na:], φ[na:]
     return jnp.sqrt(jnp.sum(b * u) ** 2 + jnp.sum(jnp.sum(u[:, None] * Θ[na:], axis=0) ** 2))
 
 
-def _tamed(x, linear, rest, most):
+def _tamed(x: Array, linear: Array, rest: Array, most: Array | float):
     """An output of which nothing is known any more, as uncertain as `most`."""
     sigma = jnp.sqrt(jnp.sum(linear * linear) + rest)
     scale = jnp.where(sigma > most, most / jnp.where(sigma > 0, sigma, 1.0), 1.0)
     return scale * x, scale * linear, scale * scale * rest
 
 
-def _informed(method: JointOutputError, state: JointBelief, told, sample: Sample) -> Info:
+def _informed(method: JointOutputError, state: JointBelief, told: tuple, sample: Sample) -> Info:
     """What is said of all outputs together: independent noises leave their errors independent."""
     e, S, completed, alarmed = told
     p = state.parameters.shape[0]
@@ -278,7 +279,7 @@ def _informed(method: JointOutputError, state: JointBelief, told, sample: Sample
     )  # fmt: skip
 
 
-def _read_arrival(value: Any, faults: checks.Faults) -> Any:
+def _read_arrival(value: Numbers, faults: checks.Faults) -> Any:
     """Arrival rates, one number or (m,), more than 0 and at most 1."""
     if checks.is_traced(value):
         return jnp.atleast_1d(value)

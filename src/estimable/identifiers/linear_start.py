@@ -57,7 +57,7 @@ def at_rest(model: NonlinearModel, x: np.ndarray, u: np.ndarray, θ: np.ndarray)
 
 
 @partial(jax.jit, static_argnums=0)
-def _value(f: Callable, x: Any, u: Any, θ: Any) -> Any:
+def _value(f: Callable, x: np.ndarray, u: np.ndarray, θ: np.ndarray) -> Any:
     return f(x, u, θ)
 
 

@@ -52,7 +52,7 @@ def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noi
     return _assembled(orders, data, best, noise_variance)
 
 
-def _search(orders: Orders, data: Sequence[Datum], θ: Any) -> tuple[np.ndarray, float]:
+def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.ndarray, float]:
     """θ and all pasts at the end of one search, and the sum of squares there."""
     from scipy.optimize import least_squares
 
@@ -62,10 +62,10 @@ def _search(orders: Orders, data: Sequence[Datum], θ: Any) -> tuple[np.ndarray,
     seen = sum(int(datum.seen.sum()) for datum in data)
     rows = max(len(start) - seen, 0)  # MINPACK wants as many data as unknowns: rows of zero tell nothing
 
-    def residual(x):
+    def residual(x: np.ndarray):
         return np.append(_residuals(orders, data, x), np.zeros(rows))
 
-    def slopes(x):
+    def slopes(x: np.ndarray):
         return np.vstack([_slopes(orders, data, x), np.zeros((rows, len(x)))])
 
     end = least_squares(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import Record
 from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..frozen import frozen, set_field, static
@@ -93,7 +94,7 @@ class OutputErrorML(StartedIdentifier):
             noise = np.maximum(found, np.maximum(LEAST_NOISE * np.array(sizes), np.finfo(float).tiny))
         return RecursiveOutputError(self.na, self.nb, delay=self.delay, noise_variance=noise)
 
-    def fit(self, records: Sequence[Record], start: Any = None) -> Fit:
+    def fit(self, records: Sequence[Record], start: Array | None = None) -> Fit:
         """The fit to records of equal channels and step; `start` (d,) is one more start.
 
         Raises `InputError` where nothing says what an input may have been, or an output was never seen.

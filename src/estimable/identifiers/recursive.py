@@ -1,6 +1,7 @@
 """What recursive identifiers of output-error models share: orders, channels, and what is believed of θ at first."""
 
 import dataclasses
+from collections.abc import Sequence
 from math import comb
 from typing import Any, TypeVar
 
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..annotations import Array
+from ..annotations import Array, Numbers
 from ..models.output_error import OutputError, parameter_names, read_variance
 from ..models.prior import Prior
 from ..results import Names
@@ -91,28 +92,28 @@ def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:
     return mean, P * scale[:, :, None] * scale[:, None, :]
 
 
-def window(lags: Any, u: Any, delay: int) -> Any:
+def window(lags: Array, u: Array, delay: int) -> Any:
     """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb], from those before (m, nb + delay) and u[k] (m,)."""
     return jnp.concatenate([jnp.asarray(u)[:, None], lags], axis=1)[:, delay:].ravel()
 
 
-def delayed(values: Any, m: int, delay: int) -> Any:
+def delayed(values: Array, m: int, delay: int) -> Any:
     """Of rows input by input, newest first, those that enter φ."""
     size = values.shape[0] // m
     return jnp.concatenate([values[j * size + delay : (j + 1) * size] for j in range(m)])
 
 
-def block_diagonal(blocks: Any) -> Any:
+def block_diagonal(blocks: Array) -> Any:
     """The covariance (p d, p d) of all outputs' parameters, of one (p, d, d) each."""
     p, d = blocks.shape[:2]
     return (jnp.eye(p)[:, None, :, None] * blocks[:, :, None, :]).reshape(p * d, p * d)
 
 
-def _names(given: Any, argument: str, faults: checks.Faults) -> tuple[str, ...] | None:
+def _names(given: Sequence[str] | None, argument: str, faults: checks.Faults) -> tuple[str, ...] | None:
     return None if given is None else faults.names(argument, given, argument, argument[0])
 
 
-def _read_noise(value: Any, faults: checks.Faults) -> Any:
+def _read_noise(value: Numbers, faults: checks.Faults) -> Any:
     noise = read_variance("noise_variance", value, faults)
     if noise is not None and not checks.is_traced(noise) and np.any(noise <= 0):
         faults.add(

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import auxiliary_model as kernel
 from ..kernels.small import apply, factor, gram
@@ -155,7 +156,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         lags = recursive.window(state.lags, sample.u, self.delay)
         blank = replace(state, lags=None)
 
-        def one(state, y, seen, r, mean, variance):
+        def one(state: Recursion, y: Array, seen: Array, r: Array, mean: Array, variance: Array):
             return self._learn(state, lags, y, seen, r, mean, variance)
 
         after, told = jax.vmap(one)(
@@ -163,7 +164,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         )
         return replace(after, lags=state.lags), _informed(after, told, sample)
 
-    def _learn(self, state: Recursion, lags, y, seen, r, mean, variance):
+    def _learn(self, state: Recursion, lags: Array, y: Array, seen: Array, r: Array, mean: Array, variance: Array):
         """One output: θ after its datum, and what was told of it."""
         θ, a, d = state.parameters, state.parameters[: self.na], state.parameters.shape[0]
         φ = kernel.regressor(state.outputs, lags)
@@ -195,7 +196,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         x = jnp.sum(kernel.regressor(outputs, lags) * θ_next)
         return after, (e, S, x, jnp.where(seen, y, predicted))
 
-    def _kept(self, state: Recursion, g, e, predicted, seen, r):
+    def _kept(self, state: Recursion, g: Array, e: Array, predicted: Array, seen: Array, r: Array):
         """How much of P^-1 is kept (λ), and the counts that say so."""
         d = g.shape[0]
         one = jnp.where(seen, 1.0, 0.0)
@@ -219,7 +220,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         """Move to the next sample: the auxiliary model's output and its slope join those that are kept (3.16)."""
         lags = recursive.window(state.lags, interval.u, self.delay)
 
-        def one(θ, outputs, slopes):
+        def one(θ: Array, outputs: Array, slopes: Array):
             φ = kernel.regressor(outputs, lags)
             ψ = kernel.slope(φ, θ[: self.na], slopes)
             x = jnp.sum(φ * θ)
@@ -231,7 +232,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         return replace(state, outputs=outputs, slopes=slopes, lags=shifted)
 
 
-def _informed(state: Recursion, told, sample: Sample) -> Info:
+def _informed(state: Recursion, told: tuple, sample: Sample) -> Info:
     """What is said of all outputs together: independent noises leave their errors independent."""
     e, S, x, completed = told
     p, d = state.parameters.shape

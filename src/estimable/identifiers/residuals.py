@@ -1,6 +1,6 @@
 """Are the residuals of a fit white, and is something of the inputs left in them?"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ def side_by_side(e: Sequence[np.ndarray], records: Sequence[Record]) -> tuple[np
     return joined, inputs
 
 
-def _tried(name: str, test: Any) -> list[Check]:
+def _tried(name: str, test: Callable[[], Any]) -> list[Check]:
     """A test as a check; none where there are too few samples to judge by."""
     try:
         found: Correlations = test()

@@ -164,7 +164,7 @@ class Subspace(Identifier):
             B, D = self._by_predictor(A, C, stationary_gain(A, C, found.noise)[0], full)
         return innovations_model((A, B, C, D), found.noise, first), found.singular_values
 
-    def _by_predictor(self, A: Any, C: Any, K: np.ndarray, full: Data) -> tuple[np.ndarray, np.ndarray]:
+    def _by_predictor(self, A: np.ndarray, C: np.ndarray, K: np.ndarray, full: Data) -> tuple[np.ndarray, np.ndarray]:
         """B and D with which predictions are nearest: x+ = (A - K C) x + (B - K D) u + K y, a stable system."""
         F, none = A - K @ C, np.zeros((len(C), len(C)))
         driven = System(F, K, C, none, A, A, A)

@@ -24,7 +24,7 @@ class Expected(NamedTuple):
     variance: np.ndarray
 
 
-def expected(records: Sequence[Record], arrival: Any) -> list[Expected]:
+def expected(records: Sequence[Record], arrival: float | None) -> list[Expected]:
     """What is known of the inputs: one of unknown fate came with its rate, one not logged is like those that were.
 
     Raises `InputError` where fates are unknown and there is no rate, or a held input depends on one.
@@ -46,7 +46,9 @@ def expected(records: Sequence[Record], arrival: Any) -> list[Expected]:
     return [_expected(record, fate, mean, variance, rate) for record, fate in zip(records, unknown, strict=True)]
 
 
-def _expected(record: Record, unknown: np.ndarray, mean: np.ndarray, variance: np.ndarray, rate: Any) -> Expected:
+def _expected(
+    record: Record, unknown: np.ndarray, mean: np.ndarray, variance: np.ndarray, rate: float | None
+) -> Expected:
     arrived = np.ones_like(record.u) if record.arrived is None else record.arrived
     p = np.where(unknown, rate, np.nan_to_num(arrived))
     lost = np.isnan(record.u)
@@ -74,7 +76,7 @@ def fit_uncertain(
     scale = np.concatenate([np.maximum(np.abs(first.parameters), 0.1), np.ones(len(start) - len(first.parameters))])
     size = sum(int(datum.seen.sum()) for datum in data)
 
-    def scaled(z):
+    def scaled(z: np.ndarray):
         value, slope = _slope(z * scale, rows, orders, noise_variance)
         bad = not np.isfinite(value)
         return (1e12, np.zeros_like(z)) if bad else (float(value) / size, np.asarray(slope) * scale / size)
@@ -111,7 +113,7 @@ def _rows(data: Sequence[Datum], inputs: Sequence[Expected]) -> tuple:
     )
 
 
-def cost_parts(x: Any, rows: tuple, orders: Orders, noise_variance: Any) -> tuple:
+def cost_parts(x: np.ndarray, rows: tuple, orders: Orders, noise_variance: float | None) -> tuple:
     """Minus the log-likelihood, and the innovations with their variances, record by record."""
     records, m = rows[0].shape[0], rows[0].shape[2]
     d, n = orders.na + m * (orders.nb + 1), max(orders.na, orders.nb + orders.delay, 1)
@@ -123,7 +125,7 @@ def cost_parts(x: Any, rows: tuple, orders: Orders, noise_variance: Any) -> tupl
 
 
 @partial(jax.jit, static_argnames=("orders",))
-def _cost(x: Any, rows: tuple, orders: Orders, noise_variance: Any) -> Any:
+def _cost(x: np.ndarray, rows: tuple, orders: Orders, noise_variance: float | None) -> Any:
     return cost_parts(x, rows, orders, noise_variance)[0]
 
 

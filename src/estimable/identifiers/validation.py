@@ -1,7 +1,6 @@
 """How a fitted model stands to the records it was fitted to."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -20,9 +19,9 @@ PROBABILITY = 0.999  # of the band in which the residuals' variance lies under a
 def validated(
     model: OutputError,
     records: Sequence[Record],
-    noise_variance: Any = None,
-    residuals: Any = None,
-    information: Any = None,
+    noise_variance: np.ndarray | float | None = None,
+    residuals: Sequence[np.ndarray] | None = None,
+    information: np.ndarray | None = None,
     pseudo_linear: bool = False,
 ) -> Validation:
     """The residuals, the fit and the assumptions of a model.
@@ -80,7 +79,7 @@ def stability_check(model: OutputError) -> Check:
     )
 
 
-def noise_check(residuals: Sequence[np.ndarray], noise_variance: Any) -> Check:
+def noise_check(residuals: Sequence[np.ndarray], noise_variance: np.ndarray | float | None) -> Check:
     """Whether the residuals are as large as the assumed noise, in words."""
     from scipy.stats import chi2
 

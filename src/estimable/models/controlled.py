@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..kernels.small import factors
 from .output_error import OutputError, past_states
@@ -201,7 +202,7 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
 
 
-def read_limits(limits: Any, faults: checks.Faults) -> Any:
+def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
     """Smallest and largest input, (2, m), of one number each or (m,)."""
     if limits is None or checks.is_traced(limits):
         return limits
@@ -212,7 +213,7 @@ def read_limits(limits: Any, faults: checks.Faults) -> Any:
     return read
 
 
-def _read_steps(name: str, given: Any, size: str, faults: checks.Faults) -> Any:
+def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> Any:
     """The steps that something is rounded to, of one number or one each."""
     if given is None or checks.is_traced(given):
         return given

@@ -7,12 +7,13 @@ Reference: C. F. Van Loan, Computing integrals involving the matrix exponential,
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 
 HOLDS = ("zero_order", "first_order")
 NODES = 24  # of Gauss's rule over a step
 
 
-def read_steps(dt, rows: int | None, faults: checks.Faults):
+def read_steps(dt: Numbers, rows: int | None, faults: checks.Faults):
     """One step length, or one a row, in seconds; `rows`: how many a time-varying model has."""
     try:
         steps = np.asarray(dt)
@@ -27,7 +28,7 @@ def read_steps(dt, rows: int | None, faults: checks.Faults):
     return steps.astype(float)
 
 
-def over(A, B, GQG, h, *, hold):
+def over(A: np.ndarray, B: np.ndarray, GQG, h: np.ndarray, *, hold: str):
     """Φ, B, B_end (None for a zero-order hold) and Qd over steps h; leading axes of A, B, GQG and h are broadcast."""
     h = np.asarray(h, float)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -44,7 +45,7 @@ def over(A, B, GQG, h, *, hold):
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
 
 
-def wandering(A, h, *, hold):
+def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
     """M (.., n, n, n) of an input error that wanders: ∫_0^h e^{A (h-s)} w(s) ds = Σ_k M_k ε_k, ε unit white.
 
     w is a Brownian motion of unit diffusion from w(0) = 0, free at the end where the input is held; where it moves linearly
@@ -64,7 +65,7 @@ def wandering(A, h, *, hold):
     return (s[..., :n, None] * V[..., :n, :] * size).reshape(*terms.shape[:-2], -1, n, n)
 
 
-def _input_integrals(A, h):
+def _input_integrals(A: np.ndarray, h: np.ndarray):
     """Φ, Γ and ∫_0^h Γ(s) ds, from one exponential of [[A, I, 0], [0, 0, I], [0, 0, 0]] h."""
     n = A.shape[-1]
     M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape), 3 * n, 3 * n))
@@ -74,7 +75,7 @@ def _input_integrals(A, h):
     return E[..., :n, :n], E[..., :n, n : 2 * n], E[..., :n, 2 * n :]
 
 
-def _noise_integral(A, GQG, h):
+def _noise_integral(A: np.ndarray, GQG, h: np.ndarray):
     """Qd by Van Loan's exponential over h / 2^s, then s doublings Qd(2h) = Qd(h) + Φ Qd(h) Φ'.
 
     One exponential over the whole of a long step holds e^{-A h} and overflows where A is stable and fast.
@@ -98,7 +99,7 @@ def _upper_right(n: int):
     return np.kron([[False, True], [False, False]], np.ones((n, n), bool))
 
 
-def exponential(M):
+def exponential(M: np.ndarray):
     """e^M of each matrix of a stack: Taylor's series of M / 2^s at a norm of at most 1/2, squared s times.
 
     18 terms leave 1e-22. Accurate entry by entry for chains of integrators, whose terms are all positive, where Padé's
@@ -116,7 +117,7 @@ def exponential(M):
     return E
 
 
-def _halvings(M) -> int:
+def _halvings(M: np.ndarray) -> int:
     """How often M must be halved for a norm of at most 1/2."""
     size = np.abs(M).sum(-1).max(initial=0.0)
     return max(0, int(np.ceil(np.log2(max(size, 1e-300)))) + 1) if np.isfinite(size) else 0

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import replace
 from .sampled import point_of
 from .state_space import StateSpace
@@ -58,7 +59,9 @@ def is_word(directions: Any) -> bool:
     return isinstance(directions, str) and directions in ("one", "per_input")
 
 
-def in_blocks(model: StateSpace, p: int, *, directions: Any, fixed: Any = None, feedthrough: Any = None) -> StateSpace:
+def in_blocks(
+    model: StateSpace, p: int, *, directions: Any, fixed: Numbers | None = None, feedthrough: Any = None
+) -> StateSpace:
     """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
     fixed = 0 * model.B if fixed is None else _beside(fixed, model.B) + 0 * model.B
     B, B_end = _side_by_side([fixed, *_blocks(directions, model.B, p)]), model.B_end

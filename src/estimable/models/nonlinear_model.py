@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..frozen import frozen, set_field, static
 from .state_space import StateSpace
 
@@ -100,7 +101,7 @@ class NonlinearModel:
         jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
         return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)
 
-    def linearised(self, x: Any, u: Any = (), *, parameters: Any = None) -> StateSpace:
+    def linearised(self, x: Numbers, u: Numbers = (), *, parameters: Numbers | None = None) -> StateSpace:
         """The tangents at a state x (n,) and an input u (m,) as a linear model about that operating point.
 
         `parameters` (k,): of θ; None: the model's own. Right about an equilibrium: of a state that moves, the motion is left out.
@@ -150,7 +151,7 @@ class NonlinearModel:
 
 
 @partial(jax.jit, static_argnums=0)
-def _slopes(g: Callable, x: Any, u: Any, θ: Any) -> Any:
+def _slopes(g: Callable, x: Numbers, u: Numbers, θ: Array) -> Any:
     """The derivatives of g(x, u, θ) by x and by u."""
     return jax.jacfwd(g, argnums=(0, 1))(x, u, θ)
 
@@ -224,7 +225,9 @@ def _check_functions(model: NonlinearModel, noise_input: Callable | None, k: int
             _check_result(name, function, arguments, shape, because, faults)
 
 
-def _check_result(name: str, function: Callable, arguments: list, shape: tuple, because: str, faults) -> None:
+def _check_result(
+    name: str, function: Callable, arguments: list, shape: tuple, because: str, faults: checks.Faults
+) -> None:
     sizes = ", ".join(f"{letter} {a.shape}" for letter, a in zip("xuθ", arguments, strict=True))
     try:
         result = jax.eval_shape(function, *arguments)

@@ -1,11 +1,13 @@
 """The output-error model: polynomials A and B for each output, and white noise on what is measured."""
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, set_field, static
 from ..kernels import output_error_response as kernel
 from . import polynomials
@@ -59,7 +61,15 @@ class OutputError(polynomials.Polynomials):
 
     @staticmethod
     def of_parameters(
-        parameters, *, na: int, nb: int, delay: int = 0, noise_variance, dt: float, inputs=None, outputs=None
+        parameters: Numbers,
+        *,
+        na: int,
+        nb: int,
+        delay: int = 0,
+        noise_variance: Numbers,
+        dt: float,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
     ) -> "OutputError":
         """The model of a parameter vector (p (na + m (nb+1)),): output by output, a then b, input by input.
 
@@ -98,7 +108,7 @@ class OutputError(polynomials.Polynomials):
         """Whether every pole lies inside the unit circle."""
         return all(np.all(np.abs(poles) < 1) for poles in self.poles)
 
-    def response(self, u) -> np.ndarray:
+    def response(self, u: Numbers) -> np.ndarray:
         """The outputs x° (T, p) without noise, from rest, under the applied input u (T, m) or (T,).
 
         >>> OutputError([-0.5], [1.0], noise_variance=0.0, dt=1).response([1.0, 0.0, 0.0]).ravel().tolist()

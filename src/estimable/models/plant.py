@@ -5,8 +5,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
+from ..results import Interval
 from .nonlinear_model import NonlinearModel
 from .sampled import Clock, SampledModel, is_diagonal, sample
 from .state_space import StateSpace
@@ -31,7 +33,7 @@ class Functions:
     V: Any
     independent: bool = static(default=False)
 
-    def at(self, k) -> "Functions":
+    def at(self, k: int | Array) -> "Functions":
         """The plant at row k: it does not vary."""
         return self
 
@@ -45,24 +47,24 @@ class Functions:
         """Number of states."""
         return self.G.shape[0]
 
-    def output(self, x, θ, u):
+    def output(self, x: Array, θ: Array, u: Array):
         """y without its noise, (p,)."""
         return self.h(x, u, θ)
 
-    def next_state(self, x, θ, interval):
+    def next_state(self, x: Array, θ: Array, interval: Interval):
         """x at the next sample without noise, (n,)."""
         return self.f(x, interval.u, θ)
 
-    def derivative(self, interval):
+    def derivative(self, interval: Interval):
         """f(x, θ, t): dx/dt at t seconds after the sample."""
 
-        def f(x, θ, t):
+        def f(x: Array, θ: Array, t: Array | float):
             u = interval.u
             return self.f(x, u + (interval.u_end - u) * (t / interval.dt) if self.moving else u, θ)
 
         return f
 
-    def noise(self, x, θ, u):
+    def noise(self, x: Array, θ: Array, u: Array):
         """W (n, q): the noise on x+ (or on dx/dt) is W e."""
         G = self.G if self.noise_input is None else self.noise_input(x, u, θ)
         return product(G, self.white)
@@ -78,7 +80,7 @@ class Matrices:
     continuous = False
     θ = np.zeros(0)
 
-    def at(self, k) -> "Matrices":
+    def at(self, k: int | Array) -> "Matrices":
         """The plant at row k of a time-varying model."""
         return Matrices(self.model.at(k))
 
@@ -102,18 +104,18 @@ class Matrices:
         """Whether each output has a noise of its own."""
         return self.model.independent
 
-    def output(self, x, θ, u):
+    def output(self, x: Array, θ: Array, u: Array):
         """y without its noise, (p,)."""
         model = self.model
         return apply(model.C, x) + apply(model.D, u - model.point.inputs) + model.point.outputs
 
-    def next_state(self, x, θ, interval):
+    def next_state(self, x: Array, θ: Array, interval: Interval):
         """x at the next sample without noise, (n,)."""
         model = self.model
         moved = apply(model.A, x) + apply(model.B, interval.u - model.point.inputs)
         return moved if model.B_end is None else moved + apply(model.B_end, interval.u_end - model.point.inputs)
 
-    def noise(self, x, θ, u):
+    def noise(self, x: Array, θ: Array, u: Array):
         """W (n, q): the noise on x+ is W e."""
         return self.model.W
 

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..annotations import Numbers
 from ..frozen import replace
 
 
@@ -38,13 +39,13 @@ class Polynomials:
         """θ: output by output the entries of `PARTS`, those of b input by input."""
         return joined(*self._parts.values())
 
-    def with_parameters(self, parameters: Any) -> Self:
+    def with_parameters(self, parameters: Numbers) -> Self:
         """The same model with another θ."""
         parts = self._parts
         return replace(self, **dict(zip(parts, parted(parameters, list(parts.values())), strict=True)))
 
 
-def degrees(a: Any, b: Any) -> tuple[int, int]:
+def degrees(a: np.ndarray, b: np.ndarray) -> tuple[int, int]:
     """na and nb."""
     return a.shape[-1], b.shape[-1] - 1
 
@@ -58,14 +59,14 @@ def joined(*parts: Any) -> np.ndarray:
     return np.concatenate([np.reshape(part, (len(part), -1)) for part in parts], axis=1).ravel()
 
 
-def parted(θ: Any, like: Sequence[Any]) -> list[np.ndarray]:
+def parted(θ: np.ndarray, like: Sequence[Any]) -> list[np.ndarray]:
     """The parts of θ, shaped as those in `like`: `joined` undone."""
     rows = np.asarray(θ, float).reshape(len(like[0]), -1)
     ends = np.cumsum([0, *(np.size(part) // len(part) for part in like)])
     return [rows[:, i:j].reshape(np.shape(part)) for part, i, j in zip(like, ends[:-1], ends[1:], strict=True)]
 
 
-def companion(a: Any, b: Any, delay: int, states: int = 1) -> tuple[np.ndarray, ...]:
+def companion(a: np.ndarray, b: np.ndarray, delay: int, states: int = 1) -> tuple[np.ndarray, ...]:
     """A, B, C, D of B_ij/A_i: one observable companion form an output, each with at least `states` states.
 
     >>> companion(np.array([[0.5]]), np.array([[[1.0, 2.0]]]), 0)[1].tolist()

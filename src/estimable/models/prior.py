@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, set_field
 
 
@@ -52,7 +53,7 @@ class Prior:
         """How many quantities it describes."""
         return self.mean.shape[-1]
 
-    def in_basis(self, T) -> "Prior":
+    def in_basis(self, T: Numbers) -> "Prior":
         """The same belief about T x, T (k, n). Raises `InputError` for a T of another shape.
 
         >>> Prior([1.0], [[2.0]]).in_basis([[3.0]]).covariance

@@ -1,5 +1,6 @@
 """A model as the steps of an algorithm need it: discrete, its noises on unit white ones, one instant at a time."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -7,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, replace, static
 from ..kernels.small import factors
 from .discretisation import over, wandering
@@ -54,7 +56,7 @@ class SampledModel:
     independent: bool = static(default=False)
     wandering: Any = None
 
-    def at(self, k) -> "SampledModel":
+    def at(self, k: int | Array) -> "SampledModel":
         """The model at row k."""
         if not self.varying:
             return self
@@ -164,7 +166,7 @@ def _white(model: StateSpace):
     return L[..., :p, :p], G @ L[..., p:, :p], G @ L[..., p:, p:]
 
 
-def _together(model: StateSpace, names):
+def _together(model: StateSpace, names: Sequence[str]):
     """The named matrices, each with a time axis of full length if any of them varies."""
     T = next((getattr(model, name).shape[-3] for name in names if name in model.varying), None)
     matrices = (getattr(model, name) for name in names)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers
 from ..frozen import frozen, set_field, static
 from .control import arguments_of, to_control
 from .discretisation import HOLDS, over, read_steps
@@ -131,7 +132,7 @@ class StateSpace:
             states=self.states, inputs=self.inputs, outputs=self.outputs, operating_point=self.operating_point,
         )  # fmt: skip
 
-    def in_basis(self, T) -> "StateSpace":
+    def in_basis(self, T: Numbers) -> "StateSpace":
         """The same model in the states T x; they are named x1.. again. Raises `InputError` where T (n, n) is singular.
 
         >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
@@ -152,7 +153,14 @@ class StateSpace:
         )  # fmt: skip
 
     @staticmethod
-    def from_control(system, *, Q=None, R=None, G=None, S=None) -> "StateSpace":
+    def from_control(
+        system,
+        *,
+        Q: Numbers | None = None,
+        R: Numbers | None = None,
+        G: Numbers | None = None,
+        S: Numbers | None = None,
+    ) -> "StateSpace":
         """A model from a `control.StateSpace` (dt = 0 is continuous there too), with the noises it does not carry.
 
         Needs the extra `control`. Raises `InputError` where the system's dt is not a number.

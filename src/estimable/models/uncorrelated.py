@@ -1,7 +1,5 @@
 """The same process with process and measurement noise independent of each other."""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
@@ -45,7 +43,7 @@ def _plain(model: StateSpace) -> StateSpace:
     )  # fmt: skip
 
 
-def _positive(Q: Any, size: float) -> np.ndarray:
+def _positive(Q: np.ndarray, size: float) -> np.ndarray:
     """A covariance with what rounding made of zero taken out."""
     values, vectors = np.linalg.eigh((Q + Q.T) / 2)
     return (vectors * np.where(values > 1e-13 * size, values, 0.0)) @ vectors.T

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ..annotations import Array
+
 LATE = ("drop", "use")  # of packets that come late
 
 
@@ -25,7 +27,7 @@ class Delivery(NamedTuple):
         return self.delay == 0
 
 
-def transmit(link: Any, packets: Any, key: Any) -> Delivery:
+def transmit(link: Any, packets: Array, key: Array) -> Delivery:
     """Send packets (T, c) through a link, one an instant; everything of the delivery has rows (T, c)."""
     T = packets.shape[0]
     draws = jax.random.uniform(key, (T, max(link.draws, 1)), float)
@@ -39,7 +41,7 @@ def flight(longest: int):
     return jnp.full((longest, 1), jnp.nan), jnp.full((longest, 1), jnp.inf), jnp.full((1,), jnp.inf)
 
 
-def fly(state, packet, delay, late: str):
+def fly(state: tuple, packet: Array, delay: Array, late: str):
     """Send a packet (c,) that will take `delay` (c,) steps, and see which come just now."""
     sent, delays, newest = state
     packet = jnp.asarray(packet)
@@ -54,7 +56,7 @@ def fly(state, packet, delay, late: str):
     return (sent[:-1], delays[:-1], jnp.minimum(newest, age)), delivery
 
 
-def in_time(packet, arrived) -> Delivery:
+def in_time(packet: Array, arrived: Array) -> Delivery:
     """The packet (c,) where it arrived, and nothing ever where not."""
     infinite = jnp.where(arrived, 0.0, jnp.inf)
     return Delivery(jnp.where(arrived, packet, jnp.nan), infinite, infinite)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..frozen import frozen, set_field, static
 from .delivery import LATE, flight, fly, in_time
 
@@ -27,7 +28,7 @@ class PerfectLink:
         """Nothing to remember."""
         return ()
 
-    def send(self, state, packet, draw=None):
+    def send(self, state, packet: Array, draw: Array | None = None):
         """The packet (c,), as it is."""
         return state, in_time(packet, jnp.ones(jnp.shape(packet), bool))
 
@@ -64,7 +65,7 @@ class BernoulliLink:
         """Nothing to remember."""
         return ()
 
-    def send(self, state, packet, draw):
+    def send(self, state, packet: Array, draw: Array):
         """The packet (c,), or nothing; `draw` uniform on [0, 1), one a packet."""
         return state, in_time(packet, jnp.broadcast_to(draw < self.arrival, jnp.shape(packet)))
 
@@ -131,7 +132,7 @@ class GilbertElliottLink:
         """The probability of being in the bad state."""
         return jnp.asarray(self.to_bad / (self.to_bad + self.to_good))
 
-    def send(self, state, packet, draw):
+    def send(self, state, packet: Array, draw: Array):
         """The packet (c,), or nothing; `draw` (2,) uniform: of the channel's state, and of the packet."""
         is_bad = draw[0] < state
         arrived = draw[1] < jnp.where(is_bad, self.bad, self.good)
@@ -179,14 +180,14 @@ class DelayLink:
         """Nothing in flight."""
         return flight(len(self.delays) - 1)
 
-    def send(self, state, packet, draw):
+    def send(self, state, packet: Array, draw: Array):
         """The newest packet (c,) that comes just now; `draw` (1,) uniform."""
         steps = jnp.sum(jnp.where(draw[0] >= jnp.cumsum(jnp.asarray(self.delays)), 1.0, 0.0))
         delay = jnp.where(steps < len(self.delays), steps, jnp.inf)
         return fly(state, packet, jnp.broadcast_to(delay, jnp.shape(packet)), self.late)
 
 
-def _read_probabilities(name: str, value: Any, faults: checks.Faults) -> Any:
+def _read_probabilities(name: str, value: Numbers, faults: checks.Faults) -> Any:
     if checks.is_traced(value):
         return jnp.atleast_1d(value)
     read = faults.array(name, [value] if np.ndim(value) == 0 else value, "channels")

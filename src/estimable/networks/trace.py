@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..frozen import frozen, set_field, static
 from .delivery import LATE, flight, fly
 
@@ -54,7 +55,7 @@ class Trace:
         """Nothing sent yet."""
         return jnp.zeros((), int), flight(self.longest)
 
-    def send(self, state, packet, draw=None):
+    def send(self, state, packet: Array, draw: Array | None = None):
         """Do what was done to the packet of this row; after the last row, deliver in time."""
         row, flying = state
         rows = jnp.asarray(self.delay)

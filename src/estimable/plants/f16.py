@@ -11,6 +11,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..controllers.proportional_integral import ProportionalIntegral
 from ..controllers.state_feedback import StateFeedback
 from ..data.record import Record
@@ -32,7 +33,7 @@ STATES, OUTPUTS, INPUTS = ("alpha", "pitch_rate"), ("alpha_deg", "pitch_rate_deg
 SIMULATIONS = ("continuous_actuator", "held_elevator")
 
 
-def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, Q=None) -> StateSpace:
+def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, Q: Numbers | None = None) -> StateSpace:
     """The continuous short period, both states measured. `Q`: density of process noise, per second (default none).
 
     >>> sorted(round(float(z), 4) for z in np.linalg.eigvals(short_period().A))
@@ -136,7 +137,7 @@ def drawn_flight(
     clean = _clean(gain_after, failure_time, simulation)
     sigmas = np.array([[sigma_alpha, sigma_q]])
 
-    def draw(key) -> Flight:
+    def draw(key: Array) -> Flight:
         y = clean.state + sigmas * jax.random.normal(key, clean.state.shape)
         return clean._replace(record=replace(clean.record, y=y))
 

@@ -1,5 +1,6 @@
 """What a loss of the elevator's effect does to the F-16's flight, with and without a law that finds out."""
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +9,10 @@ from ..controllers.gain_reconfiguration import GainReconfiguration
 from ..filters.change_detection import ChangeDetection
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
+from ..models.controlled import ControlledPlant
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm, Controller, Link
 from ..simulation.close_loop import ClosedLoop, ClosedLoopBank, close_loop
 from ..simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
@@ -54,7 +57,9 @@ class Failed(NamedTuple):
         }
 
 
-def fly(gain_after: float, *, runs: int, seed: int, input_link: Any = None, output_link: Any = None) -> Failed:
+def fly(
+    gain_after: float, *, runs: int, seed: int, input_link: Link | None = None, output_link: Link | None = None
+) -> Failed:
     """Fly the doublets with a gain that drops to `gain_after` at 4.5 s, on the continuous actuator.
 
     The law is that of `f16.law()`, fed by the same estimator in both: a change detector that believes in a gain of 1 until it
@@ -70,7 +75,7 @@ def fly(gain_after: float, *, runs: int, seed: int, input_link: Any = None, outp
     return Failed(_time(), healthy(), fixed, adaptive)
 
 
-def cases(gain_after: float, *, input_link: Any = None, output_link: Any = None) -> dict[str, LoopCase]:
+def cases(gain_after: float, *, input_link: Link | None = None, output_link: Link | None = None) -> dict[str, LoopCase]:
     """The loops of `fly`, "fixed" and "adaptive", for `monte_carlo_loops`."""
     watched = detector(f16.short_period())
     plant = f16.controlled(gain_after, failure_time=FAILURE)
@@ -90,13 +95,20 @@ def reconfigured() -> GainReconfiguration:
     return GainReconfiguration(f16.law())
 
 
-def case(plant: Any, law: Any, estimator: Any, *, input_link: Any = None, output_link: Any = None) -> LoopCase:
+def case(
+    plant: ControlledPlant,
+    law: Controller[Any],
+    estimator: Algorithm[Any],
+    *,
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+) -> LoopCase:
     """A loop along the doublets, from rest; what is lost on the way to the actuator leaves it where it was."""
     return LoopCase(plant, law, estimator, input_link=input_link, output_link=output_link, lost="hold", **_given())
 
 
 def study(
-    gain_after: float, *, runs: int, seed: int, input_link: Any = None, output_link: Any = None, folder: Any = None,
+    gain_after: float, *, runs: int, seed: int, input_link: Link | None = None, output_link: Link | None = None, folder: str | Path | None = None,
     scheduler: str | None = None, progress: bool = True,
 ) -> dict[str, float]:  # fmt: skip
     """`Failed.numbers` of any number of flights; `folder` and `scheduler` as in `monte_carlo_loops`.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..annotations import Array
+from ..annotations import Array, Numbers
 from ..models.controlled import ControlledPlant
 from ..models.state_space import StateSpace
 from ..protocols import Plant
@@ -53,7 +53,7 @@ class JsbsimF16(Plant):
 
     def __init__(
         self, gain_after: float = 1.0, *, failure_time: float = 4.5, about: str = "trim", mach: float = 0.9,
-        altitude_ft: float = 20_000.0, sigma_alpha: float = f16.SIGMA_ALPHA, sigma_q: float = f16.SIGMA_Q, Q: Any = None,
+        altitude_ft: float = 20_000.0, sigma_alpha: float = f16.SIGMA_ALPHA, sigma_q: float = f16.SIGMA_Q, Q: Numbers | None = None,
     ):  # fmt: skip
         faults = checks.Faults()
         self.gain_after = faults.number("gain_after", gain_after)

@@ -10,13 +10,14 @@ from ..data.record import Record
 from ..estimation.binding import model_of
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 from .contents import Section
 
 MOST = 8  # rows of a matrix that are shown
 HOLDS = {"zero_order": "held over each sample", "first_order": "moving linearly from sample to sample"}
 
 
-def sections_of(algorithm: Any, record: Record, prior: Prior) -> tuple[Section, ...]:
+def sections_of(algorithm: Algorithm[Any], record: Record, prior: Prior) -> tuple[Section, ...]:
     """The algorithm and its settings, the record, the prior, and the model's matrices."""
     model = model_of(algorithm)
     return (
@@ -27,7 +28,7 @@ def sections_of(algorithm: Any, record: Record, prior: Prior) -> tuple[Section, 
     )
 
 
-def _algorithm(algorithm: Any) -> Any:
+def _algorithm(algorithm: Algorithm[Any]) -> Any:
     """Each wrapper and what it wraps, outermost first, with its settings."""
     from ..catalogue import ENTRIES
 
@@ -42,7 +43,7 @@ def _algorithm(algorithm: Any) -> Any:
         algorithm = getattr(algorithm, "algorithm", None)
 
 
-def _settings(algorithm: Any) -> str:
+def _settings(algorithm: Algorithm[Any]) -> str:
     fields = type(algorithm).__dataclass_fields__
     hidden = ("model", "gain", "algorithm", "_")
     told = {name: getattr(algorithm, name) for name in fields if name not in hidden and fields[name].init}
@@ -72,7 +73,7 @@ def record_items(record: Record) -> Any:
         yield f"Input {_with_unit(name, units)}", f"{HOLDS[record.hold]}; measured without error{lost}"
 
 
-def _priors(algorithm: Any, model: StateSpace, prior: Prior) -> Any:
+def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
     for name, text in zip(model.states, _spreads(prior), strict=True):
         yield f"State {name}", text
     while not hasattr(algorithm, "gain") and hasattr(algorithm, "algorithm"):

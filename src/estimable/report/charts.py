@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..figures.bands import Band, bands, cropped
+from ..results import Kept
 from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
@@ -31,7 +32,7 @@ def thinned(rows: int) -> slice:
     return slice(None, None, max(1, -(-rows // MOST_POINTS)))
 
 
-def packed(values: Any) -> dict[str, str]:
+def packed(values: np.ndarray) -> dict[str, str]:
     """Numbers as plotly.js reads them, in half the room of a list.
 
     >>> packed([1.0])
@@ -48,7 +49,7 @@ class Measured(NamedTuple):
     values: np.ndarray
 
 
-def charts_of(result: Any, measured: dict[str, Measured], changes: Sequence[Moment]) -> list[Chart]:
+def charts_of(result: Kept, measured: dict[str, Measured], changes: Sequence[Moment]) -> list[Chart]:
     """The gains, then the states with what was measured of each, then the innovations."""
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []

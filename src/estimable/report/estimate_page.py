@@ -16,6 +16,8 @@ from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 from ..estimation.binding import columns, model_of
 from ..models.prior import Prior
+from ..protocols import Algorithm
+from ..results import Estimate
 from .assumptions import sections_of
 from .charts import Measured, Moment, charts_of, thinned
 from .contents import Fact, Report, Section, Verdict
@@ -24,7 +26,7 @@ SIZE = "Size of the innovations (NIS)"
 
 
 def report_of(
-    result: Any, *, record: Record, algorithm: Any, prior: Prior, title: str = "Estimate", lead: Sequence[str] = (),
+    result: Estimate, *, record: Record, algorithm: Algorithm[Any], prior: Prior, title: str = "Estimate", lead: Sequence[str] = (),
     facts: Sequence[Fact] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (), judged: Any = None,
 ) -> Report:  # fmt: skip
     """A report of one `Estimate`, with what it was made from.
@@ -46,7 +48,7 @@ def report_of(
     )  # fmt: skip
 
 
-def measured_states(algorithm: Any, record: Record) -> dict[str, Measured]:
+def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, Measured]:
     """What was measured of each state of which an output is a measurement: the state itself, and noise."""
     model = model_of(algorithm)
     C, D = np.asarray(model.C), np.asarray(model.D)
@@ -64,7 +66,7 @@ def measured_states(algorithm: Any, record: Record) -> dict[str, Measured]:
     return found
 
 
-def _moments(result: Any, times: np.ndarray) -> list[Moment]:
+def _moments(result: Estimate, times: np.ndarray) -> list[Moment]:
     """The changes that a detector found."""
     if "alarm" not in result.extra:
         return []
@@ -76,7 +78,7 @@ def _moments(result: Any, times: np.ndarray) -> list[Moment]:
     ]
 
 
-def _verdicts(result: Any, judged: Any, record: Record) -> tuple[Verdict, ...]:
+def _verdicts(result: Estimate, judged: Any, record: Record) -> tuple[Verdict, ...]:
     """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
     if judged is None or judged is result:
         return (_size(result), *_correlations(result, record))
@@ -85,7 +87,7 @@ def _verdicts(result: Any, judged: Any, record: Record) -> tuple[Verdict, ...]:
     return (*named, _size(result)._replace(name=f"{SIZE}, as shown above"))
 
 
-def _size(result: Any) -> Verdict:
+def _size(result: Estimate) -> Verdict:
     """Whether the innovations are as large as their covariances say."""
     try:
         check = nis(result.innovation, result.innovation_covariance)
@@ -100,7 +102,7 @@ def _size(result: Any) -> Verdict:
     return Verdict(SIZE, f"{band}: {cautious}", None)
 
 
-def _correlations(result: Any, record: Record) -> Iterator[Verdict]:
+def _correlations(result: Estimate, record: Record) -> Iterator[Verdict]:
     """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
     try:
         told = check_innovations(result, record)

@@ -284,7 +284,7 @@ def _doubt(known: bool) -> str:
     return "" if known else "This method does not say how sure it is."
 
 
-def _curve(x: Any, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:
+def _curve(x: np.ndarray, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:
     line = {
         "y": packed(y),
         "mode": "lines",
@@ -295,7 +295,7 @@ def _curve(x: Any, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:
     return line if x is None else {"x": packed(x), **line}
 
 
-def _band(x: Any, lower: np.ndarray, upper: np.ndarray, colour: str) -> list[dict[str, Any]]:
+def _band(x: np.ndarray, lower: np.ndarray, upper: np.ndarray, colour: str) -> list[dict[str, Any]]:
     bare = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **({} if x is None else {"x": packed(x)})}
     return [{"y": packed(lower), **bare}, {"y": packed(upper), **bare, "fill": "tonexty", "fillcolor": _clear(colour)}]
 

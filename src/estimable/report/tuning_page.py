@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..design.loop_criteria import BEST
+from ..design.rho_synthesis import RhoSynthesis
 from ..figures.tuning_plots import CHOSEN, INK, KINDS, MOST, WORDS, series, speed
 from .assumptions import matrix_text, model_items
 from .charts import packed
@@ -19,7 +20,11 @@ PART = "What each bandwidth costs"
 
 
 def tuning_report(
-    found: Any, *, title: str = "Rho synthesis", lead: Sequence[str] = (), commands: Sequence[tuple[str, str]] = ()
+    found: RhoSynthesis,
+    *,
+    title: str = "Rho synthesis",
+    lead: Sequence[str] = (),
+    commands: Sequence[tuple[str, str]] = (),
 ) -> Report:
     """A report of what `rho_synthesis` returned. `lead`: sentences at its head; `commands`: (what it does, what to type)."""
     finite = np.isfinite(found.bandwidth)
@@ -31,7 +36,7 @@ def tuning_report(
     )  # fmt: skip
 
 
-def _facts(found: Any) -> Any:
+def _facts(found: RhoSynthesis) -> Any:
     i = found.chosen
     yield Fact("Chosen bandwidth", speed(found.bandwidth[i]), f"eta {found.eta[i]:.3g} per second")
     yield Fact(
@@ -45,11 +50,11 @@ def _facts(found: Any) -> Any:
         )  # fmt: skip
 
 
-def _at(found: Any, name: str) -> str:
+def _at(found: RhoSynthesis, name: str) -> str:
     return speed(found.optima[name].bandwidth)
 
 
-def _relative(found: Any, rows: Any) -> Chart:
+def _relative(found: RhoSynthesis, rows: Any) -> Chart:
     """All criteria, each relative to its best."""
     traces, keys = [], []
     for name, words, colour, dash, values, times in series(found):
@@ -64,7 +69,7 @@ def _relative(found: Any, rows: Any) -> Chart:
     return Chart(heading, tuple(keys), tuple(traces), layout | _chosen(found), caption, PART)
 
 
-def _own(found: Any, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
+def _own(found: RhoSynthesis, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
     """The criteria of one kind of disturbance, in their own units."""
     drawn = {name: (colour, dash) for name, _, colour, dash, _, _ in series(found)} | {"external": (INK, "solid")}
     traces, keys = [], []
@@ -88,13 +93,13 @@ def _own(found: Any, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
     return Chart(kind, tuple(keys), tuple(traces), layout | _chosen(found), part=PART)
 
 
-def _ticks(values: Any) -> int | str:
+def _ticks(values: np.ndarray) -> int | str:
     """Every decade, or 1, 2 and 5 of it where there are few."""
     seen = values[np.isfinite(values)]
     return 1 if np.log10(seen.max() / seen.min()) > 2 else "D2"
 
 
-def _mark(found: Any, name: str, values: Any, colour: str) -> dict[str, Any]:
+def _mark(found: RhoSynthesis, name: str, values: np.ndarray, colour: str) -> dict[str, Any]:
     best = found.optima[name]
     mark = {"color": colour, "size": 11, "line": {"color": "#FFFFFF", "width": 1.5}}
     place = best.bandwidth if np.isfinite(best.bandwidth) else None
@@ -103,7 +108,7 @@ def _mark(found: Any, name: str, values: Any, colour: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _chosen(found: Any) -> dict[str, Any]:
+def _chosen(found: RhoSynthesis) -> dict[str, Any]:
     if not np.isfinite(found.bandwidth[found.chosen]):
         return {}
     place = float(found.bandwidth[found.chosen])
@@ -111,7 +116,7 @@ def _chosen(found: Any) -> dict[str, Any]:
     return {"shapes": [{**line, "line": {"color": CHOSEN, "width": 1.8, "dash": "dash"}}]}
 
 
-def _verdicts(found: Any) -> Any:
+def _verdicts(found: RhoSynthesis) -> Any:
     margin, curve = found.margin, float(found.criteria["rho"][found.chosen])
     chain = f"rho {margin.margin:.4g} <= sigma {margin.sigma:.4g} <= stability radius {margin.stability_radius:.4g}"
     yield Verdict("The margin", f"{chain}: proven for the chosen loop", True)
@@ -134,7 +139,7 @@ def _verdicts(found: Any) -> Any:
     yield Verdict("The choice", sentence, inside or None)
 
 
-def _gains(found: Any) -> Section:
+def _gains(found: RhoSynthesis) -> Section:
     words = ", ".join(f"{WORDS[name][0]} {weight:g}" for name, weight in found.weights.items())
     gains = ("Feedback", matrix_text(found.feedback)), ("Filter", matrix_text(found.filter))
     units = ("Units of the states", matrix_text(found.scaling)), ("Noise of the rms values", found.noise)

@@ -46,7 +46,7 @@ class Reproduction(NamedTuple):
         return "done" if self.compute is not None else self.reason
 
 
-def drawn(quantity: str, unit: str, published: float | None, values: Any) -> Row:
+def drawn(quantity: str, unit: str, published: float | None, values: np.ndarray) -> Row:
     """The row of a quantity that each draw has: mean and 1 sigma over those that are finite.
 
     >>> drawn("gain", "", 0.5, [0.0, 1.0, 2.0, float("nan")])

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array
 from ..data.record import Record
 from ..estimation.estimate_bank import estimate_bank
 from ..filters.extended_kalman import ExtendedKalman
@@ -26,12 +27,12 @@ REMARK = (
 )
 
 
-def fall(x, u, θ):
+def fall(x: Array, u: Array, θ: Array):
     """Drag falls off with altitude and grows with the square of the speed."""
     return jnp.array([-x[1], -jnp.exp(-5e-5 * x[0]) * x[1] ** 2 * x[2], 0.0])
 
 
-def distance(x, u, θ):
+def distance(x: Array, u: Array, θ: Array):
     """From a radar at 1e5 ft of altitude, 1e5 ft beside the path."""
     return jnp.sqrt(1e10 + (x[:1] - 1e5) ** 2)
 

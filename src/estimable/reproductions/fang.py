@@ -1,5 +1,6 @@
 """H. Fang, Estimation, identification and adaptive control over networks (2009)."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -12,7 +13,7 @@ SOURCE = "Fang (2009)"
 DRAWING = "a drawing, with nothing to compute"
 
 
-def _done(name: str, title: str, compute: Any) -> Reproduction:
+def _done(name: str, title: str, compute: Callable[..., Any]) -> Reproduction:
     return Reproduction(f"fang-{name}", SOURCE, title, compute)
 
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array
 from ..data.record import Record
 from ..filters.unknown_input import UnknownInput
 from ..frozen import frozen
@@ -64,7 +65,7 @@ class Drawn:
 def draw(example: Example) -> Any:
     """A function of a random key that draws a record of the example."""
 
-    def one(key: Any) -> Drawn:
+    def one(key: Array) -> Drawn:
         of_u, of_w, of_v = jax.random.split(key, 3)
         T, sigma = example.samples, example.noise**0.5
         u = jax.random.uniform(of_u, (T,), minval=-WIDEST, maxval=WIDEST)
@@ -72,7 +73,7 @@ def draw(example: Example) -> Any:
             u = jnp.where(u > 0, LEVELS[1], LEVELS[0])
         w, v = (sigma * jax.random.normal(of, (T, 2)) for of in (of_w, of_v))
 
-        def move(x, row):
+        def move(x: Array, row):
             u, w, v = row
             return A @ x + B[:, 0] * u + w, (x, C @ x + D[:, 0] * u + v)
 

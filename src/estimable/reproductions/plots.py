@@ -54,7 +54,7 @@ def over_time(panels: Sequence[Panel], *, x: str = "time [s]") -> Any:
     return figure.update_layout(hovermode="x unified")
 
 
-def band(gain: float, share: float, t: Any) -> list[Line]:
+def band(gain: float, share: float, t: np.ndarray) -> list[Line]:
     """Dashed lines at a share above and below a value."""
     sides = [(f"± {100 * share:.0f} %", 1 + share), (f"± {100 * share:.0f} %", 1 - share)]
     ends = np.array([np.min(t), np.max(t)])

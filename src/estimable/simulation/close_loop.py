@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..controllers.state_feedback import check_controller
 from ..engines import choice
 from ..errors import RunError
@@ -18,7 +19,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..protocols import Anticipating, RecursiveIdentifier
+from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
 from ..results import Info, Interval, Kept, Names, Outcome
 from . import python_loop, window_loop
@@ -83,8 +84,8 @@ class ClosedLoopBank:
 
 
 def close_loop(
-    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int,
-    prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
+    plant: Plant, controller: Controller[Any], estimator: Algorithm[Any], *, reference: Numbers, seed: int,
+    prior: Prior | None, dt: float | None = None, start: Numbers | None=None, input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
     on_failure: str = "raise", engine: str = "auto",
 ) -> ClosedLoop:  # fmt: skip
     """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
@@ -117,8 +118,8 @@ def close_loop(
 
 
 def close_loop_bank(
-    plant: Plant, controller: Any, estimator: Any, *, reference, seed: int, runs: int,
-    prior: Prior | None, dt: float | None = None, start=None, input_link=None, output_link=None, lost: str = "zero",
+    plant: Plant, controller: Controller[Any], estimator: Algorithm[Any], *, reference: Numbers, seed: int, runs: int,
+    prior: Prior | None, dt: float | None = None, start: Numbers | None=None, input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
     first: int = 0, on_failure: str = "raise", engine: str = "auto",
 ) -> ClosedLoopBank:  # fmt: skip
     """Run the same loop many times, with other noises and losses each time. Run 0 is `close_loop` with the same seed.
@@ -161,7 +162,7 @@ def _plant(given: Any) -> tuple[Any, Any]:
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
-def _for_channels(estimator: Any, plant: Any) -> Any:
+def _for_channels(estimator: Algorithm[Any], plant: Any) -> Any:
     """An identifier with the names of the plant's channels, where it has none of its own."""
     named = isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier)
     return estimator.for_channels(plant.model.inputs, plant.model.outputs) if named else estimator
@@ -172,7 +173,7 @@ def _everything(info: Info, keep: str) -> Info:
     return replace(info, extra={**info.extra, "loop": loop})
 
 
-def _closed(info: Info, t, reference, engine: str, names: Names) -> ClosedLoop:
+def _closed(info: Info, t: np.ndarray, reference: np.ndarray, engine: str, names: Names) -> ClosedLoop:
     """The records of all runs, from what the steps told."""
     told = dict(info.extra["loop"])
     control = {
@@ -184,10 +185,10 @@ def _closed(info: Info, t, reference, engine: str, names: Names) -> ClosedLoop:
 
 
 @partial(jax.jit, static_argnames=("T", "sizes"))
-def _draw(seed, which, T: int, sizes: tuple[int, int, int]):
+def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
     """Noises and uniform numbers of each run, (runs, T, size)."""
 
-    def one(i):
+    def one(i: Array):
         key = jax.random.fold_in(jax.random.key(seed), i)
         noise = jax.random.normal(jax.random.fold_in(key, NOISE), (T, sizes[0]))
         uniform = [jax.random.uniform(jax.random.fold_in(key, stream), (T, size), float)
@@ -210,13 +211,13 @@ def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, whic
     )  # fmt: skip
 
 
-def _x0(plant: ControlledPlant, start: Any) -> np.ndarray:
+def _x0(plant: ControlledPlant, start: Numbers) -> np.ndarray:
     """The state at first, with the actuators at rest."""
     x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
     return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
 
 
-def _check_run(seed: Any, runs: Any, first: Any, on_failure: str, engine: str) -> None:
+def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
     faults.whole("runs", runs, 1)
@@ -227,7 +228,7 @@ def _check_run(seed: Any, runs: Any, first: Any, on_failure: str, engine: str) -
 
 
 def _check_call(
-    plant, controller, estimator, links: Links, reference, prior, dt, start, lost
+    plant, controller: Controller[Any], estimator: Algorithm[Any], links: Links, reference: Numbers, prior: Prior | None, dt: float | None, start: Numbers, lost: str
 ) -> tuple[np.ndarray, Any]:  # fmt: skip
     """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
     faults = checks.Faults()
@@ -256,7 +257,7 @@ def _check_call(
     return reference, step
 
 
-def _read_step(model: StateSpace, inner: Any, dt: Any, faults: checks.Faults) -> Any:
+def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.Faults) -> Any:
     """The step in seconds: that of a discrete model, or `dt`."""
     own = [m.dt for m in (model, inner) if m.dt]
     if dt is None and not own:
@@ -269,7 +270,12 @@ def _read_step(model: StateSpace, inner: Any, dt: Any, faults: checks.Faults) ->
 
 
 def _check_blocks(
-    plant: ControlledPlant, controller, estimator, links: Links, lost: str, faults: checks.Faults
+    plant: ControlledPlant,
+    controller: Controller[Any],
+    estimator: Algorithm[Any],
+    links: Links,
+    lost: str,
+    faults: checks.Faults,
 ) -> None:
     """What each block asks of its neighbours."""
     model, inner = plant.model, model_of(estimator)
@@ -303,7 +309,9 @@ def _check_blocks(
         )
 
 
-def _check_first(plant: ControlledPlant, controller, estimator, faults: checks.Faults) -> None:
+def _check_first(
+    plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], faults: checks.Faults
+) -> None:
     """What a controller asks that acts before the sample is measured."""
     if not isinstance(estimator, Anticipating):
         faults.add(

@@ -1,13 +1,16 @@
 """One step of a closed loop: measure, correct, act, move; a step like that of any algorithm, so that every engine runs it."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from ..annotations import Array, Tree
 from ..frozen import frozen, replace, static
 from ..kernels.small import apply
 from ..models.controlled import Steps
+from ..protocols import Link
 from ..results import Info, Interval, Sample
 from .transmit import Links
 
@@ -68,7 +71,7 @@ class Loop:
     columns: tuple[int, ...] = static()
     lost: str = static(default="zero")
 
-    def at(self, k) -> "Loop":
+    def at(self, k: int | Array) -> "Loop":
         """The loop at row k."""
         return replace(self, estimator=self.estimator.at(k))
 
@@ -109,7 +112,7 @@ class Loop:
         end = decided.applied if now.L is None else apply(jnp.asarray(now.L), x)
         return self.go_on(state, decided, x, decided.applied if now.L is None else standing, end)
 
-    def decide(self, state: LoopState, measured, standing, row: Row) -> Decided:
+    def decide(self, state: LoopState, measured: Array, standing: Array, row: Row) -> Decided:
         """Learn from what comes of the outputs, act, and see what comes of the command."""
         measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
@@ -124,7 +127,9 @@ class Loop:
                 **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
         return Decided(belief, control, (carrier, sensors), applied, info, told)
 
-    def go_on(self, state: LoopState, decided: Decided, x, input, input_end) -> tuple[LoopState, Info]:
+    def go_on(
+        self, state: LoopState, decided: Decided, x: Array, input: Array, input_end: Array
+    ) -> tuple[LoopState, Info]:
         """The state of the loop when the plant has moved to x, and all that is told of the sample."""
         n = len(x) - (0 if self.plant.L is None else self.plant.B.shape[-1])
         told = {
@@ -165,22 +170,30 @@ class Loop:
         seen = Interval(state.input, state.input_end, None, interval.dt)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
-    def _learn(self, state: LoopState, measured, seen, u, arrived=None, extra=None):
+    def _learn(
+        self,
+        state: LoopState,
+        measured: Array,
+        seen: Array,
+        u: Array,
+        arrived: Array | None = None,
+        extra: Tree | None = None,
+    ):
         columns = list(self.columns)
         y = jnp.where(seen, measured, 0.0)
         sample = Sample(entries(y, columns), entries(seen, columns), u, arrived, extra)
         return self.estimator.correct(state.belief, sample)
 
 
-def entries(vector, columns):
+def entries(vector: Array, columns: Sequence[int]):
     """Entries picked one by one, which a straight line can."""
     return jnp.concatenate([vector[i : i + 1] for i in columns])
 
 
-def _phase(plant: Steps, weight) -> Steps:
+def _phase(plant: Steps, weight: Array) -> Steps:
     """The matrices of the phase whose weight is 1."""
 
-    def chosen(stack):
+    def chosen(stack: Array):
         M = jnp.asarray(stack[0])
         for i in range(1, len(stack)):
             M = jnp.where(weight[i] > 0, jnp.asarray(stack[i]), M)
@@ -189,14 +202,14 @@ def _phase(plant: Steps, weight) -> Steps:
     return replace(plant, **{name: chosen(getattr(plant, name)) for name in "ABCDW"}, V=jnp.asarray(plant.V))
 
 
-def _begin(link: Any, size: int) -> Any:
+def _begin(link: Link, size: int) -> Any:
     """A link's state with the shapes that a packet of `size` channels gives it."""
     fresh = link.init()
     like, _ = jax.eval_shape(lambda: link.send(link.init(), jnp.zeros(size), jnp.zeros(max(link.draws, 1))))
     return jax.tree_util.tree_map(lambda leaf, shape: jnp.broadcast_to(leaf, shape.shape), fresh, like)
 
 
-def _measure(link: Any, state: Any, measured, draw):
+def _measure(link: Link, state: Any, measured: Array, draw: Array):
     """Which outputs came in time."""
     if link is None:
         return jnp.ones(measured.shape, bool), None
@@ -204,7 +217,7 @@ def _measure(link: Any, state: Any, measured, draw):
     return delivery.arrived, state
 
 
-def _command(link: Any, state: Any, u, draw):
+def _command(link: Link, state: Any, u: Array, draw: Array):
     """What came to the actuators, and where something did."""
     if link is None:
         return u, jnp.ones(u.shape, bool), None
@@ -213,12 +226,12 @@ def _command(link: Any, state: Any, u, draw):
     return jnp.where(came, delivery.value, 0.0), came, state
 
 
-def _rounded(values, step):
+def _rounded(values: Array, step: Array | None):
     """Whole multiples of a step."""
     return values if step is None else jnp.round(values / step) * step
 
 
-def _within(plant: Steps, command, standing):
+def _within(plant: Steps, command: Array, standing: Array):
     """The command as far as the actuators can follow."""
     command = _rounded(command, plant.quantum)
     if plant.limits is not None:

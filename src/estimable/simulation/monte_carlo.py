@@ -1,6 +1,6 @@
 """Run an estimator over many drawn records, and keep what is asked of each run."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -18,6 +18,8 @@ from ..estimation.estimate_bank import estimate_bank
 from ..estimation.stack import Stacked
 from ..frozen import frozen, static
 from ..models.prior import Prior
+from ..protocols import Algorithm
+from ..results import Outcome
 
 CHUNK = 256  # runs drawn and estimated at once: bounds the memory, and nothing else
 
@@ -55,7 +57,7 @@ class MonteCarlo:
 
 
 def monte_carlo(
-    algorithm: Any, draw: Callable[[Any], Any], *, prior: Prior, runs: int, seed: int,
+    algorithm: Algorithm[Any], draw: Callable[[Any], Any], *, prior: Prior, runs: int, seed: int,
     summary: Callable[[Any, Any], dict[str, Any]], on_failure: str = "raise", engine: str = "auto",
     chunk: int = CHUNK, progress: bool = True,
 ) -> MonteCarlo:  # fmt: skip
@@ -102,7 +104,9 @@ def monte_carlo(
     return MonteCarlo(gathered(told), np.array(failed), seed, used)
 
 
-def _check_call(algorithm, draw, summary, runs, seed, chunk) -> None:
+def _check_call(
+    algorithm: Algorithm[Any], draw: Callable[..., Any], summary: Callable[..., Any], runs: int, seed: int, chunk: int
+) -> None:
     faults = checks.Faults()
     check_algorithm(algorithm, faults)
     for name, value, hint in (
@@ -130,7 +134,7 @@ def _record_of(things: Any) -> Record:
     return record
 
 
-def _settle(outcomes: Any, first: int, on_failure: str) -> None:
+def _settle(outcomes: Sequence[Outcome], first: int, on_failure: str) -> None:
     for i, outcome in enumerate(outcomes, start=first):
         if outcome.code and on_failure == "raise":
             raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))

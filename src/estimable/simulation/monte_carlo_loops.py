@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def loop_grid(make: Callable[..., LoopCase], /, **values: Sequence[Any]) -> dict
 
 def monte_carlo_loops(
     cases: LoopCase | Mapping[str, LoopCase], *, runs: int, seed: int, summary: Callable[[ClosedLoop], dict[str, Any]],
-    folder: Any = None, scheduler: str | None = None, chunk: int = CHUNK, on_failure: str = "raise", engine: str = "auto",
+    folder: str | Path | None = None, scheduler: str | None = None, chunk: int = CHUNK, on_failure: str = "raise", engine: str = "auto",
     progress: bool = True,
 ) -> dict[str, MonteCarlo]:  # fmt: skip
     """Fly each case `runs` times, and keep the summary of each flight: {name of the case: `MonteCarlo`}.
@@ -112,7 +113,15 @@ def monte_carlo_loops(
 class _Parts:
     """The parts of all cases, by (case, first run), and their names in a folder."""
 
-    def __init__(self, cases: Mapping[str, LoopCase], runs: int, seed: int, summary: Any, chunk: int, folder: Folder):
+    def __init__(
+        self,
+        cases: Mapping[str, LoopCase],
+        runs: int,
+        seed: int,
+        summary: Callable[..., Any],
+        chunk: int,
+        folder: Folder,
+    ):
         self.runs, self.chunk, self.folder = runs, chunk, folder
         self.places = [(name, first) for name in cases for first in range(0, runs, chunk)]
         keep = folder.path is not None
@@ -125,7 +134,9 @@ class _Parts:
         return f"{self.digests[case]}-{first}-{min(self.chunk, self.runs - first)}"
 
 
-def fly_part(case: LoopCase, seed: int, first: int, runs: int, summary: Any, engine: str) -> dict[str, np.ndarray]:
+def fly_part(
+    case: LoopCase, seed: int, first: int, runs: int, summary: Callable[..., Any], engine: str
+) -> dict[str, np.ndarray]:
     """One part: the values of its runs by name, and how each ended."""
     bank = case.fly(seed=seed, runs=runs, first=first, on_failure="keep", engine=engine)
     values = gathered([summary(bank[i]) for i in range(runs)])
@@ -150,7 +161,9 @@ def _joined(parts: list[dict[str, np.ndarray]], seed: int) -> MonteCarlo:
     return MonteCarlo(values, np.concatenate([part["failed"] for part in parts]), seed, str(parts[0]["engine"]))
 
 
-def _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler) -> None:
+def _check_call(
+    cases, runs: int, seed: int, summary: Callable[..., Any], chunk: int, on_failure: str, engine: str, scheduler
+) -> None:
     faults = checks.Faults()
     if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):
         faults.add(

@@ -5,12 +5,14 @@ from typing import Any
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..kernels.flow import runge_kutta
 from ..kernels.small import apply
 from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import Functions, plant
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..results import Interval
 
 PIECES = 8  # into which a step of a continuous model with an adaptive integrator is cut, where noise comes in
 
@@ -41,7 +43,7 @@ def _pieces(model: Functions) -> int:
     return 1 if not model.continuous else PIECES if model.substeps is None else model.substeps
 
 
-def move(model: SampledModel | Functions, x: Any, k: Any, interval: Any, e: Any) -> tuple[Any, Any]:
+def move(model: SampledModel | Functions, x: Array, k: int | Array, interval: Interval, e: Array) -> tuple[Any, Any]:
     """The next state and the output of this one, (n,) and (p,); the state is measured from `origin`."""
     if isinstance(model, Functions):
         return _move_functions(model, x, interval, e)
@@ -54,7 +56,7 @@ def move(model: SampledModel | Functions, x: Any, k: Any, interval: Any, e: Any)
     return (x_next if now.Ω is None else x_next + apply(now.Ω, e)), y
 
 
-def _move_functions(model: Functions, x: Any, interval: Any, e: Any) -> tuple[Any, Any]:
+def _move_functions(model: Functions, x: Array, interval: Interval, e: Array) -> tuple[Any, Any]:
     """Discrete: exact. Continuous: the drift by Runge-Kutta, the noise added piece by piece (Euler-Maruyama)."""
     p, pieces, θ = model.V.shape[-1], _pieces(model), model.θ
     y = model.output(x, θ, interval.u) + apply(model.V, e[:p])

@@ -53,7 +53,7 @@ def _of_leaf(leaf: Any) -> str:
 class Folder:
     """Parts on the disk, {name: array} each; None keeps none. A part is written whole or not at all."""
 
-    def __init__(self, path: Any):
+    def __init__(self, path: str | Path):
         self.path = None if path is None else Path(path)
         if self.path is None:
             return

@@ -5,14 +5,16 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..annotations import Array
 from ..engines import xla
+from ..engines.step import Select
 from ..frozen import replace
 from ..protocols import Plant
 from ..results import Info, Interval
 from .loop import Decided, Loop, LoopState, Row
 
 
-def scan_bank(simulator: Plant, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any) -> xla.Run:
+def scan_bank(simulator: Plant, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Select) -> xla.Run:
     """What `xla.scan_bank` leaves, of loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
@@ -28,7 +30,7 @@ def _of_run(part: Any, i: int) -> Any:
     return jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[i], part)
 
 
-def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], select: Any) -> Info:
+def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], select: Select) -> Info:
     """One run, its infos in rows."""
     rows, intervals = drawn
     state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
@@ -46,13 +48,13 @@ def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], selec
 
 
 @jax.jit
-def _decide(loop: Loop, state: LoopState, measured, standing, row: Row) -> Decided:
+def _decide(loop: Loop, state: LoopState, measured: Array, standing: Array, row: Row) -> Decided:
     return loop.decide(state, measured, standing, row)
 
 
 @jax.jit
 def _go_on(
-    loop: Loop, state: LoopState, decided: Decided, x, standing, end, interval: Interval
+    loop: Loop, state: LoopState, decided: Decided, x: Array, standing: Array, end: Array, interval: Interval
 ) -> tuple[LoopState, Info]:
     state, info = loop.go_on(state, decided, x, standing, end)
     return loop.predict(state, interval), info

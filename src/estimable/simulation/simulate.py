@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array, Numbers
 from ..data.record import Record
 from ..estimation.binding import check_hold, check_prior
 from ..estimation.stack import Stacked
@@ -18,6 +19,7 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..protocols import Link
 from ..results import Interval, Simulation
 from . import motion
 from .transmit import Links, Sent, check_links, send_inputs, send_outputs
@@ -26,8 +28,8 @@ Model = StateSpace | NonlinearModel | OutputError
 
 
 def simulate(
-    model: Model, u=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+    model: Model, u: Numbers | None=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
 ) -> Simulation:  # fmt: skip
     """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
 
@@ -48,8 +50,8 @@ def simulate(
 
 
 def simulate_bank(
-    model: Model, u=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+    model: Model, u: Numbers | None=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
+    dt: float | None = None, t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
 ) -> Stacked:  # fmt: skip
     """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
 
@@ -71,8 +73,8 @@ def simulate_bank(
 
 
 def drawn_from(
-    model: Model, u=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
-    t=None, hold: str = "zero_order", input_link=None, output_link=None, lost: str = "zero",
+    model: Model, u: Numbers | None=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
+    t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
 ) -> Callable[[Any], Simulation]:  # fmt: skip
     """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
 
@@ -89,7 +91,7 @@ def drawn_from(
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
     (sampled, lengths), template = _ready(model, record), _template(record, model, lost)
 
-    def draw(key) -> Simulation:
+    def draw(key: Array) -> Simulation:
         return _simulation(template, _draw(sampled, lengths, record.u, prior, links, lost, key))
 
     return draw
@@ -115,7 +117,9 @@ def _simulation(template: Record, drawn: "Drawn") -> Simulation:
     return Simulation(record, drawn.x, drawn.sent.applied, drawn.measured, drawn.sent.delay, drawn.delay)
 
 
-def _check_call(model, prior, seed, runs, steps) -> None:
+def _check_call(
+    model: StateSpace | NonlinearModel, prior: Prior | None, seed: int, runs: int, steps: int | None
+) -> None:
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
     faults.whole("runs", runs, 1)
@@ -131,7 +135,16 @@ def _check_call(model, prior, seed, runs, steps) -> None:
     faults.finish()
 
 
-def _empty_record(model: StateSpace | NonlinearModel, u, steps, dt, t: Any, hold, links: Links, lost: str) -> Record:
+def _empty_record(
+    model: StateSpace | NonlinearModel,
+    u: Numbers,
+    steps: int | None,
+    dt: float | None,
+    t: Numbers,
+    hold: str,
+    links: Links,
+    lost: str,
+) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
     _check_rows(model, u, steps, t, faults)
@@ -159,7 +172,9 @@ def _inputs(model: StateSpace | NonlinearModel) -> str:
     return f"the model has {checks.counted(model.m, 'input')}"
 
 
-def _check_rows(model: StateSpace | NonlinearModel, u, steps, t, faults: checks.Faults) -> None:
+def _check_rows(
+    model: StateSpace | NonlinearModel, u: Numbers, steps: int | None, t: Numbers, faults: checks.Faults
+) -> None:
     """How many rows to draw must be said, once."""
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
@@ -181,7 +196,15 @@ class Drawn(NamedTuple):
     delay: Any
 
 
-def _draw(model, lengths, u, prior: Prior | None, links: Links, lost: str, key) -> Drawn:
+def _draw(
+    model: StateSpace | NonlinearModel,
+    lengths: np.ndarray,
+    u: Numbers,
+    prior: Prior | None,
+    links: Links,
+    lost: str,
+    key: Array,
+) -> Drawn:
     """One run, in absolute units."""
     start = motion.origin(model)
     T, n = u.shape[0], start.shape[0]
@@ -194,7 +217,7 @@ def _draw(model, lengths, u, prior: Prior | None, links: Links, lost: str, key) 
     sent = send_inputs(links.input, u, key, lost)
     u_end = jnp.concatenate([sent.applied[1:], sent.applied[-1:]])
 
-    def step(x, row):
+    def step(x: Array, row):
         k, interval, e = row
         x_next, y = motion.move(model, x, k, interval, e)
         return x_next, (y, start + x)
@@ -206,6 +229,14 @@ def _draw(model, lengths, u, prior: Prior | None, links: Links, lost: str, key) 
 
 
 @partial(jax.jit, static_argnames=("lost",))
-def _draw_all(model, lengths, u, prior, links, lost, keys) -> Drawn:
+def _draw_all(
+    model: StateSpace | NonlinearModel,
+    lengths: np.ndarray,
+    u: Numbers,
+    prior: Prior | None,
+    links: Links,
+    lost: str,
+    keys: Array,
+) -> Drawn:
     """One run a key."""
     return jax.vmap(lambda key: _draw(model, lengths, u, prior, links, lost, key))(keys)

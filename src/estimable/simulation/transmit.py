@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import LOST
 from ..networks.delivery import transmit
 from ..protocols import Link
@@ -54,7 +55,7 @@ def is_link(thing: Any) -> bool:
     return isinstance(thing, Link) and not isinstance(thing, type)
 
 
-def send_inputs(link: Any, u: Any, key: Any, lost: str) -> Sent:
+def send_inputs(link: Link | None, u: Array, key: Array, lost: str) -> Sent:
     """Send u (T, m) to the actuator."""
     u = jnp.asarray(u)
     if link is None:
@@ -68,7 +69,7 @@ def send_inputs(link: Any, u: Any, key: Any, lost: str) -> Sent:
     return Sent(applied, u, arrived, delivery.delay)
 
 
-def send_outputs(link: Any, y: Any, key: Any) -> tuple[Any, Any]:
+def send_outputs(link: Link | None, y: Array, key: Array) -> tuple[Any, Any]:
     """Send y (T, p) to the estimator: NaN where it never came, or came late and was dropped; and the delays."""
     if link is None:
         return y, None
@@ -77,10 +78,10 @@ def send_outputs(link: Any, y: Any, key: Any) -> tuple[Any, Any]:
     return jnp.where(arrived, y, jnp.nan), delay
 
 
-def _held(value: Any, came: Any) -> Any:
+def _held(value: Array, came: Array) -> Any:
     """What came last; zero before anything did."""
 
-    def hold(held, row):
+    def hold(held: Array, row):
         held = jnp.where(row[1], row[0], held)
         return held, held
 

@@ -10,8 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array
 from ..engines import choice, two_passes, xla
 from ..engines.program.straight_line import UnsupportedError
+from ..engines.step import Select
 from ..estimation import window_scan
 from ..estimation.window_scan import Told, or_empty, step_of
 from ..estimation.windows import window_of
@@ -25,7 +27,7 @@ SHORTEST = 3  # rows of a window: shorter ones are as well copied
 
 
 def scan_bank(
-    engine: str, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Any
+    engine: str, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Select
 ) -> tuple[str, xla.Run]:
     """`choice.scan_bank` of loops that differ in their rows, the windows in blocks where they can be."""
     general: dict[str, Any] = {"axes": (None, 0, None), "keep": "all", "select": select}
@@ -53,7 +55,7 @@ def _fits(window: MovingWindow) -> bool:
     return window.length >= SHORTEST and window_scan.fits(window.algorithm)
 
 
-def _in_blocks(loop: Loop, window: MovingWindow, prior: Any, rows: Row, intervals: Interval, select: Any) -> xla.Run:
+def _in_blocks(loop: Loop, window: MovingWindow, prior: Any, rows: Row, intervals: Interval, select: Select) -> xla.Run:
     """The loops; their info is (what `select` keeps, where a window must be worked out copy by copy)."""
     own, first = window.priors(prior)
     fresh, before = (
@@ -115,7 +117,7 @@ class _Beginnings:
     outputs: int = static()
     inputs: int = static()
 
-    def at(self, k) -> "_Beginnings":
+    def at(self, k: int | Array) -> "_Beginnings":
         """The same: the model does not vary."""
         return self
 

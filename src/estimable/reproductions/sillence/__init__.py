@@ -1,5 +1,8 @@
 """A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
 
+from collections.abc import Callable
+from typing import Any
+
 from ..entries import Reproduction
 from . import adapted, expanding, fixed_law, many_draws, published_tables, sampling, window
 
@@ -8,7 +11,7 @@ DRAWING = "a drawing, with nothing to compute"
 K1 = (0.8, 0.6, 0.4, 0.2, 0.1)
 
 
-def _done(name, title, compute) -> Reproduction:
+def _done(name: str, title: str, compute: Callable[..., Any]) -> Reproduction:
     return Reproduction(f"sillence-{name}", SOURCE, title, compute)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...plants import f16
+from ...results import Estimate
 from ..entries import Reproduced, Row, drawn
 from .flights import CONTINUOUS, FAILURE, GAINS, HELD, HELD_REMARK, SEED, filter_of, fly, settled
 
@@ -33,7 +34,7 @@ def _rows_of_all(draws: int, simulation: str) -> list[Row]:
 
 
 def _judge(gain: float) -> Any:
-    def summary(_, estimate) -> dict[str, Any]:
+    def summary(_, estimate: Estimate) -> dict[str, Any]:
         estimated = estimate.gain[:, 0]
         final = estimated[-1]
         return {
@@ -109,7 +110,7 @@ def states_over_time(gain: float) -> Any:
     return compute
 
 
-def _state_errors(flight, estimate) -> dict[str, Any]:
+def _state_errors(flight, estimate: Estimate) -> dict[str, Any]:
     after = slice(round(FAILURE * f16.RATE), None)
     errors = {"estimate": estimate.mean - flight.state, "sensor": flight.record.y - flight.state}
     return {name: np.sqrt(np.mean(error[after] ** 2, axis=0)) for name, error in errors.items()}

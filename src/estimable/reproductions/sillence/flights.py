@@ -9,6 +9,7 @@ import numpy as np
 from ...filters.unknown_gain import UnknownGain
 from ...models.prior import Prior
 from ...plants import f16
+from ...protocols import Algorithm
 from ...simulation.monte_carlo import MonteCarlo, monte_carlo
 
 GAINS = (0.8, 0.6, 0.4, 0.2, 0.1)  # K1
@@ -31,7 +32,7 @@ def filter_of(**noise: float) -> UnknownGain:
 
 
 def fly(
-    algorithm: Any, gain: float, draws: int, summary: Callable[[Any, Any], dict[str, Any]], *, simulation: str = HELD,
+    algorithm: Algorithm[Any], gain: float, draws: int, summary: Callable[[Any, Any], dict[str, Any]], *, simulation: str = HELD,
     noise: Mapping[str, float] = NOMINAL,
 ) -> MonteCarlo:  # fmt: skip
     """Estimate over `draws` flights in which the gain drops to `gain`; `noise`: sigmas of the sensors."""

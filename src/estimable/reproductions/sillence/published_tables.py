@@ -38,7 +38,7 @@ def signal_to_noise(_: int) -> Reproduced:
     return Reproduced(tuple(rows), None, remarks)
 
 
-def _ratio(sigma_q: float, sigma_alpha: float, poles: Any) -> float:
+def _ratio(sigma_q: float, sigma_alpha: float, poles: np.ndarray) -> float:
     w2 = 1 / abs(poles[0] * poles[1])
     power = (ALPHA_MAX**2 + w2 * Q_MAX**2) / (2 * (sigma_alpha**2 + w2 * sigma_q**2))  # (82)
     return float(10 * np.log10(power))

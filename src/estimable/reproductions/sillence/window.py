@@ -8,6 +8,7 @@ import numpy as np
 from ...filters.change_detection import ChangeDetection
 from ...filters.moving_window import MovingWindow
 from ...plants import f16
+from ...results import Estimate
 from ..entries import Reproduced, Row, drawn
 from .expanding import draw_gains
 from .flights import CONTINUOUS, FAILURE, GAIN, GAINS, HELD, HELD_REMARK, SEED, STATE, filter_of, fly, reached, stayed
@@ -82,7 +83,7 @@ def table_5(draws: int) -> Reproduced:
 def _decision(gain: float) -> Any:
     failure = round(FAILURE * f16.RATE)
 
-    def summary(_, estimate) -> dict[str, Any]:
+    def summary(_, estimate: Estimate) -> dict[str, Any]:
         alarms = np.flatnonzero(estimate.extra["alarm"][failure:])
         decision = alarms[0] / f16.RATE if len(alarms) else np.nan
         return {"decision": decision, "settled": stayed(estimate.gain[:, 0], gain, seconds=0.5)}
@@ -102,7 +103,7 @@ def _traces(gain: float, treatments: dict[str, Treatment]) -> Any:
     before = slice(100, round(FAILURE * f16.RATE))
     after = slice(round((FAILURE + 0.6) * f16.RATE), round(QUIET[0] * f16.RATE))
 
-    def summary(_, estimate) -> dict[str, Any]:
+    def summary(_, estimate: Estimate) -> dict[str, Any]:
         told = {"sigma": np.sqrt(estimate.gain_covariance[:, 0, 0])}
         for label, treat in treatments.items():
             gains = treat(estimate.gain[:, 0])
