@@ -11,7 +11,7 @@ from ..data.record import Record
 from ..frozen import replace
 from ..protocols import Smoothable
 from ..results import Estimate, Forecast, Info, Interval, Origin, Sample
-from .binding import bind
+from .binding import Bound, bind
 from .estimate import estimate
 
 

@@ -177,7 +177,7 @@ class Loop:
         seen: Array,
         u: Array,
         arrived: Array | None = None,
-        extra: Tree | None = None,
+        extra: Tree = None,
     ):
         columns = list(self.columns)
         y = jnp.where(seen, measured, 0.0)
