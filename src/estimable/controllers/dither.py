@@ -68,9 +68,16 @@ class Dither(SharedController[Any]):
 
     @staticmethod
     def sized(
-        controller: SharedController[Any], model: StateSpace, *, sigma: float, seconds: float, period: int, dt: float, directions: Numbers | str | None = None,
+        controller: SharedController[Any],
+        model: StateSpace,
+        *,
+        sigma: float,
+        seconds: float,
+        period: int,
+        dt: float,
+        directions: Numbers | str | None = None,
         each: Numbers | None = None,
-    ) -> "Dither":  # fmt: skip
+    ) -> "Dither":
         """The dither that brings every gain to `sigma` within `seconds`, in level flight and from knowing nothing of it.
 
         `model`, `directions`: as the `UnknownGain` has them, constant gains; the inputs do what they are told: behind an actuator

@@ -73,9 +73,18 @@ class Record:
 
     @staticmethod
     def from_pandas(
-        frame, *, outputs: Sequence[str], inputs: Sequence[str]=(), time: str | None=None, dt: float | None=None, arrived: str | Sequence[str] | None=None, lost: str="zero", hold: str="zero_order", units=(),
-        na_values: Numbers | None=None,
-    ) -> "Record":  # fmt: skip
+        frame,
+        *,
+        outputs: Sequence[str],
+        inputs: Sequence[str] = (),
+        time: str | None = None,
+        dt: float | None = None,
+        arrived: str | Sequence[str] | None = None,
+        lost: str = "zero",
+        hold: str = "zero_order",
+        units=(),
+        na_values: Numbers | None = None,
+    ) -> "Record":
         """A record of named columns of a DataFrame.
 
         `time`: a column of seconds or of timestamps, or None: then `dt`, or the index where it is a DatetimeIndex or

@@ -87,9 +87,16 @@ class _Plan(NamedTuple):
 
 
 def disturbance_accommodation(
-    model: StateSpace, disturbance: Waveform, *, through: Numbers, L: Numbers, M: Numbers, mode: str = "absorption", walk: Numbers = 1.0,
+    model: StateSpace,
+    disturbance: Waveform,
+    *,
+    through: Numbers,
+    L: Numbers,
+    M: Numbers,
+    mode: str = "absorption",
+    walk: Numbers = 1.0,
     freed: Sequence[str] | str | None = None,
-) -> DisturbanceAccommodation:  # fmt: skip
+) -> DisturbanceAccommodation:
     """Estimate a disturbance of known form beside the state, and cancel it, free the outputs of it, or use it.
 
     Model: dx/dt = A x + B u + F d + G w, d = H z, dz/dt = D z + noise (discrete: d is held over a sample); u = -K x^ - K_z z^.

@@ -92,9 +92,14 @@ class RhoSynthesis:
 
 
 def rho_synthesis(
-    model: StateSpace, *, eta: Numbers | None = None, control: DesignFamily | Numbers | None = None, filter: DesignFamily | Numbers | str | None = None,
-    weights: Mapping[str, float] | None = None, scaling: Numbers | None = None,
-) -> RhoSynthesis:  # fmt: skip
+    model: StateSpace,
+    *,
+    eta: Numbers | None = None,
+    control: DesignFamily | Numbers | None = None,
+    filter: DesignFamily | Numbers | str | None = None,
+    weights: Mapping[str, float] | None = None,
+    scaling: Numbers | None = None,
+) -> RhoSynthesis:
     """Go through one-parameter families of feedback and filter gains, and choose by robustness or by a weighted composite.
 
     Model: constant, continuous or discrete, with inputs; u = -K x^, with x^ of a filter of gain L. For each η the loop is

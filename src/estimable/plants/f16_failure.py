@@ -108,9 +108,16 @@ def case(
 
 
 def study(
-    gain_after: float, *, runs: int, seed: int, input_link: Link | None = None, output_link: Link | None = None, folder: str | Path | None = None,
-    scheduler: str | None = None, progress: bool = True,
-) -> dict[str, float]:  # fmt: skip
+    gain_after: float,
+    *,
+    runs: int,
+    seed: int,
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
+    progress: bool = True,
+) -> dict[str, float]:
     """`Failed.numbers` of any number of flights; `folder` and `scheduler` as in `monte_carlo_loops`.
 
     >>> study(0.5, runs=8, seed=1)["detection_delay_s"] == fly(0.5, runs=8, seed=1).numbers["detection_delay_s"]

@@ -52,9 +52,17 @@ class JsbsimF16(Plant):
     """
 
     def __init__(
-        self, gain_after: float = 1.0, *, failure_time: float = 4.5, about: str = "trim", mach: float = 0.9,
-        altitude_ft: float = 20_000.0, sigma_alpha: float = f16.SIGMA_ALPHA, sigma_q: float = f16.SIGMA_Q, Q: Numbers | None = None,
-    ):  # fmt: skip
+        self,
+        gain_after: float = 1.0,
+        *,
+        failure_time: float = 4.5,
+        about: str = "trim",
+        mach: float = 0.9,
+        altitude_ft: float = 20_000.0,
+        sigma_alpha: float = f16.SIGMA_ALPHA,
+        sigma_q: float = f16.SIGMA_Q,
+        Q: Numbers | None = None,
+    ):
         faults = checks.Faults()
         self.gain_after = faults.number("gain_after", gain_after)
         self.failure_time = faults.number("failure_time", failure_time, lower=0.0, unit="seconds")

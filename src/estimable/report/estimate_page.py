@@ -26,9 +26,18 @@ SIZE = "Size of the innovations (NIS)"
 
 
 def report_of(
-    result: Estimate, *, record: Record, algorithm: Algorithm[Any], prior: Prior, title: str = "Estimate", lead: Sequence[str] = (),
-    facts: Sequence[Fact] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (), judged: Any = None,
-) -> Report:  # fmt: skip
+    result: Estimate,
+    *,
+    record: Record,
+    algorithm: Algorithm[Any],
+    prior: Prior,
+    title: str = "Estimate",
+    lead: Sequence[str] = (),
+    facts: Sequence[Fact] = (),
+    commands: Sequence[tuple[str, str]] = (),
+    files: Sequence[Path] = (),
+    judged: Any = None,
+) -> Report:
     """A report of one `Estimate`, with what it was made from.
 
     `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that make it again;

@@ -84,10 +84,21 @@ class ClosedLoopBank:
 
 
 def close_loop(
-    plant: Plant, controller: Controller[Any], estimator: Algorithm[Any], *, reference: Numbers, seed: int,
-    prior: Prior | None, dt: float | None = None, start: Numbers | None=None, input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
-    on_failure: str = "raise", engine: str = "auto",
-) -> ClosedLoop:  # fmt: skip
+    plant: Plant,
+    controller: Controller[Any],
+    estimator: Algorithm[Any],
+    *,
+    reference: Numbers,
+    seed: int,
+    prior: Prior | None,
+    dt: float | None = None,
+    start: Numbers | None = None,
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    lost: str = "zero",
+    on_failure: str = "raise",
+    engine: str = "auto",
+) -> ClosedLoop:
     """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
 
     At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on what the estimator
@@ -118,10 +129,23 @@ def close_loop(
 
 
 def close_loop_bank(
-    plant: Plant, controller: Controller[Any], estimator: Algorithm[Any], *, reference: Numbers, seed: int, runs: int,
-    prior: Prior | None, dt: float | None = None, start: Numbers | None=None, input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
-    first: int = 0, on_failure: str = "raise", engine: str = "auto",
-) -> ClosedLoopBank:  # fmt: skip
+    plant: Plant,
+    controller: Controller[Any],
+    estimator: Algorithm[Any],
+    *,
+    reference: Numbers,
+    seed: int,
+    runs: int,
+    prior: Prior | None,
+    dt: float | None = None,
+    start: Numbers | None = None,
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    lost: str = "zero",
+    first: int = 0,
+    on_failure: str = "raise",
+    engine: str = "auto",
+) -> ClosedLoopBank:
     """Run the same loop many times, with other noises and losses each time. Run 0 is `close_loop` with the same seed.
 
     Run i draws from `fold_in(key(seed), i)`, whatever the number of runs; these are the runs from `first` on. Arguments, order
@@ -228,8 +252,16 @@ def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -
 
 
 def _check_call(
-    plant, controller: Controller[Any], estimator: Algorithm[Any], links: Links, reference: Numbers, prior: Prior | None, dt: float | None, start: Numbers, lost: str
-) -> tuple[np.ndarray, Any]:  # fmt: skip
+    plant,
+    controller: Controller[Any],
+    estimator: Algorithm[Any],
+    links: Links,
+    reference: Numbers,
+    prior: Prior | None,
+    dt: float | None,
+    start: Numbers,
+    lost: str,
+) -> tuple[np.ndarray, Any]:
     """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
     faults = checks.Faults()
     faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError will do too.")

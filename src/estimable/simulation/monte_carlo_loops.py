@@ -68,10 +68,18 @@ def loop_grid(make: Callable[..., LoopCase], /, **values: Sequence[Any]) -> dict
 
 
 def monte_carlo_loops(
-    cases: LoopCase | Mapping[str, LoopCase], *, runs: int, seed: int, summary: Callable[[ClosedLoop], dict[str, Any]],
-    folder: str | Path | None = None, scheduler: str | None = None, chunk: int = CHUNK, on_failure: str = "raise", engine: str = "auto",
+    cases: LoopCase | Mapping[str, LoopCase],
+    *,
+    runs: int,
+    seed: int,
+    summary: Callable[[ClosedLoop], dict[str, Any]],
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
+    chunk: int = CHUNK,
+    on_failure: str = "raise",
+    engine: str = "auto",
     progress: bool = True,
-) -> dict[str, MonteCarlo]:  # fmt: skip
+) -> dict[str, MonteCarlo]:
     """Fly each case `runs` times, and keep the summary of each flight: {name of the case: `MonteCarlo`}.
 
     `cases`: {name: LoopCase}, as `loop_grid` makes them; one alone is named "". `summary(closed)`: {name: number or array} of one

@@ -28,9 +28,19 @@ Model = StateSpace | NonlinearModel | OutputError
 
 
 def simulate(
-    model: Model, u: Numbers | None=None, *, seed: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
-) -> Simulation:  # fmt: skip
+    model: Model,
+    u: Numbers | None = None,
+    *,
+    seed: int,
+    prior: Prior | None = None,
+    steps: int | None = None,
+    dt: float | None = None,
+    t: Numbers | None = None,
+    hold: str = "zero_order",
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    lost: str = "zero",
+) -> Simulation:
     """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
 
     `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces (8,
@@ -50,9 +60,20 @@ def simulate(
 
 
 def simulate_bank(
-    model: Model, u: Numbers | None=None, *, seed: int, runs: int, prior: Prior | None = None, steps: int | None = None,
-    dt: float | None = None, t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
-) -> Stacked:  # fmt: skip
+    model: Model,
+    u: Numbers | None = None,
+    *,
+    seed: int,
+    runs: int,
+    prior: Prior | None = None,
+    steps: int | None = None,
+    dt: float | None = None,
+    t: Numbers | None = None,
+    hold: str = "zero_order",
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    lost: str = "zero",
+) -> Stacked:
     """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
 
     Run i draws from `fold_in(key(seed), i)`, whatever the number of runs.
@@ -73,9 +94,18 @@ def simulate_bank(
 
 
 def drawn_from(
-    model: Model, u: Numbers | None=None, *, prior: Prior | None = None, steps: int | None = None, dt: float | None = None,
-    t: Numbers | None=None, hold: str = "zero_order", input_link: Link | None=None, output_link: Link | None=None, lost: str = "zero",
-) -> Callable[[Any], Simulation]:  # fmt: skip
+    model: Model,
+    u: Numbers | None = None,
+    *,
+    prior: Prior | None = None,
+    steps: int | None = None,
+    dt: float | None = None,
+    t: Numbers | None = None,
+    hold: str = "zero_order",
+    input_link: Link | None = None,
+    output_link: Link | None = None,
+    lost: str = "zero",
+) -> Callable[[Any], Simulation]:
     """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
 
     With the key `fold_in(key(seed), i)` it draws run i of `simulate_bank`.

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..annotations import Array
 from ..engines import choice, two_passes, xla
 from ..engines.program.straight_line import UnsupportedError
 from ..engines.step import Select
@@ -20,6 +19,7 @@ from ..estimation.windows import window_of
 from ..filters.moving_window import MovingWindow
 from ..frozen import frozen, replace, static
 from ..kernels import stretch
+from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from .loop import Loop, Row, entries
 
@@ -70,7 +70,7 @@ def _in_blocks(loop: Loop, window: MovingWindow, prior: Any, rows: Row, interval
     rows = replace(rows, begin=blank, place=np.broadcast_to(np.arange(T) % window.length, (runs, T)))
     in_block = _in_block(loop.estimator, len(loop.columns), loop.plant.B.shape[-1])
     return two_passes.scan_bank(
-        two_passes.Way(replace(loop, estimator=in_block), prior), two_passes.Way(_Ends(window.algorithm), own), rows,
+        two_passes.Way(replace(loop, estimator=in_block), prior), two_passes.Way(_BlockEnds(window.algorithm), own), rows,
         intervals, begin=begin, length=window.length, select=_Select(select, loop.columns),
     )  # fmt: skip
 
@@ -78,7 +78,7 @@ def _in_blocks(loop: Loop, window: MovingWindow, prior: Any, rows: Row, interval
 def _in_block(estimator: Any, outputs: int, inputs: int) -> Any:
     """The estimator with its window in blocks."""
     if isinstance(estimator, MovingWindow):
-        return _Beginnings(estimator.algorithm, outputs, inputs)
+        return _BlockBeginnings(estimator.algorithm, outputs, inputs)
     return replace(estimator, algorithm=_in_block(estimator.algorithm, outputs, inputs))
 
 
@@ -110,16 +110,12 @@ class _Begun:
 
 
 @frozen
-class _Beginnings:
+class _BlockBeginnings(Wrapper[_Begun]):
     """Forwards: what the filter says at the end of each window."""
 
     algorithm: Any
     outputs: int = static()
     inputs: int = static()
-
-    def at(self, k: int | Array) -> "_Beginnings":
-        """The same: the model does not vary."""
-        return self
 
     def init(self, prior) -> _Begun:
         """Nothing is gathered."""
@@ -141,7 +137,7 @@ class _Beginnings:
 
 
 @frozen
-class _Ends(window_scan.Backwards):
+class _BlockEnds(window_scan.Backwards):
     """Backwards over a block: the belief at its end, of the window that ends in the same place of the next block."""
 
     def correct(self, state: tuple, sample: Sample) -> tuple[tuple, Told]:
