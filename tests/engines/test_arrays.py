@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.compilation.array_loop import ArrayLoop
+from estimable.engines.llvm.array_loop import ArrayLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
