@@ -30,7 +30,7 @@ from estimable.engines.batches import DTYPES
 from estimable.engines.large import _large_step
 from estimable.engines.llvm.compilation import Compiled
 from estimable.engines.program.arrays import lower
-from estimable.engines.program.straight_line import UnsupportedError
+from estimable.engines.program.primitives import UnsupportedError
 from estimable.kernels import small
 
 

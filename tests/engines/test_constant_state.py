@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from estimable.engines.program.constant_state import lasting
+from estimable.engines.program.constant_state import constant_entries
 from estimable.engines.program.straight_line import lower
 
 START = {(1, i): value for i, value in enumerate([0.0, 0.0, 0.0, 2.0, 0.0, 1.0])}
@@ -15,7 +15,7 @@ def step(x, state):
     return jnp.stack([s[0] * s[4], x * s[5], s[1], s[3] + s[5], s[2], jnp.where(s[0] == 0, s[5], x)])
 
 
-def by_writing_out_again(known):
+def by_lowering_again(known):
     while True:
         row = lower(step, np.zeros(()), np.zeros(6), known=known)
         after = [row.operations[name] for name in row.outputs[0]]
@@ -25,10 +25,10 @@ def by_writing_out_again(known):
         known = kept
 
 
-def test_what_lasts_is_found_as_by_writing_the_step_out_until_nothing_changes():
-    kept = lasting(START, lower(step, np.zeros(()), np.zeros(6)), 1)
-    assert kept == by_writing_out_again(START) == {(1, 0): 0.0, (1, 5): 1.0}
+def test_what_lasts_is_found_as_by_lowering_the_step_until_nothing_changes():
+    kept = constant_entries(START, lower(step, np.zeros(()), np.zeros(6)), 1)
+    assert kept == by_lowering_again(START) == {(1, 0): 0.0, (1, 5): 1.0}
 
 
 def test_nothing_known_is_nothing_kept():
-    assert lasting({}, lower(step, np.zeros(()), np.zeros(6)), 1) == {}
+    assert constant_entries({}, lower(step, np.zeros(()), np.zeros(6)), 1) == {}

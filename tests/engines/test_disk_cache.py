@@ -10,7 +10,7 @@ import pytest
 from estimable import ExtendedKalman, Kalman, NonlinearModel, Prior, Record, StateSpace, UnknownGain, estimate
 from estimable.engines import disk_cache as kept
 from estimable.engines import lowering as written
-from estimable.engines.program.straight_line import UnsupportedError
+from estimable.engines.program.primitives import UnsupportedError
 from estimable.estimation.binding import select
 from estimable.estimation.windows import Replayed
 from estimable.results import Interval, Sample

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from cases import case
 from estimable import InputError, Kalman, Prior, RunError, StateSpace, UnknownGain, estimate, load, online, save
-from estimable.engines.program.straight_line import UnsupportedError
+from estimable.engines.program.primitives import UnsupportedError
 
 FEATURES = ({}, {"cross": True}, {"missing": 0.8}, {"varying": True})
 

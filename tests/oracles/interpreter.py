@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from estimable.engines.program.straight_line import SCALAR, Program
+from estimable.engines.program.primitives import PYTHON, row
+from estimable.engines.program.straight_line import Program
 
 
 def interpret(program: Program, inputs: list[Any]) -> list[np.ndarray]:
@@ -12,12 +13,12 @@ def interpret(program: Program, inputs: list[Any]) -> list[np.ndarray]:
     flat = [np.asarray(array).ravel() for array in inputs]
     values: list[Any] = []
     for operation in program.operations:
-        if operation.name in ("input", "truth_input"):
+        if operation.name == "input":
             place, i = operation.value
-            entry = flat[place][i]
-            values.append(bool(entry) if operation.name == "truth_input" else float(entry))
+            values.append(PYTHON[operation.type](flat[place][i]))
         elif operation.name == "constant":
             values.append(operation.value)
         else:
-            values.append(SCALAR[operation.name](*(values[a] for a in operation.arguments)))
+            types = tuple(program.operations[a].type for a in operation.arguments)
+            values.append(row(operation.name, types).fold(*(values[a] for a in operation.arguments)))
     return [np.array([values[n] for n in array.ravel()]).reshape(array.shape) for array in program.outputs]

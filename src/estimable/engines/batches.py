@@ -18,12 +18,21 @@ def sizes(shapes: Any) -> np.ndarray:
 
 
 def shaped(arrays: list, shapes: Any) -> Any:
-    """Arrays with flat entries as what has these shapes."""
+    """Arrays of flat entries, or of the words that hold them, as what has these shapes."""
     leaves, structure = jax.tree_util.tree_flatten(shapes)
     return jax.tree_util.tree_unflatten(structure, [
-        array.reshape(*array.shape[:-1], *leaf.shape).astype(leaf.dtype, copy=False)
-        for array, leaf in zip(arrays, leaves, strict=True)
+        _entries(array, leaf.dtype).reshape(*array.shape[:-1], *leaf.shape) for array, leaf in zip(arrays, leaves, strict=True)
     ])  # fmt: skip
+
+
+def _entries(array: np.ndarray, dtype: Any) -> np.ndarray:
+    held = array.dtype == float and np.dtype(dtype).kind in "iu"
+    return (np.ascontiguousarray(array).view(int) if held else array).astype(dtype, copy=False)
+
+
+def words(leaves: list) -> list:
+    """(leaf, axis) with integers as their 64 bits: how machine code keeps them among floats."""
+    return [(leaf.astype(int).view(float) if leaf.dtype.kind in "iu" else leaf, axis) for leaf, axis in leaves]
 
 
 def on_all_processors(work: Any, items: Sequence[int]) -> None:

@@ -8,7 +8,7 @@ import jax
 
 from .. import checks
 from . import xla
-from .program.straight_line import UnsupportedError
+from .program.primitives import UnsupportedError
 
 ENGINES = ("auto", "lanes", "native", "xla")
 log = logging.getLogger("estimable.engines")

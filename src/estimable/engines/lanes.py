@@ -1,7 +1,6 @@
 """The straight line replayed in JAX, each scalar an array over the runs of a bank: on any device, and without LLVM."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,20 +10,11 @@ import numpy as np
 from jax import lax
 
 from .lowering import Written, batch, write
-from .program.straight_line import TRANSCENDENTAL, Program, UnsupportedError
+from .program.primitives import PYTHON, UnsupportedError, row, type_of
+from .program.straight_line import Program
 from .time_varying import laid_out
 from .xla import Run
 
-JAX: dict[str, Callable] = {
-    "add": lax.add, "sub": lax.sub, "mul": lax.mul, "div": lax.div, "neg": lax.neg, "abs": lax.abs, "sqrt": lax.sqrt,
-    "log": lax.log, "exp": lax.exp, "exp2": lax.exp2, "pow": lax.pow, "floor": lax.floor, "max": lax.max, "min": lax.min,
-    "round": lambda a: lax.round(a, lax.RoundingMethod.TO_NEAREST_EVEN), "truncate": jnp.trunc,
-    "eq": lax.eq, "ne": lax.ne, "lt": lax.lt, "le": lax.le, "gt": lax.gt, "ge": lax.ge,
-    "and": lax.bitwise_and, "or": lax.bitwise_or, "xor": lax.bitwise_xor, "not": lax.bitwise_not,
-    "select": lax.select, "is_finite": lax.is_finite, "number": lambda a: a.astype(float), "truth": lambda a: a != 0,
-    "settles": lambda a: a,
-    **{name: getattr(lax, name) for name in TRANSCENDENTAL},
-}  # fmt: skip
 MOST = 2_600  # operations: XLA compiles 1,000 in 4 s and 4,400 in 32 s
 QUICK = {"xla_cpu_use_fusion_emitters": False}  # long lines of scalars then compile on a CPU in half the time
 
@@ -44,10 +34,10 @@ def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes:
 
 
 def _across(leaf: np.ndarray, axis: int | None, rows: tuple) -> np.ndarray:
-    """(*rows, entries, runs) of (*rows, runs, ..), with one run where all share it; truths stay truths."""
+    """(*rows, entries, runs) of (*rows, runs, ..), with one run where all share it, as floats, integers or bools."""
     runs = 1 if axis is None else leaf.shape[len(rows)]
     flat = leaf.reshape(*rows, runs, math.prod(leaf.shape) // max(1, math.prod(rows) * runs)).swapaxes(-1, -2)
-    return flat if leaf.dtype == bool else flat.astype(float)
+    return flat.astype(PYTHON[type_of(leaf.dtype)])
 
 
 @partial(jax.jit, static_argnames=("written", "size", "keep"), compiler_options=QUICK)
@@ -59,17 +49,18 @@ def _scan(fixed: list, rows: list, *, written: Written, size: int, keep: str) ->
     kept, likelihood, outcome = outputs.kept, int(outputs.log_likelihood), int(outputs.outcome)
     names = sorted({int(name) for array in kept for name in array.ravel()})
 
-    def step(carry, row):
+    def step(carry, samples):
         now = dict(zip((entry.now for entry in written.carried), carry[0], strict=True))
-        values = replay(program, always | now | _scalars(program.inputs[before:], row))
+        values = replay(program, always | now | _scalars(program.inputs[before:], samples))
         state = [_wide(values[entry.after], size) for entry in written.carried]
-        each = [_wide(values[name], size).astype(float) for name in names]
+        each = [_wide(values[name], size) for name in names]
         told = _wide(values[likelihood], size), _wide(values[outcome], size).astype(int)
         return ((state, each), (None, told)) if keep == "last" else ((state, None), (each, told))
 
     begin = replay(written.start, _scalars(written.start.inputs, fixed))
     start = [_wide(begin[entry.start], size) for entry in written.carried]
-    blank = [jnp.zeros(size)] * len(names) if keep == "last" else None
+    types = [PYTHON[program.operations[name].type] for name in names]
+    blank = [jnp.zeros(size, type_) for type_ in types] if keep == "last" else None
     (_, last), (each, (likelihoods, outcomes)) = lax.scan(step, (start, blank), rows)
     scalars: dict[int, Any] = dict(zip(names, last or each or [], strict=True))
     lead = (size,) if keep == "last" else (size, len(outcomes))
@@ -87,12 +78,13 @@ def replay(program: Program, inputs: dict[int, Any]) -> list:
     for name, operation in enumerate(program.operations):
         if operation.name == "constant":
             values.append(np.full(1, operation.value))
-        elif operation.name in ("input", "truth_input"):
+        elif operation.name == "input":
             values.append(inputs[name])
         else:
             arguments = [values[argument] for argument in operation.arguments]
+            found = row(operation.name, tuple(program.operations[argument].type for argument in operation.arguments))
             width = max(len(argument) for argument in arguments)
-            values.append(JAX[operation.name](*(_wide(argument, width) for argument in arguments)))
+            values.append(found.jax(*(_wide(argument, width) for argument in arguments)))
     return values
 
 

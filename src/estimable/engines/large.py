@@ -1,4 +1,4 @@
-"""Steps of models that are too large to be written out, as machine code of operations on arrays."""
+"""Steps of models that are too large for scalars, as machine code of operations on arrays."""
 
 import math
 from functools import lru_cache
@@ -12,7 +12,7 @@ from .llvm.array_loop import ArrayLoop
 from .llvm.compilation import Compiled
 from .lowering import Traced, trace
 from .program.arrays import lower
-from .program.straight_line import UnsupportedError
+from .program.primitives import UnsupportedError
 from .step import named
 from .xla import Run
 

@@ -1,4 +1,4 @@
-"""Steps as machine code: for models that are small enough to be written out, on a CPU."""
+"""Steps as machine code on a CPU: small models as a straight line of scalars, larger ones as operations on arrays."""
 
 import math
 import os
@@ -9,12 +9,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from .batches import DTYPES, on_all_processors, shaped, sizes
+from .batches import DTYPES, on_all_processors, shaped, sizes, words
 from .large import large_step
 from .llvm.compilation import Compiled
-from .llvm.scalar_loop import Array, Loop
+from .llvm.scalar_loop import Array, ScalarLoop
 from .lowering import Written, batch, entries_read, example, write
-from .program.straight_line import UnsupportedError
+from .program.primitives import BOOL, FLOAT, INTEGER, UnsupportedError
 from .time_varying import laid_out
 from .xla import Run
 
@@ -25,7 +25,7 @@ OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
 
 def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str, select: Any) -> Run:
-    """What `xla.scan` does, to rounding. Raises `UnsupportedError` where the step cannot be written out."""
+    """What `xla.scan` does, to rounding. Raises `UnsupportedError` where the step cannot be lowered."""
     one = [jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[None], part) for part in (samples, intervals)]
     run = scan_bank(algorithm, prior, *one, axes=(None, 0, None), keep=keep, select=select)
     return jax.tree_util.tree_map(lambda leaf: leaf[0], run)
@@ -39,21 +39,24 @@ def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes:
         written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     except UnsupportedError:
         shapes = example(algorithm, prior, samples, intervals, axes)
-        return large_step(*shapes, keep, select, _repeat(rows)).run(size, fixed, rows)
-    return compiled_step(written, keep, LANES if size > 1 else 1, _repeat(rows)).run(size, fixed, rows)
+        return large_step(*shapes, keep, select, _seldom_changes(rows)).run(size, words(fixed), rows)
+    step = compiled_step(written, keep, LANES if size > 1 else 1, _seldom_changes(rows))
+    return step.run(size, words(fixed), words(rows))
 
 
-class Step:
+class NativeStep:
     """A compiled step: which scalars are read from where, and where they are written.
 
-    One run reads and writes the arrays where they lie; runs side by side are laid out first, `lanes` numbers to a scalar.
+    One run reads and writes the arrays where they lie; runs side by side are laid out first, `lanes` words to a scalar.
     """
 
-    def __init__(self, written: Written, keep: str, lanes: int, repeats: bool):
+    def __init__(self, written: Written, keep: str, lanes: int, seek_steady: bool):
         self.start, self.keep, self.lanes, self.kept = _Start(written.start), keep, lanes, written.kept
         program = written.row
         outputs = written.outputs
         kept, said = _flat(outputs.kept), _flat((outputs.log_likelihood, outputs.outcome))
+        if [program.operations[name].type for (name,) in said] != [FLOAT, INTEGER]:
+            raise UnsupportedError("a log-likelihood that is no float, or an outcome that is no integer")
         self.shapes = jax.tree_util.tree_leaves(written.kept)
         each = [Array(*a) for a in zip(kept, (_kind(leaf.dtype) for leaf in self.shapes), strict=True)]
         each, told = each if keep != "last" else [], [Array(said[0]), Array(said[1], "i64")]
@@ -65,7 +68,7 @@ class Step:
         self.fixed, fixed_names = entries_read(program.inputs[: written.fixed])
         now, after = (tuple(getattr(entry, name) for entry in written.carried) for name in ("now", "after"))
         row, each = self._layout(program, program.inputs[written.fixed + written.states :])
-        self.compiled = Compiled(Loop(program, fixed_names, now, row, after, each, last, repeats), lanes)
+        self.compiled = Compiled(ScalarLoop(program, fixed_names, now, row, after, each, last, seek_steady), lanes)
 
     def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         """The arrays of a row as they are, or those of several runs: one that is read and one that is written."""
@@ -74,8 +77,8 @@ class Step:
             return (Array(names),), (Array(tuple(name for array in self.each for name in array.names)),)
         self.rows = sorted({i for i, _ in self.columns})
         read = [_flat(inputs)[i] for i in self.rows]
-        truths = [program.operations[max(names)].name == "truth_input" for names in read]
-        row = (Array(names, "i8" if truth else "double") for names, truth in zip(read, truths, strict=True))
+        types = [program.operations[max(names)].type for names in read]
+        row = (Array(names, "i8" if type_ == BOOL else "double") for names, type_ in zip(read, types, strict=True))
         return tuple(row), tuple(self.each)
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
@@ -87,7 +90,8 @@ class Step:
         last = np.empty((size, self.last))
         go = self._alone if self.lanes == 1 else self._side_by_side
         together = self.lanes * self._groups(T, size) if self.lanes > 1 else 1
-        on_all_processors(go(T, leaves, constants, starts, each, last), range(0, size, together))
+        memory = each if self.lanes == 1 else [array.view(float) if array.dtype == int else array for array in each]
+        on_all_processors(go(T, leaves, constants, starts, memory, last), range(0, size, together))
         log_likelihoods, outcomes = (each[i][..., 0] for i in self.told)
         failed_at = np.argmax(outcomes != 0, axis=1)
         kept = each[: len(self.shapes)] if self.keep != "last" else np.split(last, sizes(self.kept)[:-1], axis=-1)
@@ -151,18 +155,18 @@ class Step:
 
 
 @lru_cache(256)
-def compiled_step(written: Written, keep: str, lanes: int, repeats: bool = False) -> Step:
+def compiled_step(written: Written, keep: str, lanes: int, seek_steady: bool = False) -> NativeStep:
     """The compiled step: nothing is compiled twice."""
-    return Step(written, keep, lanes, repeats)
+    return NativeStep(written, keep, lanes, seek_steady)
 
 
-def _repeat(rows: list) -> bool:
-    """Whether the rows are many and their truths (what was seen) seldom change, so that what repeats is worth looking for."""
+def _seldom_changes(rows: list) -> bool:
+    """Whether the rows are many and their bools (what was seen) seldom change: a steady state is then worth looking for."""
     leaf, axis = rows[0]
     if leaf.shape[0 if axis is None else 1] < FEW:
         return False
-    truths = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool]
-    changes = [(t[:, 1:] != t[:, :-1]).any(axis=0) for t in truths]
+    bools = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool]
+    changes = [(t[:, 1:] != t[:, :-1]).any(axis=0) for t in bools]
     columns = [
         np.ascontiguousarray(c.reshape(len(c), -1).T) for c in changes
     ]  # along short rows NumPy takes 15 x as long
@@ -176,7 +180,7 @@ class _Start:
         self.places, names = entries_read(program.inputs)
         outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
         self.size = len(outputs)
-        self.compiled = Compiled(Loop(program, (), (), (Array(names),), (), (Array(outputs),), ()))
+        self.compiled = Compiled(ScalarLoop(program, (), (), (Array(names),), (), (Array(outputs),), ()))
 
     def run(self, size: int, fixed: list) -> np.ndarray:
         """The first state of each run, flat: (size, entries)."""
@@ -187,7 +191,7 @@ class _Start:
 
 def _kind(dtype: Any) -> str:
     """How an array lies in memory."""
-    return {"float64": "double", "int64": "i64", "bool": "i8"}.get(np.dtype(dtype).name, "double")
+    return {"f": "double", "b": "i8"}.get(np.dtype(dtype).kind, "i64")
 
 
 def _flat(arrays: tuple[np.ndarray, ...]) -> list[tuple[int, ...]]:
@@ -196,7 +200,7 @@ def _flat(arrays: tuple[np.ndarray, ...]) -> list[tuple[int, ...]]:
 
 
 def _contiguous(leaf: np.ndarray) -> np.ndarray:
-    """Numbers as float64 and truths as they are, row after row."""
+    """Words and bools, row after row."""
     return np.ascontiguousarray(leaf, bool if leaf.dtype == bool else float)
 
 

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .batches import on_all_processors, shaped, sizes
+from .batches import on_all_processors, shaped, sizes, words
 from .lowering import batch, write
-from .native import LANES, Step, columns, compiled_step
+from .native import LANES, NativeStep, columns, compiled_step
 from .xla import Run
 
 
@@ -27,7 +27,7 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
 
     `rows` has a field `begin`, whose numbers are those of the argument in the first block, (length, ..), and then what the
     backward step told. `select(info, keep)` gives (what is kept, (sample, interval) of the backward step). Raises
-    `UnsupportedError` where a step cannot be written out.
+    `UnsupportedError` where a step cannot be lowered.
     """
     axes = (None, 0, None)
     written = write(forward.algorithm, forward.prior, rows, intervals, axes=axes, keep="all", select=select)
@@ -35,27 +35,28 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
     example = jax.tree_util.tree_map(lambda leaf: np.zeros((1, 1, *leaf.shape), leaf.dtype), passed)
     back = write(backward.algorithm, backward.prior, example[0], example[1], axes=axes, keep="all", select=_as_it_is)
     ahead, behind = compiled_step(written, "all", LANES), compiled_step(back, "all", LANES)
-    size, fixed, leaves = batch(forward.algorithm, forward.prior, rows, intervals, axes)
+    size, *parts = batch(forward.algorithm, forward.prior, rows, intervals, axes)
+    fixed, leaves = map(words, parts)
     memory = _Memory(ahead, behind, rows, leaves, _width(kept), begin)
     T = leaves[0][0].shape[1]
-    _, own, _ = batch(backward.algorithm, backward.prior, example[0], example[1], axes)
+    own = words(batch(backward.algorithm, backward.prior, example[0], example[1], axes)[1])
     starts, constants = ahead.start.run(size, fixed)[:, ahead.alive], columns(fixed, ahead.fixed, size)
     turned = behind.start.run(1, own)[:, behind.alive], columns(own, behind.fixed, 1)
     start, still = (np.repeat(array.T, LANES, axis=1) for array in turned)
-    each, codes = np.empty((size, T, _width(kept))), np.empty((size, T))
+    each, codes = np.empty((size, T, _width(kept))), np.empty((size, T), int)
 
     def side_by_side(first: int) -> None:
         runs, real = ahead.group(first, size)
         wrote = memory.run(runs, T, length, (constants[runs].T.copy(), starts[runs].T.copy()), (still, start))
         each[first : first + real] = wrote[:, : each.shape[2]].transpose(2, 0, 1)[:real]
-        codes[first : first + real] = wrote[:, ahead.at[ahead.told[1]]].T[:real]
+        codes[first : first + real] = np.ascontiguousarray(wrote[:, ahead.at[ahead.told[1]]]).view(int).T[:real]
 
     on_all_processors(side_by_side, range(0, size, LANES))
     failed_at = np.argmax(codes != 0, axis=1)
     return Run(
         shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept),
         None,
-        codes[np.arange(size), failed_at].astype(int),
+        codes[np.arange(size), failed_at],
         failed_at,
         None,
     )
@@ -77,12 +78,12 @@ def _offsets(shapes: list) -> np.ndarray:
 class _Memory:
     """Which column of one step is which of the other."""
 
-    def __init__(self, ahead: Step, behind: Step, rows: Any, leaves: list, kept: int, begin: Any):
+    def __init__(self, ahead: NativeStep, behind: NativeStep, rows: Any, leaves: list, kept: int, begin: Any):
         self.ahead, self.behind = ahead, behind
         self.leaves = [leaf.reshape(*leaf.shape[:2], -1) for leaf, _ in leaves]
         passed = _offsets([leaf.shape for leaf in jax.tree_util.tree_leaves(ahead.kept[1])])
         self.passed = [kept + passed[i] + j for i, j in behind.columns]  # columns of `ahead` that `behind` reads
-        begun = jax.tree_util.tree_leaves(begin)
+        begun = [leaf for leaf, _ in words([(np.asarray(leaf), None) for leaf in jax.tree_util.tree_leaves(begin)])]
         first = [path[0].name for path, _ in jax.tree_util.tree_flatten_with_path(rows)[0]].index("begin")
         told = _offsets([leaf.shape[1:] for leaf in begun])
         inside = [(column, i - first, j) for column, (i, j) in enumerate(ahead.columns) if 0 <= i - first < len(begun)]

@@ -1,16 +1,17 @@
-"""The loop over time around operations on arrays, as LLVM's assembly: `loops` for arrays in place of scalars."""
+"""The loop over time around operations on arrays, as LLVM's assembly: `scalar_loop` for arrays instead of scalars."""
 
 import math
 from collections.abc import Iterable
 
-from ..program.arrays import Arrays, Operation
-from ..program.steady_state import Settling, settling, still
+from ..program.arrays import Arrays
+from ..program.steady_state import SteadyPart, same_in_every_row, steady_part
 from .blocks import Blocks, Memory, Value, row_after_row
-from .emit import commit, compute, evaluate, read_again, row_of
-from .rules import define
-from .scalar_loop import Array, Loop
+from .elementwise import converted
+from .emit import commit, compute, emit, read_again, row_of
+from .scalar_loop import Array, ScalarLoop
 
 BITS = {"double": "i64", "i64": "i64", "i1": "i1"}
+HELD = {"double": "double", "i64": "i64", "i1": "double"}  # how a word of eight bytes holds an entry
 
 
 class ArrayLoop:
@@ -18,11 +19,11 @@ class ArrayLoop:
 
     `start`: the fixed arrays to the first state; None where there is no state. `row`: the fixed arrays, a state and a row to
     the next state, `each` arrays that are written of a row, and the rest, which are written of the last row only. `fixed` lie
-    in memory as doubles one after the other, and so does what is written last. `repeats` as in `loops`.
+    in memory as words one after the other, and so does what is written last. `seek_steady` as in `ScalarLoop`.
     """
 
-    def __init__(self, row: Arrays, start: Arrays | None, fixed: int, states: int, each: int, repeats: bool = True):
-        self.program, self.start, self.fixed, self.states, self.repeats = row, start, fixed, states, repeats
+    def __init__(self, row: Arrays, start: Arrays | None, fixed: int, states: int, each: int, seek_steady: bool = True):
+        self.program, self.start, self.fixed, self.states, self.seek_steady = row, start, fixed, states, seek_steady
         self.each, self.last = row.outputs[states : states + each], row.outputs[states + each :]
         self.bytes = 0
 
@@ -38,16 +39,16 @@ class ArrayLoop:
 
     def assembly(self, lanes: int = 1) -> str:
         """The function `run(rows, fixed, memory of `bytes`, last, an array of each of the row's, of each that is written)`."""
-        text = _Text(self)
+        text = _ArrayLoopText(self)
         written = text.write()
         self.bytes = text.blocks.bytes
         return written
 
 
-class _Text:
-    """The blocks: those of `loops`, with the carry in memory.
+class _ArrayLoopText:
+    """The blocks: those of `scalar_loop`, with the carry in memory.
 
-    What stands still stays where it lies, so that `rest` finds it there. `differ` goes back to `whole`.
+    What is steady stays where it lies, so that `rest` finds it there. `differ` goes back to `whole`.
     """
 
     def __init__(self, loop: ArrayLoop):
@@ -57,11 +58,11 @@ class _Text:
         self.carry = tuple(inputs[loop.fixed + i] for i in self.alive)
         self.next = tuple(outputs[i] for i in self.alive)
         read = Array(tuple(name for name in inputs[begin:] if name >= 0))
-        flat = Loop(loop.program, (), self.carry, (read,), self.next, (), ())  # pyright: ignore[reportArgumentType]
-        self.still = still(flat)
-        part = settling(flat, self.still) if loop.repeats else None
-        self.part = part or Settling(frozenset(), tuple(False for _ in self.still), ())
-        groups = [{name for name, yes in enumerate(group) if yes} for group in (self.still, self.part.slow)]
+        flat = ScalarLoop(loop.program, (), self.carry, (read,), self.next, (), ())  # pyright: ignore[reportArgumentType]
+        self.same = same_in_every_row(flat)
+        part = steady_part(flat, self.same) if loop.seek_steady else None
+        self.part = part or SteadyPart(frozenset(), tuple(False for _ in self.same), ())
+        groups = [{name for name, yes in enumerate(group) if yes} for group in (self.same, self.part.slow)]
         self.again = read_again(loop.program, groups)
         self.rows = [self._outside(f"%row{i}") for i in range(loop.rows)]
         self.each = [self._outside(f"%each{i}") for i in range(len(loop.each))]
@@ -89,9 +90,9 @@ class _Text:
         types = [self.program.operations[name] for name in self.carry]
         self.memories = [blocks.region(kind.shape, kind.kind) for kind in types]
         if self.loop.start is not None:
-            first = evaluate(blocks, self.loop.start, fixed)
+            first = emit(blocks, self.loop.start, fixed)
             commit(blocks, self.memories, [first[i] for i in self.alive])
-        same = [name for name, yes in enumerate(self.still) if yes]
+        same = [name for name, yes in enumerate(self.same) if yes]
         compute(blocks, self.program, values, same, self.again)
         for name, memory, kind in zip(self.carry, self.memories, types, strict=True):
             values[name] = blocks.lying(memory, kind.shape, kind.kind)
@@ -104,7 +105,7 @@ class _Text:
         values, offset = [], 0
         for shape, kind in self.program.types[: self.loop.fixed]:
             memory = self.fixed._replace(strides=row_after_row(shape), offset=offset)
-            values.append(_converted(self.blocks, self.blocks.lying(memory, shape, "double"), kind))
+            values.append(converted(self.blocks, self.blocks.lying(memory, shape, HELD[kind]), kind))
             offset += math.prod(shape)
         return values
 
@@ -117,13 +118,13 @@ class _Text:
         blocks.lines.append(f"%whole.row = phi i64 [0, %{self.came}], [%whole.next, %again]{back}")
         values = self._computed(values, "whole")
         self._tell(values, "whole")
-        stands = self._all_equal([(values[self.carry[i]], values[self.next[i]]) for i in sorted(self.part.carry)])
+        steady = self._all_equal([(values[self.carry[i]], values[self.next[i]]) for i in sorted(self.part.carry)])
         for memory, choice in zip(self.held, choices, strict=True):
             blocks.fill(memory, values[choice])
         self._commit(values, range(len(self.alive)))
         self._go_on("whole", "again")
         blocks.begin("again")
-        blocks.lines.append(f"br i1 {stands}, label %rest, label %whole" if self.part.carry else "br label %whole")
+        blocks.lines.append(f"br i1 {steady}, label %rest, label %whole" if self.part.carry else "br label %whole")
         return values
 
     def _rest(self, whole: dict[int, Value]) -> None:
@@ -131,7 +132,7 @@ class _Text:
         blocks, slow = self.blocks, self.part.slow
         blocks.begin("rest")
         blocks.lines.append("%rest.row = phi i64 [%whole.next, %again], [%rest.next, %more]")
-        there = {name: value for name, value in whole.items() if slow[name] or self.still[name] or name in self.carry}
+        there = {name: value for name, value in whole.items() if slow[name] or self.same[name] or name in self.carry}
         values = self._computed(there, "rest")
         held = [blocks.lying(memory, values[choice].shape, "i1")
                 for memory, choice in zip(self.held, self.part.choices, strict=True)]  # fmt: skip
@@ -153,7 +154,7 @@ class _Text:
             if name >= 0:
                 operation = self.program.operations[name]
                 values[name] = self._row(memory, operation.shape, operation.kind, block)
-        compute(self.blocks, self.program, values, range(len(self.still)), self.again)
+        compute(self.blocks, self.program, values, range(len(self.same)), self.again)
         return values
 
     def _row(self, memory: Memory, shape: tuple[int, ...], kind: str, block: str) -> Value:
@@ -168,7 +169,7 @@ class _Text:
             self.blocks.fill(self._row(memory, value.shape, value.kind, block).lies, value)
         offset = 0
         for name in self.loop.last:
-            value = _converted(self.blocks, values[name], "double")
+            value = converted(self.blocks, values[name], HELD[values[name].kind])
             self.blocks.fill(self.last._replace(strides=row_after_row(value.shape), offset=offset), value)
             offset += math.prod(value.shape)
 
@@ -203,10 +204,3 @@ class _Text:
         for a, b in pairs:
             same = further(a, b, [], same)
         return same
-
-
-def _converted(blocks: Blocks, value: Value, kind: str) -> Value:
-    """The array with entries of another kind."""
-    if value.kind == kind:
-        return value
-    return define(blocks, Operation("convert_element_type", (), value.shape, kind), [value])

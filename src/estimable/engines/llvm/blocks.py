@@ -234,7 +234,7 @@ class Blocks:
 
 
 def number(kind: str, value: Any) -> str:
-    """A known number or truth as it is written."""
+    """A known entry as LLVM writes it."""
     if kind == "i1":
         return "true" if value else "false"
     return str(int(value)) if kind == "i64" else hexadecimal(float(value))

@@ -1,19 +1,19 @@
-"""Loops of scalars in machine code, kept on disk under a name made of the text, the versions and the processor."""
+"""Loops in machine code, kept on disk under a name made of the text, the versions and the processor."""
 
 import ctypes
 from functools import cache
 from typing import Any
 
 from .. import disk_cache
-from ..program.straight_line import UnsupportedError
+from ..program.primitives import UnsupportedError
 from .array_loop import ArrayLoop
-from .scalar_loop import Loop
+from .scalar_loop import ScalarLoop
 
 
 class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
-    def __init__(self, loop: Loop | ArrayLoop, lanes: int = 1):
+    def __init__(self, loop: ScalarLoop | ArrayLoop, lanes: int = 1):
         _processor()  # without LLVM there is nothing to write for
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(loop.assembly(lanes))
@@ -30,10 +30,10 @@ class OneRow:
     """A loop that carries nothing, for one row: a function of one address.
 
     There lie the addresses of `fixed`, and of the arrays that are read and written. It keeps Python's lock, under which all
-    steps may share its memory, and returns number `last` of the last array as an integer.
+    steps may share its memory, and returns word `last` of the last array, an integer.
     """
 
-    def __init__(self, loop: Loop | ArrayLoop, last: int):
+    def __init__(self, loop: ScalarLoop | ArrayLoop, last: int):
         _processor()
         arrays, assembly, lines = loop.pointers - 2, loop.assembly(1), []
         for i in range(arrays):
@@ -43,7 +43,7 @@ class OneRow:
         )
         lines += [f"call void @run(i64 1, {pointers})",
                   f"%place = getelementptr inbounds double, ptr %array{arrays - 1}, i64 {last}",
-                  "%number = load double, ptr %place", "%code = fptosi double %number to i64", "ret i64 %code"]  # fmt: skip
+                  "%code = load i64, ptr %place", "ret i64 %code"]  # fmt: skip
         memory = f"@memory = internal global [{loop.bytes} x i8] zeroinitializer, align 64\n"
         text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
         self._engine = _engine(assembly + memory + text)

@@ -1,17 +1,17 @@
-"""The operations on arrays written down in order, and what a scan repeats as a loop."""
+"""The operations on arrays in order, and what a scan repeats as a loop."""
 
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from ..program.arrays import Arrays, Operation, Repeated
-from ..program.straight_line import UnsupportedError
+from ..program.arrays import ArrayOperation, Arrays, Repeated
+from ..program.primitives import UnsupportedError
 from .blocks import Blocks, Memory, Value
 from .libraries import triangle
 from .moves import split
 from .rules import define
 
 
-def evaluate(blocks: Blocks, program: Arrays, inputs: list[Value]) -> list[Value]:
+def emit(blocks: Blocks, program: Arrays, inputs: list[Value]) -> list[Value]:
     """The outputs of a program."""
     values: dict[int, Any] = {name: value for name, value in zip(program.inputs, inputs, strict=True) if name >= 0}
     compute(blocks, program, values, range(len(program.operations)), read_again(program))
@@ -62,7 +62,7 @@ def commit(blocks: Blocks, memories: list[Memory], values: list[Value]) -> None:
         blocks.fill(memory, value)
 
 
-def _scan(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value]:
+def _scan(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
     repeated: Repeated = operation.value
     begin, end = repeated.constants, repeated.constants + repeated.carried
     constants = [blocks.ready(value) for value in values[:begin]]
@@ -75,7 +75,7 @@ def _scan(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Val
     def body(i: str) -> None:
         k = blocks.affine([i], [-1], repeated.length - 1) if repeated.backwards else i
         here = [row_of(blocks, row, k) for row in rows]
-        out = evaluate(blocks, program, [*constants, *carries, *here])
+        out = emit(blocks, program, [*constants, *carries, *here])
         for memory, value in zip(told, out[repeated.carried :], strict=True):
             blocks.fill(
                 row_of(blocks, blocks.lying(memory, (repeated.length, *value.shape), value.kind), k).lies, value
@@ -94,14 +94,14 @@ def row_of(blocks: Blocks, value: Value, k: str) -> Value:
     return blocks.lying(memory._replace(pointer=start, strides=memory.strides[1:], offset=0), shape, value.kind)
 
 
-def _qr(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value | None]:
+def _qr(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value | None]:
     shape = values[0].shape
     if operation.value["full_matrices"] or operation.value["pivoting"] or len(shape) != 2 or shape[0] < shape[1]:
         raise UnsupportedError("a QR factorisation of this form")
     return [None, triangle(blocks, values[0])]
 
 
-def _choice(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value]:
+def _choice(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
     """One of two programs, of which only the chosen one runs."""
     if len(operation.value.programs) != 2:
         raise UnsupportedError("a choice among more than two")
@@ -112,7 +112,7 @@ def _choice(blocks: Blocks, operation: Operation, values: list[Value]) -> list[V
     blocks.lines.append(f"br i1 {chosen}, label %{label}.yes, label %{label}.no")
     for name, program in (("yes", yes), ("no", no)):
         blocks.begin(f"{label}.{name}")
-        for memory, value in zip(memories, evaluate(blocks, program, given), strict=True):
+        for memory, value in zip(memories, emit(blocks, program, given), strict=True):
             blocks.fill(memory, value)
         blocks.lines.append(f"br label %{label}.end")
     blocks.begin(f"{label}.end")

@@ -1,10 +1,12 @@
-"""The natural logarithm of several lanes at once, written out: a call would take them one by one.
+"""The natural logarithm of several lanes at once: a call would take them one by one.
 
 x = 2^k m with m between the roots of 1/2 and 2; log m by the odd series of s = f / (2 + f), f = m - 1, which ends after s^15;
 an error below one unit in the last place. Coefficients: FreeBSD's msun, e_log.c (Sun Microsystems 1993), from a Remez fit.
 """
 
 from typing import Any
+
+from ..program.primitives import FLOAT
 
 ODD = (0x3FE5555555555593, 0x3FD2492494229359, 0x3FC7466496CB03DE, 0x3FC2F112DF3E5244)  # of z, z^3, z^5, z^7, z = s^2
 EVEN = (0x3FD999999997FA04, 0x3FCC71C51D8E78AF, 0x3FC39A09D078C69F)  # of z^2, z^4, z^6
@@ -18,7 +20,7 @@ class Logarithm:
 
     def __init__(self, scalars: Any, lines: list[str]):
         self.scalars, self.lines = scalars, lines
-        self.number, self.bits = scalars.number, scalars.bits
+        self.float, self.integer = scalars.float, scalars.integer
 
     def of(self, x: str) -> str:
         """The name of log x."""
@@ -38,14 +40,14 @@ class Logarithm:
     def _reduced(self, x: str) -> tuple[str, str]:
         """m - 1 and k."""
         scaled = self._choose("olt", x, 2.0**-1022, self._do("mul", x, self._real(2.0**54)), x)
-        whole = self._assign(f"bitcast {self.number} {scaled} to {self.bits}")
-        shifted = self._whole("add", whole, (1024 << 52) - ROOT_HALF)
-        exponent = self._whole("lshr", shifted, 52)  # k + 1024
-        k = self._assign(f"bitcast {self.bits} {self._whole('add', exponent, MAGIC)} to {self.number}")
+        bits = self._assign(f"bitcast {self.float} {scaled} to {self.integer}")
+        shifted = self._integer("add", bits, (1024 << 52) - ROOT_HALF)
+        exponent = self._integer("lshr", shifted, 52)  # k + 1024
+        k = self._assign(f"bitcast {self.integer} {self._integer('add', exponent, MAGIC)} to {self.float}")
         offset = 1.5 * 2.0**52 + 1024
         k = self._do("sub", k, self._choose("olt", x, 2.0**-1022, self._real(offset + 54), self._real(offset)))
-        power = self._whole("shl", self._whole("sub", exponent, 1024), 52)
-        m = self._assign(f"bitcast {self.bits} {self._assign(f'sub {self.bits} {whole}, {power}')} to {self.number}")
+        power = self._integer("shl", self._integer("sub", exponent, 1024), 52)
+        m = self._assign(f"bitcast {self.integer} {self._assign(f'sub {self.integer} {bits}, {power}')} to {self.float}")
         return self._do("sub", m, self._real(1.0)), k
 
     def _series(self, coefficients: tuple[int, ...], w: str) -> str:
@@ -58,23 +60,20 @@ class Logarithm:
         return self.scalars.assign(text, self.lines)
 
     def _do(self, name: str, a: str, b: str) -> str:
-        return self.scalars.operation(name, [a, b], ["number", "number"], self.lines)
+        return self.scalars.operation(name, [a, b], (FLOAT, FLOAT), self.lines)
 
     def _real(self, value: float) -> str:
         return self.scalars.constant(value)
 
-    def _word(self, value: int) -> str:
-        return "<" + ", ".join([f"i64 {value}"] * self.scalars.lanes) + ">"
-
     def _known(self, value: int) -> str:
         """The number with these bits."""
-        return self._assign(f"bitcast {self.bits} {self._word(value)} to {self.number}")
+        return self._assign(f"bitcast {self.integer} {self.scalars.constant(value)} to {self.float}")
 
-    def _whole(self, name: str, a: str, value: int) -> str:
+    def _integer(self, name: str, a: str, value: int) -> str:
         """An operation on 64-bit integers."""
-        return self._assign(f"{name} {self.bits} {a}, {self._word(value)}")
+        return self._assign(f"{name} {self.integer} {a}, {self.scalars.constant(value)}")
 
     def _choose(self, how: str, x: str, limit: float, a: str, b: str) -> str:
         """`a` where x compares so with the limit, else `b`."""
-        truth = self._assign(f"fcmp {how} {self.number} {x}, {self._real(limit)}")
-        return self._assign(f"select {self.scalars.truth} {truth}, {self.number} {a}, {self.number} {b}")
+        chosen = self._assign(f"fcmp {how} {self.float} {x}, {self._real(limit)}")
+        return self._assign(f"select {self.scalars.bool} {chosen}, {self.float} {a}, {self.float} {b}")

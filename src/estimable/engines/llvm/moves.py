@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from ..program.arrays import Operation
-from ..program.straight_line import UnsupportedError
+from ..program.arrays import ArrayOperation
+from ..program.primitives import UnsupportedError
 from .blocks import Blocks, Memory, Value, row_after_row
 
 PRIMITIVES = {"gather": lax.gather_p, "scatter": lax.scatter_p}
@@ -40,12 +40,12 @@ def _moved(value: Value, shape: tuple[int, ...], source: Callable, strides: Call
     return Value(shape, value.kind, lambda index: value.at(source(index)), memory, value.work)
 
 
-def broadcast(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def broadcast(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """An array repeated along new axes."""
     return stretched(blocks, values[0], operation.shape, operation.value["broadcast_dimensions"])
 
 
-def reshaped(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def reshaped(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """The entries in the same order in another shape."""
     value = values[0]
     wide, wanted = ([i for i, count in enumerate(shape) if count != 1] for shape in (value.shape, operation.shape))
@@ -71,7 +71,7 @@ def _squeezed(value: Value, shape: tuple[int, ...], wide: list[int], wanted: lis
     return _moved(value, shape, source, strides)
 
 
-def transposed(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def transposed(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """The axes in another order."""
     order = operation.value["permutation"]
     back = np.argsort(order)
@@ -79,14 +79,14 @@ def transposed(blocks: Blocks, operation: Operation, values: list[Value]) -> Val
                   lambda memory: memory._replace(strides=tuple(memory.strides[i] for i in order)))  # fmt: skip
 
 
-def sliced(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def sliced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """A part with known bounds and steps."""
     begin = operation.value["start_indices"]
     steps = operation.value["strides"] or (1,) * len(begin)
     return _stepped(blocks, values[0], operation.shape, begin, steps)
 
 
-def turned(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def turned(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Axes run backwards."""
     turned = operation.value["dimensions"]
     begin = [count - 1 if axis in turned else 0 for axis, count in enumerate(operation.shape)]
@@ -108,7 +108,7 @@ def _stepped(blocks: Blocks, value: Value, shape: tuple, begin: Any, steps: Any)
     return _moved(value, shape, source, strides)
 
 
-def joined(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def joined(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Arrays one after the other along an axis."""
     axis, parts = operation.value["dimension"], [value for value in values if 0 not in value.shape]
     if len(parts) <= 1:
@@ -120,15 +120,15 @@ def joined(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
     return blocks.lying(memory, operation.shape, operation.kind)
 
 
-def stacked(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def stacked(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Arrays side by side along a new axis."""
     axis = operation.value.get("axis", operation.value.get("dimension", 0))
     shape = tuple(1 if i == axis else count for i, count in enumerate(operation.shape))
-    wide = [reshaped(blocks, Operation("reshape", (), shape, v.kind), [v]) for v in values]
+    wide = [reshaped(blocks, ArrayOperation("reshape", (), shape, v.kind), [v]) for v in values]
     return joined(blocks, operation._replace(value={"dimension": axis}), wide)
 
 
-def split(blocks: Blocks, operation: Operation, values: list[Value]) -> list[Value]:
+def split(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
     """Parts of an array along an axis."""
     value, axis, begin, parts = values[0], operation.value["axis"], 0, []
     for size in operation.value["sizes"]:
@@ -153,13 +153,13 @@ def _starts(blocks: Blocks, indices: list[Value], shape: tuple, size: tuple) -> 
 
 
 def _clamped(blocks: Blocks, start: str, most: int) -> str:
-    """A whole number between 0 and `most`."""
+    """An integer between 0 and `most`."""
     least = blocks.assign(f"call i64 @llvm.smin.i64(i64 {start}, i64 {most})")
     blocks.scalars.declared |= {"declare i64 @llvm.smin.i64(i64, i64)", "declare i64 @llvm.smax.i64(i64, i64)"}
     return blocks.assign(f"call i64 @llvm.smax.i64(i64 {least}, i64 0)")
 
 
-def part(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def part(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """The part that begins at an index that is computed."""
     value = values[0] if values[0].memory else blocks.kept(values[0])
     memory = _from(blocks, value, _starts(blocks, values[1:], value.shape, operation.shape))
@@ -170,14 +170,14 @@ def _from(blocks: Blocks, value: Value, starts: list[str]) -> Memory:
     return value.lies._replace(pointer=blocks.place(value.lies, value.kind, starts), offset=0)
 
 
-def replaced(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def replaced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """An array of which a part is another."""
     value, part = blocks.kept(values[0]), values[1]
     blocks.fill(_from(blocks, value, _starts(blocks, values[2:], value.shape, part.shape)), part)
     return value
 
 
-def looked_up(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def looked_up(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Entries at places that are known before; where they are, JAX says itself."""
     value = values[0] if _plain(values[0]) else blocks.kept(values[0])
     count = math.prod(value.shape)
@@ -187,7 +187,7 @@ def looked_up(blocks: Blocks, operation: Operation, values: list[Value]) -> Valu
     return Value(operation.shape, operation.kind, lambda index: blocks.load(flat, operation.kind, [table.at(index)]))
 
 
-def put(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def put(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """An array with entries put at places that are known before."""
     value, update = blocks.kept(values[0]), values[2] if _plain(values[2]) else blocks.kept(values[2])
     count = math.prod(value.shape)
@@ -208,7 +208,7 @@ def _plain(value: Value) -> bool:
     return value.memory is not None and value.memory.strides == row_after_row(value.shape)
 
 
-def _places(operation: Operation, moved: np.ndarray, others: list) -> np.ndarray:
+def _places(operation: ArrayOperation, moved: np.ndarray, others: list) -> np.ndarray:
     """Where JAX takes each entry from."""
     if any(isinstance(other, Value) and other.known is None for other in others):
         raise UnsupportedError(f"{operation.name} at an index that is computed")

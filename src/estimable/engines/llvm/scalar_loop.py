@@ -1,12 +1,13 @@
 """The loop over time around a straight line of scalars, as LLVM's assembly.
 
-What is the same in every row is computed before the loop. What has become the same (`repeats`) is not computed again until
-something that it depends on changes: a second loop runs the rest of each row meanwhile.
+What is the same in every row is computed before the loop. What has become the same (`steady_state`) is not computed again
+until something that it depends on changes: a second loop runs the rest of each row meanwhile.
 """
 
 from typing import NamedTuple
 
-from ..program.steady_state import Settling, settling, still
+from ..program.primitives import BOOL, FLOAT
+from ..program.steady_state import SteadyPart, same_in_every_row, steady_part
 from ..program.straight_line import Program
 from .scalars import Scalars
 
@@ -14,18 +15,18 @@ from .scalars import Scalars
 class Array(NamedTuple):
     """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
 
-    `kind`: "double"; with one lane "i64" and "i8" (a truth) too.
+    `kind`: "double", words of eight bytes (see `Scalars`); with one lane also "i64" for integers, and "i8" for bools.
     """
 
     names: tuple[int, ...]
     kind: str = "double"
 
 
-class Loop(NamedTuple):
+class ScalarLoop(NamedTuple):
     """A program run row by row: which of its inputs are fixed, carried from row to row, or read from the row.
 
     Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
-    `carry` and `last` lie in memory as doubles. `repeats`: whether to look for what has become the same; if not, nothing is
+    `carry` and `last` lie in memory as words. `seek_steady`: whether to look for what has become the same; if not, nothing is
     taken to have settled (`kernels/small.settled`).
     """
 
@@ -36,7 +37,7 @@ class Loop(NamedTuple):
     next_carry: tuple[int, ...]
     each: tuple[Array, ...]
     last: tuple[int, ...]
-    repeats: bool = True
+    seek_steady: bool = True
 
     @property
     def bytes(self) -> int:
@@ -50,21 +51,21 @@ class Loop(NamedTuple):
 
     def assembly(self, lanes: int) -> str:
         """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`."""
-        return _Text(self, lanes).write()
+        return _ScalarLoopText(self, lanes).write()
 
 
-class _Text:
-    """The blocks: `entry`; `whole`, row by row; `rest` and `commit` in its place while a part stands still; `exit`.
+class _ScalarLoopText:
+    """The blocks: `entry`; `whole`, row by row; `rest` and `commit` instead of it while a part is steady; `exit`.
 
     A row of `rest` that finds the part moving again goes back to `whole` before anything of it is written. The carry `i` of a
-    block is called `now<i>` before its row and `after<i>` after it; where one truth tells whether the part stays, `other<i>`
-    is what it becomes if not, so that a row need not wait for that truth.
+    block is called `now<i>` before its row and `after<i>` after it, both words; where one bool says whether the part stays,
+    `other<i>` is what it becomes if not, so that a row need not wait for that bool.
     """
 
-    def __init__(self, loop: Loop, lanes: int):
-        self.loop, self.scalars, self.still = loop, Scalars(loop.program, lanes), still(loop)
-        part = settling(loop, self.still) if loop.repeats else None
-        self.part = part or Settling(frozenset(), (), ())
+    def __init__(self, loop: ScalarLoop, lanes: int):
+        self.loop, self.scalars, self.same = loop, Scalars(loop.program, lanes), same_in_every_row(loop)
+        part = steady_part(loop, self.same) if loop.seek_steady else None
+        self.part = part or SteadyPart(frozenset(), (), ())
         self.carried = range(len(loop.carry))
         self.moving = [i for i in self.carried if i not in self.part.carry]
         self.held = sorted(self.part.carry) if lanes == 1 and self.part.stays is not None else []
@@ -89,7 +90,7 @@ class _Text:
         names = {
             name: self.scalars.load(name, "%fixed", i, "double", self.lines) for i, name in enumerate(self.loop.fixed)
         }
-        names = self._compute(names, [name for name, same in enumerate(self.still) if same], "")
+        names = self._compute(names, [name for name, same in enumerate(self.same) if same], "")
         for i in self.carried:
             self._name(f"%entry.after{i}", self.scalars.read("%carry", i, self.lines))
         self.lines.append("br label %whole")
@@ -97,7 +98,7 @@ class _Text:
 
     def _whole(self, names: dict[int, str]) -> dict[int, str]:
         """A whole row; what its scalars are called."""
-        number = self.scalars.number
+        word = self.scalars.float
         back = [(f"%whole.now{i}" if i in self.part.carry else f"%rest.now{i}", "%rest") for i in self.carried]
         back = back if self.part.carry else []
         self.lines.append("whole:")
@@ -106,26 +107,28 @@ class _Text:
         for i in self.carried:
             again = f"%whole.{'other' if i in self.held else 'after'}{i}"
             came = (f"%entry.after{i}", "%entry"), (again, "%again"), *back[i : i + 1]
-            self._phi(f"%whole.now{i}", number, *came)
+            self._phi(f"%whole.now{i}", word, *came)
         names = self._carry(names, "whole", list(self.carried))
-        names = self._compute(names, range(len(self.still)), "whole")
+        names = self._compute(names, range(len(self.same)), "whole")
         self._put(names, "whole", [i for i in self.carried if i not in self.held])
         for i in self.held:
-            self._name(f"%whole.other{i}", names[self.loop.program.operations[self.loop.next_carry[i]].arguments[2]])
+            other = self.loop.program.operations[self.loop.next_carry[i]].arguments[2]
+            self._name(f"%whole.other{i}", self.scalars.in_memory(other, names[other], self.lines))
         self.lines += ["br i1 %whole.more, label %again, label %done", "again:"]
-        self.lines.append(f"br i1 {self._stands(names)}, label %rest, label %whole" if back else "br label %whole")
+        self.lines.append(f"br i1 {self._is_steady(names)}, label %rest, label %whole" if back else "br label %whole")
         self.lines.append("done:")
         for i in self.held:
-            self._name(f"%whole.after{i}", names[self.loop.next_carry[i]])
+            after = self.loop.next_carry[i]
+            self._name(f"%whole.after{i}", self.scalars.in_memory(after, names[after], self.lines))
         self.lines.append("br label %exit")
         return names
 
-    def _stands(self, names: dict[int, str]) -> str:
-        """Whether the part that may stand still does."""
+    def _is_steady(self, names: dict[int, str]) -> str:
+        """Whether the part that may be steady is."""
         if self.part.stays is not None and self.held:
             return names[self.part.stays]
         pairs = [(f"%whole.now{i}", f"%whole.after{i}") for i in sorted(self.part.carry)]
-        return self.scalars.all_equal(pairs, "number", self.lines)
+        return self.scalars.all_equal(pairs, FLOAT, self.lines)
 
     def _rest(self, whole: dict[int, str]) -> None:
         """A row of which a part is as it was, where the choices that the part depends on are as they were."""
@@ -133,12 +136,12 @@ class _Text:
         self._phi("%rest.row", "i64", ("%whole.next", "%again"), ("%rest.next", "%commit"))
         for i in self.moving:
             self._phi(
-                f"%rest.now{i}", self.scalars.number, (f"%whole.after{i}", "%again"), (f"%rest.after{i}", "%commit")
+                f"%rest.now{i}", self.scalars.float, (f"%whole.after{i}", "%again"), (f"%rest.after{i}", "%commit")
             )
-        names = {name: whole[name] for name, slow in enumerate(self.part.slow) if slow or self.still[name]}
+        names = {name: whole[name] for name, slow in enumerate(self.part.slow) if slow or self.same[name]}
         names = self._carry(names, "rest", self.moving)
-        names = self._compute(names, range(len(self.still)), "rest")
-        holds = self.scalars.all_equal([(whole[c], names[c]) for c in self.part.choices], "truth", self.lines)
+        names = self._compute(names, range(len(self.same)), "rest")
+        holds = self.scalars.all_equal([(whole[c], names[c]) for c in self.part.choices], BOOL, self.lines)
         self.lines += [f"br i1 {holds}, label %commit, label %whole", "commit:"]
         self._put(names, "rest", self.moving)
         self.lines.append("br i1 %rest.more, label %rest, label %exit")
@@ -148,7 +151,7 @@ class _Text:
         for i in self.carried:
             rest = (f"%rest.after{i}" if i in self.moving else f"%whole.now{i}", "%commit")
             came = (f"%whole.after{i}", "%done"), *([rest] if self.part.carry else [])
-            self._phi(f"%end{i}", self.scalars.number, *came)
+            self._phi(f"%end{i}", self.scalars.float, *came)
         for i in self.carried:
             self.scalars.write(f"%end{i}", "%carry", i, self.lines)
         self.lines.append("ret void")
@@ -158,8 +161,8 @@ class _Text:
         self.lines.append(f"{name} = phi {kind} " + ", ".join(f"[{value}, {block}]" for value, block in came))
 
     def _name(self, name: str, value: str) -> None:
-        """Give a number a name that is known before."""
-        self.lines.append(f"{name} = bitcast {self.scalars.number} {value} to {self.scalars.number}")
+        """Give a word a name that is known before."""
+        self.lines.append(f"{name} = bitcast {self.scalars.float} {value} to {self.scalars.float}")
 
     def _carry(self, names: dict[int, str], block: str, carried: list[int]) -> dict[int, str]:
         """The names, with those of the scalars that are carried into this block, and where its row lies in each array."""
@@ -184,24 +187,24 @@ class _Text:
             if name in self.places:
                 i, entry, kind = self.places[name]
                 names[name] = self.scalars.load(name, f"%{block}.row{i}", entry, kind, self.lines)
-            elif self.loop.program.operations[name].name == "settles" and not self.loop.repeats:
+            elif self.loop.program.operations[name].name == "settles" and not self.loop.seek_steady:
                 names[name] = self.scalars.constant(False)
             else:
                 names[name] = self.scalars.define(name, names, self.lines)
         return names
 
     def _put(self, names: dict[int, str], block: str, carried: list[int]) -> None:
-        """Write what a row leaves, and go on to the next; what stands still is copied from the row before."""
-        stands = self.part.slow if block == "rest" else [False] * len(self.still)
+        """Write what a row leaves, and go on to the next; what is steady is copied from the row before."""
+        steady = self.part.slow if block == "rest" else [False] * len(self.same)
         for i, array in enumerate(self.loop.each):
             self._step(f"%{block}.each{i}", f"%each{i}", array, f"%{block}.row")
             for entry, name in enumerate(array.names):
-                if stands[name]:
+                if steady[name]:
                     self.scalars.copy(f"%{block}.each{i}", entry - len(array.names), entry, array.kind, self.lines)
                 else:
                     self.scalars.store(name, names[name], f"%{block}.each{i}", entry, array.kind, self.lines)
         for i, name in enumerate(self.loop.last):
-            if not stands[name]:
+            if not steady[name]:
                 self.scalars.store(name, names[name], "%last", i, "double", self.lines)
         for i in carried:
             name = self.loop.next_carry[i]

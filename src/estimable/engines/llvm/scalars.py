@@ -1,27 +1,51 @@
 """Scalars as lines of LLVM's assembly, several runs side by side in SIMD lanes."""
 
+import re
 import struct
-from typing import Any
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
-from ..program.straight_line import TRANSCENDENTAL, Program
+from ..program.primitives import BOOL, FLOAT, INTEGER, UnsupportedError, row
+from ..program.straight_line import Program
 from .logarithm import Logarithm
 
-ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-LOGIC = {"and": "and", "or": "or", "xor": "xor"}
-COMPARE = {"eq": "oeq", "ne": "une", "lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge"}
-INTRINSICS = {"abs": "fabs", "sqrt": "sqrt", "log": "log", "exp": "exp", "exp2": "exp2", "pow": "pow", "round": "roundeven",
-              "floor": "floor", "truncate": "trunc"} | {name: name for name in TRANSCENDENTAL}  # fmt: skip
+ARGUMENT = re.compile(r"(\{\w+\}) \{[^{}]*\}")  # of a call: its type and what it is called
+ELEMENTS = {FLOAT: "double", INTEGER: "i64", BOOL: "i1"}
+
+
+class Word(NamedTuple):
+    """A type of LLVM; its format specification is a constant of that type, in every lane."""
+
+    element: str
+    lanes: int
+
+    def __str__(self) -> str:
+        return self.element if self.lanes == 1 else f"<{self.lanes} x {self.element}>"
+
+    def __format__(self, constant: str) -> str:
+        if not constant:
+            return str(self)
+        word = hexadecimal(float(constant)) if self.element == "double" else constant
+        return word if self.lanes == 1 else "<" + ", ".join([f"{self.element} {word}"] * self.lanes) + ">"
+
+    @property
+    def suffix(self) -> str:
+        """The type in the name of an intrinsic."""
+        element = "f64" if self.element == "double" else self.element
+        return element if self.lanes == 1 else f"v{self.lanes}{element}"
 
 
 class Scalars:
-    """Prints the operations of a program, one line or a few at a time."""
+    """Prints the operations of a program, one line or a few at a time.
+
+    A float lies in memory as it is, a bool as 1.0 or 0.0, and an integer as its 64 bits: each is a word of eight bytes.
+    """
 
     def __init__(self, program: Program, lanes: int):
         self.program, self.lanes = program, lanes
-        self.number = "double" if lanes == 1 else f"<{lanes} x double>"
-        self.truth = "i1" if lanes == 1 else f"<{lanes} x i1>"
-        self.bits = "i64" if lanes == 1 else f"<{lanes} x i64>"
-        self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
+        self.words = {type_: Word(element, lanes) for type_, element in ELEMENTS.items()}
+        self.float, self.integer, self.bool = (str(self.words[type_]) for type_ in (FLOAT, INTEGER, BOOL))
         self.declared: set[str] = set()
         self.count = 0
 
@@ -33,23 +57,22 @@ class Scalars:
 
     def constant(self, value: Any) -> str:
         """A constant, in every lane."""
-        word = ("true" if value else "false") if isinstance(value, bool) else hexadecimal(value)
-        if self.lanes == 1:
-            return word
-        kind = "i1" if isinstance(value, bool) else "double"
-        return "<" + ", ".join([f"{kind} {word}"] * self.lanes) + ">"
+        if isinstance(value, bool):
+            return format(self.words[BOOL], str(value).lower())
+        return format(self.words[INTEGER if isinstance(value, int) else FLOAT], repr(value))
 
-    def is_truth(self, name: int) -> bool:
-        """Whether a scalar is a truth."""
-        return self.program.is_truth(name)
+    def type_of(self, name: int) -> str:
+        """The type of a scalar."""
+        return self.program.operations[name].type
 
     def define(self, name: int, names: dict[int, str], lines: list[str]) -> str:
         """The scalar `name`, a constant or an operation on scalars that have names."""
-        op = self.program.operations[name]
+        operations = self.program.operations
+        op = operations[name]
         if op.name == "constant":
             return self.constant(op.value)
-        kinds = ["truth" if self.is_truth(a) else "number" for a in op.arguments]
-        return self.operation(op.name, [names[a] for a in op.arguments], kinds, lines)
+        types = tuple([operations[a].type for a in op.arguments])
+        return self.operation(op.name, [names[a] for a in op.arguments], types, lines)
 
     def load(self, name: int, base: str, entry: int, kind: str, lines: list[str]) -> str:
         """The scalar `name` from an entry of what `base` points to."""
@@ -59,12 +82,12 @@ class Scalars:
         return self.assign(f"icmp ne i8 {byte}, 0", lines)
 
     def read(self, base: str, entry: int, lines: list[str]) -> str:
-        """The number at an entry of what `base` points to."""
-        return self.assign(f"load {self.number}, ptr {self.place(base, entry, 'double', lines)}, align 8", lines)
+        """The word at an entry of what `base` points to."""
+        return self.assign(f"load {self.float}, ptr {self.place(base, entry, 'double', lines)}, align 8", lines)
 
     def write(self, value: str, base: str, entry: int, lines: list[str]) -> None:
-        """Write a number to an entry of what `base` points to."""
-        lines.append(f"store {self.number} {value}, ptr {self.place(base, entry, 'double', lines)}, align 8")
+        """Write a word to an entry of what `base` points to."""
+        lines.append(f"store {self.float} {value}, ptr {self.place(base, entry, 'double', lines)}, align 8")
 
     def place(self, base: str, entry: int, kind: str, lines: list[str]) -> str:
         """A pointer to an entry of what `base` points to."""
@@ -75,88 +98,104 @@ class Scalars:
         if kind == "double":
             self.write(self.in_memory(name, value, lines), base, entry, lines)
             return
-        change = "zext i1" if self.is_truth(name) else "fptosi double"
-        whole = self.assign(f"{change} {value} to {kind}", lines)
-        lines.append(f"store {kind} {whole}, ptr {self.place(base, entry, kind, lines)}")
+        held = self.assign(f"zext i1 {value} to i8", lines) if kind == "i8" else value
+        lines.append(f"store {kind} {held}, ptr {self.place(base, entry, kind, lines)}")
 
     def copy(self, base: str, source: int, target: int, kind: str, lines: list[str]) -> None:
         """Write what one entry of what `base` points to holds to another."""
-        held = self.number if kind == "double" else kind
+        held = self.float if kind == "double" else kind
         align = 1 if kind == "i8" else 8
         value = self.assign(f"load {held}, ptr {self.place(base, source, kind, lines)}, align {align}", lines)
         lines.append(f"store {held} {value}, ptr {self.place(base, target, kind, lines)}, align {align}")
 
     def in_memory(self, name: int, value: str, lines: list[str]) -> str:
-        """A scalar as a number."""
-        return self.operation("number", [value], ["truth"], lines) if self.is_truth(name) else value
+        """A scalar as a word."""
+        row_of = {FLOAT: "", INTEGER: "from_bits", BOOL: "to_float"}[self.type_of(name)]
+        return self.operation(row_of, [value], (self.type_of(name),), lines) if row_of else value
 
     def from_memory(self, name: int, value: str, lines: list[str]) -> str:
-        """A number as the scalar that it is."""
-        return self.operation("truth", [value], ["number"], lines) if self.is_truth(name) else value
+        """A word as the scalar that it is."""
+        row_of = {FLOAT: "", INTEGER: "bits", BOOL: "to_bool"}[self.type_of(name)]
+        return self.operation(row_of, [value], (FLOAT,), lines) if row_of else value
 
-    def all_equal(self, pairs: list[tuple[str, str]], kind: str, lines: list[str]) -> str:
+    def all_equal(self, pairs: list[tuple[str, str]], type_: str, lines: list[str]) -> str:
         """Whether the two of every pair are the same to the last bit, in all lanes."""
         equal = self.constant(True)
         for a, b in pairs:
-            if kind == "number":
-                a, b = (self.assign(f"bitcast {self.number} {x} to {self.bits}", lines) for x in (a, b))
-            same = self.assign(f"icmp eq {self.bits if kind == 'number' else self.truth} {a}, {b}", lines)
-            equal = self.assign(f"and {self.truth} {equal}, {same}", lines)
+            if type_ == FLOAT:
+                a, b = (self.assign(f"bitcast {self.float} {x} to {self.integer}", lines) for x in (a, b))
+            same = self.assign(f"icmp eq {self.bool if type_ == BOOL else self.integer} {a}, {b}", lines)
+            equal = self.assign(f"and {self.bool} {equal}, {same}", lines)
         if self.lanes == 1:
             return equal
         reduce = f"i1 @llvm.vector.reduce.and.v{self.lanes}i1"
-        self.declared.add(f"declare {reduce}({self.truth})")
-        return self.assign(f"call {reduce}({self.truth} {equal})", lines)
+        self.declared.add(f"declare {reduce}({self.bool})")
+        return self.assign(f"call {reduce}({self.bool} {equal})", lines)
 
-    def intrinsic(self, name: str, arguments: list[str]) -> str:
-        """A call of one of LLVM's functions of numbers."""
-        kinds = ", ".join([self.number] * len(arguments))
-        self.declared.add(f"declare {self.number} @llvm.{name}.{self.suffix}({kinds})")
-        return f"call {self.number} @llvm.{name}.{self.suffix}({', '.join(f'{self.number} {a}' for a in arguments)})"
+    def operation(self, name: str, arguments: Sequence[str], types: tuple[str, ...], lines: list[str]) -> str:
+        """The name of the result of a row of the table."""
+        if name == "log" and self.lanes > 1:
+            return Logarithm(self, lines).of(arguments[0])
+        texts, declared, by_lane = spelled(name, types, self.lanes)
+        if declared:
+            self.declared.update(declared)
+        if by_lane:
+            return self.lane_by_lane(name, arguments, types, lines)
+        given = [*arguments, "", ""][:3]
+        for text in texts:
+            given.append(self.assign(text.format(*given), lines))
+        return given[-1]
 
-    def operation(self, name: str, a: list[str], kinds: list[str], lines: list[str]) -> str:
-        """The name of the result."""
-        if name in ARITHMETIC:
-            text = f"{ARITHMETIC[name]} contract {self.number} {a[0]}, {a[1]}"
-        elif name in LOGIC:
-            text = f"{LOGIC[name]} {self.truth} {a[0]}, {a[1]}"
-        elif name in COMPARE and kinds[0] == "truth":
-            text = f"icmp {'eq' if name == 'eq' else 'ne'} {self.truth} {a[0]}, {a[1]}"
-        elif name in COMPARE:
-            text = f"fcmp {COMPARE[name]} {self.number} {a[0]}, {a[1]}"
-        elif name == "log" and self.lanes > 1:
-            return Logarithm(self, lines).of(a[0])
-        elif name in INTRINSICS:
-            text = self.intrinsic(INTRINSICS[name], a)
-        elif name == "select":
-            kind = self.truth if kinds[1] == "truth" else self.number
-            text = f"select {self.truth} {a[0]}, {kind} {a[1]}, {kind} {a[2]}"
-        else:
-            text = self.rest(name, a, lines)
-        return self.assign(text, lines)
+    def lane_by_lane(self, name: str, arguments: Sequence[str], types: tuple[str, ...], lines: list[str]) -> str:
+        """The result of a function of scalars."""
+        (line,), vector = spelled(name, types, 1).lines, "poison"
+        for lane in range(self.lanes):
+            given = [self.assign(f"extractelement {self.float} {x}, i64 {lane}", lines) for x in arguments]
+            value = self.assign(line.format(*given), lines)
+            vector = self.assign(f"insertelement {self.float} {vector}, double {value}, i64 {lane}", lines)
+        return vector
 
-    def rest(self, name: str, a: list[str], lines: list[str]) -> str:
-        """The operations that LLVM has no single word for."""
-        if name == "neg":
-            return f"fneg {self.number} {a[0]}"
-        if name == "settles":
-            return f"and {self.truth} {a[0]}, {a[0]}"
-        if name == "not":
-            return f"xor {self.truth} {a[0]}, {self.constant(True)}"
-        if name == "number":
-            return f"uitofp {self.truth} {a[0]} to {self.number}"
-        if name == "truth":
-            return f"fcmp une {self.number} {a[0]}, {self.constant(0.0)}"
-        if name == "is_finite":
-            size = self.assign(self.intrinsic("fabs", a), lines)
-            return f"fcmp olt {self.number} {size}, {self.constant(float('inf'))}"
-        further = "ogt" if name == "max" else "olt"  # max and min: a NaN wins, as in JAX
-        beyond = self.assign(f"fcmp {further} {self.number} {a[0]}, {a[1]}", lines)
-        chosen = self.assign(f"select {self.truth} {beyond}, {self.number} {a[0]}, {self.number} {a[1]}", lines)
-        undefined = self.assign(f"fcmp uno {self.number} {a[0]}, {a[0]}", lines)
-        return f"select {self.truth} {undefined}, {self.number} {a[0]}, {self.number} {chosen}"
+
+class Spelling(NamedTuple):
+    """The lines of a row, for so many lanes: {0}, {1}, {2} are its arguments, {3}, {4}, .. the lines before.
+
+    `by_lane`: whether it is a call of the C library, which takes one lane at a time.
+    """
+
+    lines: tuple[str, ...]
+    declared: tuple[str, ...]
+    by_lane: bool
+
+
+@cache
+def spelled(name: str, types: tuple[str, ...], lanes: int) -> Spelling:
+    """A row of the table in LLVM's words. Raises `UnsupportedError` where there is none, or no such function."""
+    lines = row(name, types).llvm
+    functions = [line[line.index("@") + 1 : line.index("(")] for line in lines if line.startswith("call")]
+    from_library = [function for function in functions if not function.startswith("llvm.")]
+    for function in from_library:
+        provide_function(function)
+    one = 1 if from_library else lanes
+    words = {letter: Word(ELEMENTS[type_], one) for letter, type_ in zip("fip", ELEMENTS, strict=True)}
+    words |= {"sf": words["f"].suffix, "si": words["i"].suffix}
+    heads = [ARGUMENT.sub(r"\1", line.replace("call", "declare")) for line in lines if line.startswith("call")]
+    arguments = {letter: f"{{{i}}}" for i, letter in enumerate("abc")}
+    before = [f"{{{i + 3}}}" for i in range(len(lines))]
+    return Spelling(
+        tuple(line.format(*before, **arguments, **words) for line in lines),
+        tuple(head.format(**words) for head in heads), bool(from_library) and lanes > 1,
+    )  # fmt: skip
 
 
 def hexadecimal(value: float) -> str:
-    """A number as LLVM writes it, to the last bit."""
+    """A float as LLVM writes it, to the last bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+@cache
+def provide_function(name: str) -> None:
+    """Refuse a function of the C library that this process does not have: LLVM would end the process. `UnsupportedError`."""
+    import llvmlite.binding as llvm
+
+    if llvm.address_of_symbol(name) is None:
+        raise UnsupportedError(f"the C library has no function {name}")

@@ -4,18 +4,20 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..program.arrays import Operation
-from ..program.straight_line import FOLDS, UnsupportedError
+import numpy as np
+
+from ..program.arrays import DTYPES, ArrayOperation
+from ..program.primitives import UnsupportedError
+from ..program.reductions import FOLDS, RUNNING, empty
 from .blocks import Blocks, Memory, Value, number
 from .elementwise import scalar
 from .libraries import cholesky, large_gram, large_product
 from .moves import transposed
 
-EMPTY = {"add": 0.0, "mul": 1.0, "and": True, "or": False, "max": -math.inf, "min": math.inf}
 LARGE = 32**3  # multiplications, from which a matrix library is faster
 
 
-def reduced(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def reduced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """A reduction along some axes."""
     return _reduced(blocks, FOLDS[operation.name], values[0], operation.value["axes"])
 
@@ -25,8 +27,6 @@ def _reduced(blocks: Blocks, name: str, value: Value, axes: Sequence[int]) -> Va
 
     Where the last axis is reduced, entry by entry; otherwise row upon row, so that the innermost loop runs along memory.
     """
-    if value.kind == "i64" and name not in ("add", "mul"):
-        raise UnsupportedError(f"the {name} of whole numbers")
     kept = [axis for axis in range(len(value.shape)) if axis not in axes]
     shape = tuple(value.shape[axis] for axis in kept)
     memory = blocks.region(shape, value.kind)
@@ -50,7 +50,7 @@ def _entries(blocks: Blocks, name: str, value: Value, kept: list[int], axes: lis
 
     def write(index: list[str]) -> None:
         place = dict(zip(kept, index, strict=True))
-        blocks.store(memory, value.kind, index, total(place, axes, number(value.kind, EMPTY[name])))
+        blocks.store(memory, value.kind, index, total(place, axes, _empty(name, value.kind)))
 
     blocks.every(tuple(value.shape[axis] for axis in kept), write)
 
@@ -70,11 +70,16 @@ def _rows(blocks: Blocks, name: str, value: Value, kept: list[int], axes: list[i
 
             blocks.loop(value.shape[last], one)
 
-        empty = number(kind, EMPTY[name])
+        empty = _empty(name, kind)
         blocks.loop(value.shape[last], lambda j: blocks.store(memory, kind, [*index, j], empty))
         blocks.every(tuple(value.shape[axis] for axis in axes), add)
 
     blocks.every(tuple(value.shape[axis] for axis in outer), write)
+
+
+def _empty(name: str, kind: str) -> str:
+    """What a reduction begins with."""
+    return number(kind, empty(name, np.dtype(DTYPES[kind])))
 
 
 def _entry(value: Value, place: dict[int, str]) -> str:
@@ -89,7 +94,7 @@ def _joined(blocks: Blocks, name: str, kind: str, total: str, term: str) -> str:
     return scalar(blocks, name, [kind, kind], [total, term])
 
 
-def product(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def product(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Σ_k a[.., k] b[k, ..]: a matrix library where it is large."""
     contract, batch = operation.value["dimension_numbers"]
     if batch[0] or len(contract[0]) != 1 or operation.kind != "double":
@@ -118,52 +123,54 @@ def _last(blocks: Blocks, value: Value, axis: int) -> Value:
     value = blocks.ready(value)
     order = [i for i in range(len(value.shape)) if i != axis] + [axis]
     shape = tuple(value.shape[i] for i in order)
-    return transposed(blocks, Operation("transpose", (), shape, value.kind, {"permutation": order}), [value])
+    return transposed(blocks, ArrayOperation("transpose", (), shape, value.kind, {"permutation": order}), [value])
 
 
-def largest(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
-    """Where the largest entry along an axis is: the first one."""
+def extreme(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
+    """Where the largest (least) entry along an axis is: the first one, and the first NaN before all."""
     value = _last(blocks, values[0], operation.value["axes"][0])
-    if value.kind != "double":
-        raise UnsupportedError("the largest of whole numbers")
-    memory, first = blocks.region(operation.shape, "i64"), (("double", number("double", -math.inf)), ("i64", "0"))
+    kind, beyond = value.kind, "gt" if operation.name == "argmax" else "lt"
+    memory = blocks.region(operation.shape, "i64")
 
     def write(index: list[str]) -> None:
         def further(k: str, state: tuple) -> tuple:
-            entry = value.at([*index, k])
-            beyond = blocks.assign(f"fcmp ugt double {entry}, {state[0][1]}")  # a NaN is, and nothing is beyond it
-            larger = blocks.assign(f"and i1 {beyond}, {blocks.assign(f'fcmp ord double {state[0][1]}, {state[0][1]}')}")
+            entry, best = value.at([*index, k]), state[0][1]
+            better = scalar(blocks, beyond, [kind, kind], [entry, best])
+            if kind == "double":
+                undefined = [scalar(blocks, name, [kind, kind], [x, x]) for name, x in (("ne", entry), ("eq", best))]
+                better = scalar(blocks, "or", ["i1", "i1"], [better, scalar(blocks, "and", ["i1", "i1"], undefined)])
             return tuple(
-                (kind, blocks.assign(f"select i1 {larger}, {kind} {new}, {kind} {old}"))
-                for (kind, old), new in zip(state, (entry, k), strict=True)
+                (held, scalar(blocks, "select", ["i1", held, held], [better, new, old]))
+                for (held, old), new in zip(state, (entry, k), strict=True)
             )
 
+        first = ((kind, value.at([*index, "0"])), ("i64", "0"))
         blocks.store(memory, "i64", index, blocks.fold(value.shape[-1], first, further)[1][1])
 
     blocks.every(operation.shape, write)
     return blocks.lying(memory, operation.shape, "i64")
 
 
-def running(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
-    """Sums of all entries up to each, along an axis."""
-    kind, shape, axis = operation.kind, operation.shape, operation.value["axis"]
+def running(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
+    """Sums (products, ..) of all entries up to each, along an axis."""
+    kind, name, shape, axis = operation.kind, RUNNING[operation.name], operation.shape, operation.value["axis"]
     memory = blocks.region(shape, kind)
 
     def along(index: list[str]) -> None:
         def further(i: str, state: Any) -> tuple:
             k = blocks.affine([i], [-1], shape[axis] - 1) if operation.value["reverse"] else i
             place = [*index[:axis], k, *index[axis:]]
-            total = _joined(blocks, "add", kind, state[0][1], values[0].at(place))
+            total = _joined(blocks, name, kind, state[0][1], values[0].at(place))
             blocks.store(memory, kind, place, total)
             return ((kind, total),)
 
-        blocks.fold(shape[axis], ((kind, number(kind, 0)),), further)
+        blocks.fold(shape[axis], ((kind, _empty(name, kind)),), further)
 
     blocks.every(tuple(count for i, count in enumerate(shape) if i != axis), along)
     return blocks.lying(memory, shape, kind)
 
 
-def factor(blocks: Blocks, operation: Operation, values: list[Value]) -> Value:
+def factor(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Cholesky's factor."""
     if len(operation.shape) != 2:
         raise UnsupportedError("several factorisations at once")

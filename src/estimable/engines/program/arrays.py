@@ -1,30 +1,34 @@
-"""From the jaxpr of a step to a list of operations on arrays: for models that are too large to be written out as scalars.
+"""From the jaxpr of a step to a list of operations on arrays: for models that are too large for a straight line of scalars.
 
-What is called is written in place, equal operations are one, what no output needs is dropped, and arithmetic on known
-scalars, as that of indices, is done here.
+Calls are replaced by what they call, equal operations are one, what no output needs is dropped, and arithmetic on known
+scalars, such as indices, is done here.
 """
 
 import math
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .straight_line import BY_NUMPY, CALLS, NAMED, SCALAR, UnsupportedError, called, refuse_other_rounding
+from .composed import Entrywise, Values, composed, is_entrywise
+from .jaxprs import CALLS, SAME, called, name_of
+from .primitives import BOOL, FLOAT, INTEGER, NARROW, UnsupportedError, type_of
+from .rearrangement import BY_NUMPY
+from .reductions import FOLDS, RUNNING
 
-KINDS = {"f": "double", "i": "i64", "b": "i1"}  # an int32 is held as an i64, and does not wrap
+KINDS = {FLOAT: "double", INTEGER: "i64", BOOL: "i1"}
+TYPES = {kind: type_ for type_, kind in KINDS.items()}
 DTYPES = {"double": float, "i64": int, "i1": bool}
 FEW = 64  # entries of arrays of indices that are worked out here
 REPEATED = ("num_consts", "num_carry", "length", "reverse")  # how a scan repeats its program
-BITWISE = {"and", "or", "xor", "not"}
 SEVERAL = {"scan", "cond", "split"}  # results, even if it is but one
-SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
+WRAPPED = {*FOLDS, *RUNNING, "iota"}  # what may leave the range of an integer of few bits, besides what is entrywise
 
 
-class Operation(NamedTuple):
+class ArrayOperation(NamedTuple):
     """One array: the primitive, the arrays it takes, its shape and kind, and the value of a constant or the parameters.
 
-    A primitive of several results gives none itself (its shape is ()): each is a "result" of it, `value` says which.
+    The parameters of what works entry by entry are an `Entrywise`. A primitive of several results gives none itself (its shape
+    is ()): each is a "result" of it, `value` says which.
     """
 
     name: str
@@ -53,13 +57,13 @@ class Branches(NamedTuple):
 class Arrays(NamedTuple):
     """Operations in order; which of them the inputs are (-1: not needed) and which the outputs; shape and kind of each input."""
 
-    operations: tuple[Operation, ...]
+    operations: tuple[ArrayOperation, ...]
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
     types: tuple[tuple[tuple[int, ...], str], ...]
 
-    def is_truth(self, name: int) -> bool:
-        """Whether an array holds truths and not numbers."""
+    def is_bool(self, name: int) -> bool:
+        """Whether an array holds bools."""
         return self.operations[name].kind == "i1"
 
 
@@ -69,20 +73,20 @@ def lower(closed: Any) -> Arrays:
 
 
 def _lowered(jaxpr: Any, consts: Any) -> Arrays:
-    line = _Line()
-    inputs = [line.add(Operation("input", (), *_type(v.aval), value=i)) for i, v in enumerate(jaxpr.invars)]
+    line = _ArrayLine()
+    inputs = [line.add(ArrayOperation("input", (), *_type(v.aval), value=i)) for i, v in enumerate(jaxpr.invars)]
     return line.program(inputs, line.run(jaxpr, consts, inputs))
 
 
-class _Line:
+class _ArrayLine:
     """The operations so far, each one once."""
 
     def __init__(self):
-        self.operations: list[Operation] = []
+        self.operations: list[ArrayOperation] = []
         self.found: dict[tuple, int] = {}
         self.inside: dict[tuple, Repeated | Branches] = {}
 
-    def add(self, operation: Operation) -> int:
+    def add(self, operation: ArrayOperation) -> int:
         """The name of an operation, new or met before."""
         key = (*operation[:4], _key(operation.value))
         if key not in self.found:
@@ -90,11 +94,11 @@ class _Line:
             self.operations.append(operation)
         return self.found[key]
 
-    def constant(self, value: Any) -> int:
+    def constant(self, value: Any, dtype: Any = None) -> int:
         """The name of a known array."""
-        array = np.asarray(value)
-        kind = _kind(array.dtype)
-        return self.add(Operation("constant", (), array.shape, kind, array.astype(DTYPES[kind])))
+        array = np.asarray(value, dtype)
+        kind = KINDS[type_of(array.dtype)]
+        return self.add(ArrayOperation("constant", (), array.shape, kind, array.astype(DTYPES[kind])))
 
     def run(self, jaxpr: Any, consts: Any, arguments: list[int]) -> list[int]:
         """Names of the outputs of a jaxpr."""
@@ -102,7 +106,7 @@ class _Line:
         known |= {var: self.constant(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom):
-            return self.constant(atom.val) if hasattr(atom, "val") else known[atom]
+            return self.constant(atom.val, atom.aval.dtype) if hasattr(atom, "val") else known[atom]
 
         for equation in jaxpr.eqns:
             known |= dict(
@@ -112,25 +116,30 @@ class _Line:
 
     def equation(self, equation: Any, arguments: list[int]) -> list[int]:
         """Names of the results of one equation."""
-        name: str = equation.primitive.name
-        name, parameters = NAMED.get(name, name), equation.params
+        name, parameters = name_of(equation), equation.params
         if name in CALLS:
             return self.run(*called(parameters), arguments)
-        if equation.effects or not equation.outvars:
-            raise UnsupportedError(f"the primitive {name} does something beside its results")
-        refuse_other_rounding(name, parameters)
         types = [_type(var.aval) for var in equation.outvars]
-        if self.changes_nothing(name, parameters, arguments, types[0]):
+        if self.changes_nothing(name, parameters, arguments):
             return arguments
         if len(types) == 1 and name not in SEVERAL:
-            return [self.folded(Operation(name, tuple(arguments), *types[0], value=parameters))]
-        whole = self.add(Operation(name, tuple(arguments), (), "", self.inner(name, parameters)))
-        return [self.add(Operation("result", (whole,), *kind, value=i)) for i, kind in enumerate(types)]
+            return [self.one(name, equation, arguments, types[0])]
+        whole = self.add(ArrayOperation(name, tuple(arguments), (), "", self.inner(name, parameters)))
+        return [self.add(ArrayOperation("result", (whole,), *kind, value=i)) for i, kind in enumerate(types)]
 
-    def changes_nothing(self, name: str, parameters: dict, arguments: list[int], result: tuple) -> bool:
+    def one(self, name: str, equation: Any, arguments: list[int], result: tuple) -> int:
+        """The name of the only result of an equation."""
+        how = Entrywise.of(equation)
+        if name == "convert_element_type" and how.result not in NARROW and result[1] == self.operations[arguments[0]].kind:
+            return arguments[0]
+        parameters = how if is_entrywise(name) else equation.params
+        found = self.folded(ArrayOperation(name, tuple(arguments), *result, value=parameters))
+        if name in WRAPPED and how.result in NARROW:
+            return self.folded(ArrayOperation(NARROW[how.result], (found,), *result, value=how))
+        return found
+
+    def changes_nothing(self, name: str, parameters: dict, arguments: list[int]) -> bool:
         """Whether an equation gives its argument back: as the transpose of a product a a' does."""
-        if name == "convert_element_type":
-            return result[1] == self.operations[arguments[0]].kind
         if name != "transpose":
             return name in SAME
         product = self.operations[arguments[0]]
@@ -154,7 +163,7 @@ class _Line:
             )  # fmt: skip
         return self.inside[key]
 
-    def folded(self, operation: Operation) -> int:
+    def folded(self, operation: ArrayOperation) -> int:
         """An operation on known scalars, or on a few known indices, is known."""
         known = [self.operations[a] for a in operation.arguments]
         values = [
@@ -176,51 +185,44 @@ class _Line:
                 needed.add(name)
                 stack.extend(self.operations[name].arguments)
         new = {name: i for i, name in enumerate(sorted(needed))}
-        kept = (self.operations[name] for name in sorted(needed))
+        left = (self.operations[name] for name in sorted(needed))
         return Arrays(
-            tuple(op._replace(arguments=tuple(new[a] for a in op.arguments)) for op in kept),
+            tuple(op._replace(arguments=tuple(new[a] for a in op.arguments)) for op in left),
             tuple(new.get(name, -1) for name in inputs),
             tuple(new[name] for name in outputs),
             tuple(self.operations[name][2:4] for name in inputs),
         )
 
 
-def _known(operation: Operation, values: list[np.ndarray]) -> np.ndarray | None:
-    """What an operation gives for known arrays; None where it is not known how, or where Python has no answer."""
-    name, shape, cast = operation.name, operation.shape, DTYPES[operation.kind]
-    if math.prod(shape) > FEW or (name in BITWISE and operation.kind != "i1"):
+def _known(operation: ArrayOperation, values: list[np.ndarray]) -> np.ndarray | None:
+    """What an operation gives for known arrays; None where it is not known how, or where that is left to the machine."""
+    name, shape, how = operation.name, operation.shape, operation.value
+    if math.prod(shape) > FEW:
         return None
     if name in BY_NUMPY:
-        return BY_NUMPY[name](*values, **operation.value)
+        return BY_NUMPY[name](*values, **how)
     if name == "iota":
-        return np.indices(shape)[operation.value["dimension"]]
-    if name == "select_n" and len(values) == 3:
-        return np.where(values[0], values[2], values[1])
-    if name == "convert_element_type":
-        return values[0].astype(cast)
-    if name not in SCALAR or name == "select":
+        return np.indices(shape)[how["dimension"]]
+    if not is_entrywise(name):
         return None
-    with suppress(ArithmeticError, ValueError, TypeError):
-        entries = zip(*(value.ravel().tolist() for value in np.broadcast_arrays(*values)), strict=True)
-        return np.array([SCALAR[name](*entry) for entry in entries], cast).reshape(shape)
-    return None
+    entries = zip(*(np.broadcast_to(value, shape).ravel().tolist() for value in values), strict=True)
+    try:
+        known = [composed(Values(), name, how, *entry) for entry in entries]
+    except UnsupportedError:
+        return None
+    return np.array(known, DTYPES[operation.kind]).reshape(shape)
 
 
 def _type(aval: Any) -> tuple[tuple[int, ...], str]:
-    return tuple(aval.shape), _kind(aval.dtype)
-
-
-def _kind(dtype: Any) -> str:
-    """How an entry is held."""
-    if getattr(dtype, "kind", None) not in KINDS or (dtype.kind == "f" and dtype.itemsize != 8):
-        raise UnsupportedError(f"numbers of the kind {dtype}")
-    return KINDS[dtype.kind]
+    return tuple(aval.shape), KINDS[type_of(aval.dtype)]
 
 
 def _key(value: Any) -> Any:
     """What tells one value from another: constants by their entries, parameters by their text."""
     if isinstance(value, np.ndarray):
         return value.tobytes()
+    if isinstance(value, Entrywise):
+        return (*_key(value.parameters), *map(str, value.given), str(value.result))
     if isinstance(value, dict):
         return tuple((name, str(entry)) for name, entry in sorted(value.items()) if name != "sharding")
     return id(value) if isinstance(value, Repeated | Branches) else value

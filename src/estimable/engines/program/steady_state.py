@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 WORTH = 64  # operations: less is computed as fast as it is compared
 
 
-class Settling(NamedTuple):
-    """A part of a loop that stands still once its own state does.
+class SteadyPart(NamedTuple):
+    """A part of a loop that is constant once its own state is.
 
-    `carry`: which entries of the carry it is; `slow`: for each scalar, whether it depends on those, and on `choices`, alone;
-    `choices`: the truths that the rest decides in each row, and that the part depends on. `stays`: the truth that chooses for
+    `carry`: its entries of the carry; `slow`: for each scalar, whether it depends on those, and on `choices`, alone;
+    `choices`: the bools that the rest computes in each row, and that the part depends on. `stays`: the bool that chooses for
     each entry between what it was and something else, if there is one for all.
     """
 
@@ -23,7 +23,7 @@ class Settling(NamedTuple):
     stays: int | None = None
 
 
-def still(loop: Any) -> list[bool]:
+def same_in_every_row(loop: Any) -> list[bool]:
     """Whether each scalar is the same in every row."""
     moving = {*loop.carry, *(name for array in loop.row for name in array.names)}
     same: list[bool] = []
@@ -32,15 +32,15 @@ def still(loop: Any) -> list[bool]:
     return same
 
 
-def settling(loop: Any, same: list[bool]) -> Settling | None:
+def steady_part(loop: Any, same: list[bool]) -> SteadyPart | None:
     """The largest such part; None where it would save nothing. `same`: the scalars that are the same in every row."""
     carry = set(range(len(loop.carry)))
     while True:
         slow = _slow(loop, same, carry)
-        kept = {i for i in carry if _closed(loop.program, slow, same, loop.next_carry[i])}
-        if kept == carry:
+        left = {i for i in carry if _closed(loop.program, slow, same, loop.next_carry[i])}
+        if left == carry:
             break
-        carry = kept
+        carry = left
     operations = loop.program.operations
     if not carry or sum(slow) < WORTH:
         return None
@@ -48,7 +48,7 @@ def settling(loop: Any, same: list[bool]) -> Settling | None:
         loop.next_carry[i] for i in carry
     }
     choices = tuple(sorted(a for a in needed if not slow[a] and not same[a]))
-    return Settling(frozenset(carry), tuple(slow), choices, _stays(loop, carry))
+    return SteadyPart(frozenset(carry), tuple(slow), choices, _stays(loop, carry))
 
 
 def _stays(loop: Any, carry: set[int]) -> int | None:
@@ -60,16 +60,16 @@ def _stays(loop: Any, carry: set[int]) -> int | None:
 
 
 def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
-    """Whether each scalar moves with these entries of the carry and with truths alone."""
+    """Whether each scalar moves with these entries of the carry and with bools alone."""
     own = {loop.carry[i] for i in carry}
     slow: list[bool] = []
     for i, op in enumerate(loop.program.operations):
-        inputs = op.name in ("input", "truth_input")
+        inputs = op.name == "input"
         alone = bool(op.arguments) and all(_closed(loop.program, slow, same, a) for a in op.arguments)
         moves = any(slow[a] for a in op.arguments)
-        slow.append(i in own or (not inputs and not same[i] and alone and (moves or not loop.program.is_truth(i))))
+        slow.append(i in own or (not inputs and not same[i] and alone and (moves or not loop.program.is_bool(i))))
     return slow
 
 
 def _closed(program: Any, slow: list[bool], same: list[bool], name: int) -> bool:
-    return slow[name] or same[name] or program.is_truth(name)
+    return slow[name] or same[name] or program.is_bool(name)

@@ -1,0 +1,23 @@
+"""What a jaxpr calls, and what its names are here."""
+
+from typing import Any
+
+from .primitives import UnsupportedError
+
+SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
+CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat", "remat2",
+         "custom_vmap_call"}  # fmt: skip
+
+
+def name_of(equation: Any) -> str:
+    """The primitive of an equation. Raises `UnsupportedError` where it does something besides its results."""
+    name: str = equation.primitive.name
+    if name not in CALLS and (equation.effects or not equation.outvars):
+        raise UnsupportedError(f"the primitive {name} does something besides its results")
+    return "add" if name == "add_any" else name
+
+
+def called(parameters: dict) -> tuple[Any, Any]:
+    """The jaxpr that is called, and its constants."""
+    inner = next(parameters[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr", "call") if name in parameters)
+    return (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
