@@ -1,4 +1,4 @@
-"""A step of an algorithm written out as straight lines of scalars, once for each algorithm, shapes and what is kept."""
+"""A step of an algorithm lowered to straight lines of scalars, once for each algorithm, shapes and what is kept."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -8,8 +8,9 @@ import jax
 import numpy as np
 
 from .disk_cache import once
-from .program.constant_state import lasting
-from .program.straight_line import Program, UnsupportedError, lower_jaxpr
+from .program.constant_state import constant_entries
+from .program.primitives import UnsupportedError
+from .program.straight_line import Program, lower_jaxpr
 from .step import Row, named, step
 
 LONG = 20_000  # outputs in all, seen or not
@@ -61,7 +62,7 @@ class Written:
 
 
 def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Written:
-    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be written out.
+    """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be lowered.
 
     In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
     """
@@ -162,7 +163,7 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) 
     # as short as it can be: where that is too long, nothing more is worked out
     row = lower_jaxpr(traced.row, always | known)
     if len(_still_known(known, row, fixed, states)) < len(known):
-        known = lasting(known, lower_jaxpr(traced.row, always, OPEN), fixed)
+        known = constant_entries(known, lower_jaxpr(traced.row, always, OPEN), fixed)
         row = lower_jaxpr(traced.row, always | known)
     while len(kept := _still_known(known, row, fixed, states)) < len(known):
         known = kept

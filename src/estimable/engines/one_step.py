@@ -9,13 +9,16 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
+from .batches import words
 from .disk_cache import once
 from .llvm.array_loop import ArrayLoop
 from .llvm.compilation import OneRow
-from .llvm.scalar_loop import Array, Loop
+from .llvm.scalar_loop import Array, ScalarLoop
 from .program.arrays import lower
-from .program.straight_line import Program, UnsupportedError, lower_jaxpr
+from .program.primitives import UnsupportedError
+from .program.straight_line import Program, lower_jaxpr
 
 
 class Place:
@@ -61,13 +64,13 @@ class Code:
         self.compiled = OneRow(step.loop, self.told - 1)
 
 
-def _written_out(program: Program, fixed: Any, state: Any, following: Any) -> Loop:
+def _of_scalars(program: Program, fixed: Any, state: Any, following: Any) -> ScalarLoop:
     """The step as a straight line of scalars."""
     counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
     read = [_names(part) for part in _split(program.inputs, *counts)]
     written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(following)))]
     row, each = map(Array, read[1:]), map(Array, written)
-    return Loop(program, read[0], (), tuple(row), (), tuple(each), ())
+    return ScalarLoop(program, read[0], (), tuple(row), (), tuple(each), ())
 
 
 def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
@@ -82,16 +85,26 @@ def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
 
 
 def _packed(tree: Any) -> Any:
-    """All numbers of a tree, inside JAX."""
-    return jnp.concatenate([jnp.ravel(leaf).astype(float) for leaf in jax.tree_util.tree_leaves(tree)])
+    """All of a tree as words, inside JAX."""
+    return jnp.concatenate([_word(jnp.ravel(leaf)) for leaf in jax.tree_util.tree_leaves(tree)])
+
+
+def _word(leaf: Any) -> Any:
+    integers = jnp.issubdtype(leaf.dtype, jnp.integer)
+    return lax.bitcast_convert_type(leaf.astype(int), jnp.dtype(float)) if integers else leaf.astype(float)
 
 
 def _unpacked(form: Any, memory: Any) -> Any:
-    """A tree of this form from its numbers, inside JAX."""
+    """A tree of this form from its words, inside JAX."""
     leaves, structure = jax.tree_util.tree_flatten(form)
     parts = _split(memory, *np.cumsum([_size(leaf) for leaf in leaves])[:-1].tolist()) if leaves else []
-    shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
+    shaped = [_entry(part.reshape(leaf.shape), leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
     return jax.tree_util.tree_unflatten(structure, shaped)
+
+
+def _entry(word: Any, dtype: Any) -> Any:
+    held = jnp.issubdtype(dtype, jnp.integer)
+    return (lax.bitcast_convert_type(word, jnp.dtype(int)) if held else word).astype(dtype)
 
 
 class Lowered(NamedTuple):
@@ -100,7 +113,7 @@ class Lowered(NamedTuple):
     next: Any
     told: Any
     inputs: list[int]
-    loop: Loop | ArrayLoop
+    loop: ScalarLoop | ArrayLoop
 
 
 def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
@@ -128,7 +141,7 @@ def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | Unsu
     traced, (after, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
     forms = form_of(after), form_of(told), [_size(part) for part in inputs]
     try:
-        return Lowered(*forms, _written_out(lower_jaxpr(traced), fixed, state, after))
+        return Lowered(*forms, _of_scalars(lower_jaxpr(traced), fixed, state, after))
     except UnsupportedError:
         pass
     try:
@@ -138,9 +151,9 @@ def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | Unsu
 
 
 def flat(tree: Any) -> np.ndarray:
-    """All numbers of a tree."""
-    leaves = [np.ravel(np.asarray(leaf, float)) for leaf in jax.tree_util.tree_leaves(tree)]
-    return np.concatenate(leaves) if leaves else np.empty(0)
+    """All of a tree, as words."""
+    leaves = words([(np.ravel(np.asarray(leaf)), None) for leaf in jax.tree_util.tree_leaves(tree)])
+    return np.concatenate([leaf for leaf, _ in leaves], dtype=float) if leaves else np.empty(0)
 
 
 def form_of(tree: Any) -> Any:
@@ -151,7 +164,7 @@ def form_of(tree: Any) -> Any:
 
 
 def reader(form: Any, at: int = 0) -> Callable[[bytes], Any]:
-    """A function from memory to arrays of this form, of which the first begins at number `at`."""
+    """A function from memory to arrays of this form, the first of which begins at word `at`."""
     leaves, structure = jax.tree_util.tree_flatten(form)
     starts = np.cumsum([at, *map(_size, leaves)]).tolist()
     each = [_array_reader(leaf, start) for leaf, start in zip(leaves, starts, strict=False)]
@@ -164,7 +177,8 @@ def _array_reader(form: Any, at: int) -> Callable[[bytes], np.ndarray]:
     shape, at = form.shape, at * np.dtype(float).itemsize
     if form.dtype == float:
         return lambda memory: np.ndarray(shape, float, memory, at)
-    return lambda memory: np.ndarray(shape, float, memory, at).astype(form.dtype)
+    held = int if np.dtype(form.dtype).kind in "iu" else float
+    return lambda memory: np.ndarray(shape, held, memory, at).astype(form.dtype)
 
 
 def _placed(fields: dict[str, Any]) -> list[tuple[str, Any, int]]:

@@ -10,7 +10,7 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
-from ..engines.program.straight_line import UnsupportedError
+from ..engines.program.primitives import UnsupportedError
 from ..errors import RunError
 from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS

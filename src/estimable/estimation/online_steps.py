@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..annotations import Array, Tree
+from ..engines.batches import words
 from ..engines.one_step import Place, Step, code_of, flat, form_of
-from ..engines.program.straight_line import UnsupportedError
+from ..engines.program.primitives import UnsupportedError
 from ..engines.time_varying import ByRow, looked_up
 from ..models.sampled import Clock
 from ..results import Info, Interval, Sample
@@ -230,6 +231,6 @@ def _form(tree: Tree) -> Any:
 
 
 def _by_row(arrays: list[np.ndarray]) -> np.ndarray | None:
-    """Arrays with a leading axis of rows, side by side."""
-    sides = [np.reshape(array, (len(array), -1)) for array in arrays]
+    """Arrays with a leading axis of rows, as words side by side."""
+    sides = [np.reshape(array, (len(array), -1)) for array, _ in words([(array, None) for array in arrays])]
     return np.concatenate(sides, axis=1, dtype=float) if sides else None

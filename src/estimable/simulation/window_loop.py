@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engines import choice, two_passes, xla
-from ..engines.program.straight_line import UnsupportedError
+from ..engines.program.primitives import UnsupportedError
 from ..engines.step import Select
 from ..estimation import window_scan
 from ..estimation.window_scan import Told, or_empty, step_of
