@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.scalar_loop import Array, ScalarLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -29,6 +28,7 @@ from estimable import (
 from estimable.engines import choice, native
 from estimable.engines.llvm import compilation as llvm
 from estimable.engines.llvm.compilation import Compiled
+from estimable.engines.llvm.scalar_loop import Array, ScalarLoop
 from estimable.engines.lowering import write_shapes
 from estimable.engines.program.primitives import UnsupportedError
 from estimable.engines.program.straight_line import lower
@@ -82,7 +82,9 @@ def run_natively(program, inputs, lanes=1):
     """One row of a loop that carries nothing."""
     places = [(i, j, int(n)) for i, array in enumerate(program.inputs) for j, n in enumerate(array.ravel()) if n >= 0]
     outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
-    compiled = Compiled(ScalarLoop(program, (), (), (Array(tuple(n for *_, n in places)),), (), (Array(outputs),), ()), lanes)
+    compiled = Compiled(
+        ScalarLoop(program, (), (), (Array(tuple(n for *_, n in places)),), (), (Array(outputs),), ()), lanes
+    )
     row = np.array([[np.full(lanes, np.ravel(inputs[i])[j]) for i, j, _ in places]]).reshape(1, -1)
     each = np.empty((1, len(outputs), lanes))
     compiled(1, np.zeros(1), np.zeros(1), np.zeros(1), np.ascontiguousarray(row), each)

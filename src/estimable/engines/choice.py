@@ -7,12 +7,13 @@ from typing import Any
 import jax
 
 from .. import checks
+from ..errors import EstimableError
 from . import xla
 from .program.primitives import UnsupportedError
 
 ENGINES = ("auto", "lanes", "native", "xla")
 log = logging.getLogger("estimable.engines")
-_told: set[tuple[str, str]] = set()
+_said: set[tuple[str, str]] = set()
 
 
 def check(engine: str, faults: checks.Faults, *, bank: bool = False) -> None:
@@ -25,8 +26,9 @@ def check(engine: str, faults: checks.Faults, *, bank: bool = False) -> None:
 def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any) -> tuple[str, xla.Run]:
     """Run `algorithm` over one record; the name of the engine that ran, and what it left.
 
-    "auto" takes machine code where the step can be written out and the processor is the default device, else XLA, and says
-    why once, at debug level. Raises `InputError` where the engine that was asked for cannot run the step.
+    "auto" takes machine code where the step can be lowered and the processor is the default device, else XLA, and says why once:
+    at debug level, or as a warning where the engine failed. Raises `InputError` where the engine that was asked for cannot run
+    the step.
     """
     automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
     engines = automatic if engine == "auto" else (engine,)
@@ -52,16 +54,32 @@ def _first_able(
     name, reason = type(algorithm).__name__, ""
     for engine in engines:
         run = getattr(import_module(f"{__package__}.{engine}"), verb)
+        if engine == "xla":
+            return engine, run(algorithm, *arguments, **options)
         try:
             return engine, run(algorithm, *arguments, **options)
-        except UnsupportedError as why:
-            reason = str(why)
-        pass_over(engine, name, reason)
+        except EstimableError:
+            raise
+        except Exception as why:
+            reason = reason_of(why)
+            if engine != engines[-1]:
+                pass_over(engine, name, why)
     checks.refuse(f'engine = "{engines[-1]}" cannot run {name} here: {reason}. Use "auto" or "xla".')
 
 
-def pass_over(engine: str, name: str, reason: str) -> None:
-    """Say once, at debug level, why an engine does not run an algorithm."""
-    if (engine, reason) not in _told:
-        _told.add((engine, reason))
+def reason_of(why: Exception) -> str:
+    """Why an engine does not run a step, in a line: a refusal in its own words, a failure with its kind."""
+    line = str(why).strip().partition("\n")[0].rstrip(".")
+    return line if isinstance(why, UnsupportedError) else f"{type(why).__name__}: {line}"
+
+
+def pass_over(engine: str, name: str, why: Exception) -> None:
+    """Say once why an engine does not run an algorithm: a refusal at debug level, a failure as a warning."""
+    reason = reason_of(why)
+    if (engine, reason) in _said:
+        return
+    _said.add((engine, reason))
+    if isinstance(why, UnsupportedError):
         log.debug('engine = "%s" does not run %s: %s', engine, name, reason)
+    else:
+        log.warning('engine = "%s" failed on %s, which runs another way: %s', engine, name, reason)

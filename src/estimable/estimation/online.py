@@ -11,7 +11,7 @@ from ..annotations import Array, Numbers
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
-from ..errors import RunError
+from ..errors import EstimableError, RunError
 from ..frozen import frozen, replace, static
 from ..models.discretisation import HOLDS
 from ..models.prior import Prior
@@ -200,8 +200,11 @@ class Online:
             if progress.algorithm.takes_unknown_arrivals:
                 raise UnsupportedError("inputs of unknown fate")
             return Quick(progress)
-        except UnsupportedError as reason:
-            self._pass_over(str(reason))
+        except EstimableError:
+            raise
+        except Exception as reason:
+            why = reason
+        self._pass_over(why)
         return None
 
     def _is_prepared(self, quick: Quick, kind: str, dt: float | None = None) -> bool:
@@ -209,16 +212,19 @@ class Online:
         try:
             quick.prepare(kind, dt)
             return True
-        except UnsupportedError as reason:
-            self._pass_over(str(reason))
+        except EstimableError:
+            raise
+        except Exception as reason:
+            why = reason
+        self._pass_over(why)
         self.progress = self.progress
         return False
 
-    def _pass_over(self, reason: str) -> None:
+    def _pass_over(self, why: Exception) -> None:
         name = type(self.algorithm).__name__
         if self._asked == "native":
-            checks.refuse(f'engine = "native" cannot run {name} online: {reason}. Use "auto" or "xla".')
-        choice.pass_over("native", name, reason)
+            checks.refuse(f'engine = "native" cannot run {name} online: {choice.reason_of(why)}. Use "auto" or "xla".')
+        choice.pass_over("native", name, why)
 
     def _settle(self, code: int) -> None:
         outcome = Outcome.of(code, self._now.sample, None)

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engines import choice, two_passes, xla
-from ..engines.program.primitives import UnsupportedError
 from ..engines.step import Select
+from ..errors import EstimableError
 from ..estimation import window_scan
 from ..estimation.window_scan import Told, or_empty, step_of
 from ..estimation.windows import window_of
@@ -34,9 +34,14 @@ def scan_bank(
     window = window_of(loop.estimator)
     if window is None or engine not in ("auto", "native") or jax.default_backend() != "cpu" or not _fits(window):
         return choice.scan_bank(engine, loop, prior, rows, intervals, **general)
+    run = None
     try:
         run = _in_blocks(loop, window, prior, rows, intervals, select)
-    except UnsupportedError:
+    except EstimableError:
+        raise
+    except Exception as why:
+        choice.pass_over("native", "a window in blocks", why)
+    if run is None:
         return choice.scan_bank(engine, loop, prior, rows, intervals, **general)
     info, again = run.info
     run = xla.Run(info, None, run.code, run.failed_at, None)

@@ -47,7 +47,9 @@ class Logarithm:
         offset = 1.5 * 2.0**52 + 1024
         k = self._do("sub", k, self._choose("olt", x, 2.0**-1022, self._real(offset + 54), self._real(offset)))
         power = self._integer("shl", self._integer("sub", exponent, 1024), 52)
-        m = self._assign(f"bitcast {self.integer} {self._assign(f'sub {self.integer} {bits}, {power}')} to {self.float}")
+        m = self._assign(
+            f"bitcast {self.integer} {self._assign(f'sub {self.integer} {bits}, {power}')} to {self.float}"
+        )
         return self._do("sub", m, self._real(1.0)), k
 
     def _series(self, coefficients: tuple[int, ...], w: str) -> str:

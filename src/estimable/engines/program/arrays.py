@@ -130,7 +130,11 @@ class _ArrayLine:
     def one(self, name: str, equation: Any, arguments: list[int], result: tuple) -> int:
         """The name of the only result of an equation."""
         how = Entrywise.of(equation)
-        if name == "convert_element_type" and how.result not in NARROW and result[1] == self.operations[arguments[0]].kind:
+        if (
+            name == "convert_element_type"
+            and how.result not in NARROW
+            and result[1] == self.operations[arguments[0]].kind
+        ):
             return arguments[0]
         parameters = how if is_entrywise(name) else equation.params
         found = self.folded(ArrayOperation(name, tuple(arguments), *result, value=parameters))

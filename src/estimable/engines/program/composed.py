@@ -87,7 +87,7 @@ def _clamped(do: Entries, how: Entrywise, least: Any, x: Any, most: Any) -> Any:
 
 def _chosen(do: Entries, how: Entrywise, which: Any, *cases: Any) -> Any:
     """The first case for false or 0, the second for true or 1, .., the last for more."""
-    if how.given[0] == bool:
+    if type_of(how.given[0]) == BOOL:
         return do.each("select", which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
     chosen = cases[-1]
     for i, case in reversed(list(enumerate(cases[:-1]))):
@@ -112,7 +112,7 @@ def _rounded(do: Entries, how: Entrywise, x: Any) -> Any:
 
 
 def _raised(do: Entries, how: Entrywise, base: Any, exponent: Any) -> Any:
-    return do.each("pow", base, exponent if how.given[1] == float else do.each("to_float", exponent))
+    return do.each("pow", base, exponent if type_of(how.given[1]) == FLOAT else do.each("to_float", exponent))
 
 
 def _as(do: Entries, kind: str, dtype: np.dtype, x: Any) -> Any:
@@ -138,7 +138,7 @@ def _reread(do: Entries, how: Entrywise, x: Any) -> Any:
     old, new = how.given[0], how.result
     if {old, new} != {np.dtype(float), np.dtype(int)}:
         raise UnsupportedError(f"the bits of {old} as {new}")
-    return do.each("bits" if old == float else "from_bits", x)
+    return do.each("bits" if type_of(old) == FLOAT else "from_bits", x)
 
 
 def _logistic(do: Entries, how: Entrywise, x: Any) -> Any:

@@ -85,7 +85,7 @@ def wrapped(value: int, bits: int = 64, signed: bool = True) -> int:
     return value - (1 << bits) if signed and value >> (bits - 1) else value
 
 
-def _wrapping(function: Callable[..., int]) -> Callable[..., int]:
+def _wrapping(function: Callable[..., Any]) -> Callable[..., int]:
     return lambda *values: wrapped(function(*values))
 
 

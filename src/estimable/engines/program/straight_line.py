@@ -176,7 +176,9 @@ class _ScalarLine:
         else:
             raise UnsupportedError(f"the primitive {name}")
         if result.size and self.operations[result.flat[0]].type != kind:
-            raise UnsupportedError(f"the primitive {name} of {' and '.join(map(str, Entrywise.of(equation).given))} to {dtype}")
+            raise UnsupportedError(
+                f"the primitive {name} of {' and '.join(map(str, Entrywise.of(equation).given))} to {dtype}"
+            )
         return result
 
     def program(self, inputs: list[np.ndarray], outputs: list[np.ndarray]) -> Program:
