@@ -222,7 +222,7 @@ _FLOATS = [
     *_comparisons("f", "fcmp", ("oeq", "une", "olt", "ole", "ogt", "oge")),
     _library("exp", lax.exp, math.exp, 2, "exp"), _library("exp2", lax.exp2, math.exp2, 512, "exp2"),
     _library("expm1", lax.expm1, math.expm1, 8), _library("log", lax.log, math.log, 2, "log"),
-    _library("log1p", lax.log1p, math.log1p, 256), _library("cbrt", lax.cbrt, math.cbrt, 2),
+    _library("log1p", lax.log1p, math.log1p, 256), _library("cbrt", lax.cbrt, math.cbrt, 512),
     _library("sin", lax.sin, math.sin, 2, "sin"), _library("cos", lax.cos, math.cos, 2, "cos"),
     _library("tan", lax.tan, math.tan, 2, "tan"), _library("asin", lax.asin, math.asin, 4, "asin"),
     _library("acos", lax.acos, math.acos, 4, "acos"), _library("atan", lax.atan, math.atan, 2, "atan"),

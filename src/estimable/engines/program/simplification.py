@@ -34,7 +34,7 @@ def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple
 
 def _is(value: Any, constants: tuple | None) -> bool:
     """Whether a constant is one of these, of the same type."""
-    return constants is not None and value in constants and any(type(value) is type(c) for c in constants)
+    return constants is not None and any(value == c and type(value) is type(c) for c in constants)
 
 
 def _is_finite(value: Any) -> bool:

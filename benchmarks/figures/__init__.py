@@ -1,0 +1,1 @@
+"""Figures of how right the engines are, in place of how fast."""

@@ -1,0 +1,137 @@
+"""One function of scalars, run row by row by every engine."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from unittest import mock
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from estimable.engines import lanes, lowering, native, xla
+from estimable.engines.batches import words
+from estimable.engines.large import large_step
+from estimable.engines.one_step import Place, Step, code_of, flat, form_of
+from estimable.frozen import frozen, static
+from estimable.results import Info, Interval, Sample
+
+AXES = (None, 0, None)
+FIXED = np.pi, np.int64(2**62 + 1), np.bool_(True)  # numbers of the algorithm: the integer is no float64
+TINY = np.finfo(float).tiny
+
+
+class Rows(NamedTuple):
+    """Floats, integers and bools, (runs, rows, entries) each: what a function takes, or gives."""
+
+    floats: np.ndarray
+    integers: np.ndarray
+    bools: np.ndarray
+
+
+@frozen
+class Pack:
+    """An algorithm that applies a function to each row, and gives back its own numbers and those of the row before.
+
+    `function(floats, integers, bools)` gives three vectors of the same types.
+    """
+
+    fixed: Any
+    function: Callable = static()
+
+    def at(self, k) -> "Pack":
+        return self
+
+    def init(self, prior) -> tuple:
+        return jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), bool)
+
+    def correct(self, state: tuple, sample: Sample) -> tuple[tuple, Info]:
+        given = sample.y, sample.u, sample.seen
+        given = [jnp.concatenate([array, jnp.stack(own)]) for array, *own in zip(given, state, self.fixed, strict=True)]
+        floats, integers, bools = (
+            jnp.concatenate([vector, array[-2:]]) for vector, array in zip(self.function(*given), given, strict=True)
+        )
+        info = Info(mean=floats, extra={"integers": integers, "bools": bools}, log_likelihood=jnp.zeros(()),
+                    outcome=jnp.zeros((), int))  # fmt: skip
+        return (sample.y[0], sample.u[0], sample.seen[0]), info
+
+    def predict(self, state: tuple, interval: Interval) -> tuple:
+        return state
+
+
+def outputs(info: Info, keep: str) -> Rows:
+    """What is kept of a row."""
+    return Rows(info.mean, info.extra["integers"], info.extra["bools"])
+
+
+def _step(pack: Pack, state: tuple, floats, integers, bools) -> tuple:
+    after, info = pack.correct(state, Sample(floats, bools, integers))
+    return after, info, jnp.zeros((), int)
+
+
+def by_xla(pack: Pack, given: Rows) -> Rows:
+    return xla.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+
+
+def by_lanes(pack: Pack, given: Rows) -> Rows:
+    """However long XLA takes to compile it."""
+    with mock.patch.object(lanes, "MOST", 10 * lanes.MOST):
+        return lanes.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+
+
+def by_scalars_side_by_side(pack: Pack, given: Rows) -> Rows:
+    return native.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+
+
+def by_scalars(pack: Pack, given: Rows) -> Rows:
+    runs = [native.scan(pack, None, *(jax.tree_util.tree_map(lambda leaf, i=i: leaf[i], part) for part in _samples(given)),
+                        keep="all", select=outputs).info for i in range(len(given.floats))]  # fmt: skip
+    return Rows(*map(np.stack, zip(*runs, strict=True)))
+
+
+def by_arrays(pack: Pack, given: Rows) -> Rows:
+    parts = pack, None, *_samples(given), AXES
+    size, fixed, rows = lowering.batch(*parts)
+    return large_step(*lowering.example(*parts), "all", outputs, False).run(size, words(fixed), rows).info
+
+
+def online(pack: Pack, given: Rows) -> Rows:
+    """A row a call, from one place in memory to another and back."""
+    state = jax.tree_util.tree_map(np.asarray, pack.init(None))
+    entries = [np.zeros(array.shape[2:], array.dtype) for array in given]
+    code = code_of(_step, pack, form_of(state), *entries)
+    here, there = Place(form_of(state)), Place(form_of(state))
+    steps = [Step(code, flat(pack), here, there), Step(code, flat(pack), there, here)]
+    told = []
+    for run in range(len(given.floats)):
+        here.flat[:] = there.flat[:] = flat(state)
+        for row in range(given.floats.shape[1]):
+            step = steps[row % 2]
+            for place, (array, _) in zip(step.inputs, words([(part[run, row], None) for part in given]), strict=True):
+                place[:] = array
+            step.run()
+            memory = step.told.tobytes()
+            told.append((step.fields["mean"](memory), *step.fields["extra"](memory).values()))
+    floats, bools, integers = (np.stack(part) for part in zip(*told, strict=True))
+    return Rows(*(part.reshape(*given.floats.shape[:2], -1) for part in (floats, integers, bools)))
+
+
+def _samples(given: Rows) -> tuple[Sample, Interval]:
+    nothing = np.zeros((*given.floats.shape[:2], 0))
+    return Sample(given.floats, given.bools, given.integers), Interval(nothing, nothing, None, nothing[..., :0])
+
+
+ENGINES: dict[str, Callable[[Pack, Rows], Rows]] = {
+    "scalars": by_scalars, "scalars side by side": by_scalars_side_by_side, "arrays": by_arrays, "lanes": by_lanes,
+    "online": online,
+}  # fmt: skip
+
+
+def differing(ours: np.ndarray, theirs: np.ndarray, ulps: int = 0) -> np.ndarray:
+    """Where numbers differ by more than `ulps`: XLA flushes subnormal numbers to zero, whose sign is not compared then."""
+    if ours.dtype != float:
+        return ours != theirs
+    ours, theirs = (np.where(np.abs(x) < (4 if ulps else 1) * TINY, np.copysign(0.0, x), x) for x in (ours, theirs))
+    with np.errstate(all="ignore"):
+        close = np.abs(ours - theirs) <= ulps * np.spacing(np.minimum(np.abs(ours), np.abs(theirs)))
+    same = (ours == theirs) & (np.signbit(ours) == np.signbit(theirs))
+    return ~(same | (np.isnan(ours) & np.isnan(theirs)) | close)
