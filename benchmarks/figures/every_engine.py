@@ -68,33 +68,35 @@ def _step(pack: Pack, state: tuple, floats, integers, bools) -> tuple:
     return after, info, jnp.zeros((), int)
 
 
-def by_xla(pack: Pack, given: Rows) -> Rows:
-    return xla.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+def by_xla(pack: Pack, given: Rows, keep: str = "all") -> Rows:
+    return xla.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
 
 
-def by_lanes(pack: Pack, given: Rows) -> Rows:
+def by_lanes(pack: Pack, given: Rows, keep: str = "all") -> Rows:
     """However long XLA takes to compile it."""
     with mock.patch.object(lanes, "MOST", 10 * lanes.MOST):
-        return lanes.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+        return lanes.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
 
 
-def by_scalars_side_by_side(pack: Pack, given: Rows) -> Rows:
-    return native.scan_bank(pack, None, *_samples(given), axes=AXES, keep="all", select=outputs).info
+def by_scalars_side_by_side(pack: Pack, given: Rows, keep: str = "all") -> Rows:
+    return native.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
 
 
-def by_scalars(pack: Pack, given: Rows) -> Rows:
-    runs = [native.scan(pack, None, *(jax.tree_util.tree_map(lambda leaf, i=i: leaf[i], part) for part in _samples(given)),
-                        keep="all", select=outputs).info for i in range(len(given.floats))]  # fmt: skip
+def by_scalars(pack: Pack, given: Rows, keep: str = "all") -> Rows:
+    runs = []
+    for i in range(len(given.floats)):
+        one = (jax.tree_util.tree_map(lambda leaf, i=i: leaf[i], part) for part in _samples(given))
+        runs.append(native.scan(pack, None, *one, keep=keep, select=outputs).info)
     return Rows(*map(np.stack, zip(*runs, strict=True)))
 
 
-def by_arrays(pack: Pack, given: Rows) -> Rows:
+def by_arrays(pack: Pack, given: Rows, keep: str = "all") -> Rows:
     parts = pack, None, *_samples(given), AXES
     size, fixed, rows = lowering.batch(*parts)
-    return large_step(*lowering.example(*parts), "all", outputs, False).run(size, words(fixed), rows).info
+    return large_step(*lowering.example(*parts), keep, outputs, False).run(size, words(fixed), rows).info
 
 
-def online(pack: Pack, given: Rows) -> Rows:
+def online(pack: Pack, given: Rows, keep: str = "all") -> Rows:
     """A row a call, from one place in memory to another and back."""
     state = jax.tree_util.tree_map(np.asarray, pack.init(None))
     entries = [np.zeros(array.shape[2:], array.dtype) for array in given]
@@ -111,8 +113,9 @@ def online(pack: Pack, given: Rows) -> Rows:
             step.run()
             memory = step.told.tobytes()
             told.append((step.fields["mean"](memory), *step.fields["extra"](memory).values()))
-    floats, bools, integers = (np.stack(part) for part in zip(*told, strict=True))
-    return Rows(*(part.reshape(*given.floats.shape[:2], -1) for part in (floats, integers, bools)))
+    floats, bools, integers = (np.stack(part).reshape(*given.floats.shape[:2], -1) for part in zip(*told, strict=True))
+    rows = Rows(floats, integers, bools)
+    return rows if keep == "all" else Rows(*(part[:, -1] for part in rows))
 
 
 def _samples(given: Rows) -> tuple[Sample, Interval]:
@@ -120,7 +123,7 @@ def _samples(given: Rows) -> tuple[Sample, Interval]:
     return Sample(given.floats, given.bools, given.integers), Interval(nothing, nothing, None, nothing[..., :0])
 
 
-ENGINES: dict[str, Callable[[Pack, Rows], Rows]] = {
+ENGINES: dict[str, Callable[..., Rows]] = {
     "scalars": by_scalars, "scalars side by side": by_scalars_side_by_side, "arrays": by_arrays, "lanes": by_lanes,
     "online": online,
 }  # fmt: skip

@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax import lax
-
 from benchmarks.figures.every_engine import ENGINES, FIXED, Pack, Rows, by_xla, differing
 from benchmarks.figures.random_programs import FLOATS, INTEGERS, TYPES, failures, kinds
+from jax import lax
+
+from estimable.engines.llvm.array_loop import ArrayLoop
 from estimable.engines.program import arrays
 from estimable.engines.program.primitives import (
     BOOL,
@@ -186,22 +187,21 @@ REFUSED = {
 }
 
 
+def scalars_of(function):
+    lower(function, 1.0)
+
+
+def arrays_of(function):
+    program = arrays.lower(jax.make_jaxpr(function)(1.0))
+    ArrayLoop(program, None, 0, 0, len(program.outputs)).assembly()
+
+
 @pytest.mark.parametrize("name", REFUSED)
-@pytest.mark.parametrize("form", ["scalars", "arrays"])
+@pytest.mark.parametrize("form", [scalars_of, arrays_of])
 def test_what_has_no_row_is_refused_by_name(name, form):
     function, message = REFUSED[name]
     with pytest.raises(UnsupportedError, match=message):
-        if form == "scalars":
-            lower(function, 1.0)
-        else:
-            program = arrays.lower(jax.make_jaxpr(function)(1.0))
-            emitted(program)
-
-
-def emitted(program):
-    from estimable.engines.llvm.array_loop import ArrayLoop
-
-    ArrayLoop(program, None, 0, 0, len(program.outputs)).assembly()
+        form(function)
 
 
 def test_a_row_of_other_types_is_refused_with_them():
@@ -214,10 +214,6 @@ def test_a_row_of_other_types_is_refused_with_them():
 def test_what_is_gathered_outside_is_refused():
     with pytest.raises(UnsupportedError, match="gather at an index outside"):
         lower(lambda x: x.at[np.array([0, 5])].get(mode="fill"), np.ones(3))
-
-
-def _argument(letter, type_):
-    return f"{type_} {letter}"
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -248,25 +244,14 @@ def test_random_programs_of_floats_integers_and_bools_give_what_xla_gives(seed):
     assert failures(seed, kinds()[seed::6], depth=2) == []
 
 
-@pytest.mark.parametrize("engine", ["native", "lanes", "arrays"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_the_last_row_keeps_every_type(engine):
-    from estimable.engines import lanes, lowering, native, xla
-    from estimable.engines.batches import words
-    from estimable.engines.large import large_step
-    from benchmarks.figures.every_engine import AXES, _samples, outputs
-
     def function(floats, integers, bools):
-        narrow = integers.astype(np.int32)
+        narrow = (integers * 3).astype(np.int32)
         return floats * 2, jnp.concatenate([integers + 1, narrow.astype(int)]), ~bools
 
     given = Rows(np.ones((3, 4, 2)), np.full((3, 4, 2), 2**62 + 3), np.ones((3, 4, 1), bool))
-    pack, options = Pack(FIXED, function), {"axes": AXES, "keep": "last", "select": outputs}
-    expected = xla.scan_bank(pack, None, *_samples(given), **options).info
-    if engine == "arrays":
-        parts = pack, None, *_samples(given), AXES
-        size, fixed, rows = lowering.batch(*parts)
-        ours = large_step(*lowering.example(*parts), "last", outputs, False).run(size, words(fixed), rows).info
-    else:
-        ours = {"native": native, "lanes": lanes}[engine].scan_bank(pack, None, *_samples(given), **options).info
+    pack = Pack(FIXED, function)
+    ours, expected = (by(pack, given, keep="last") for by in (ENGINES[engine], by_xla))
     for a, b in zip(ours, expected, strict=True):
         assert (a.dtype, a.tolist()) == (b.dtype, b.tolist())

@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import estimable as es
+from estimable.engines import choice
 from estimable.simulation import window_loop
 
 MODEL = es.StateSpace([[0.9]], [[0.5]], Q=[[0.01]], R=[[0.1]], dt=0.5)
@@ -53,3 +54,16 @@ def test_one_sample_fills_no_window(copied):
     blocks, copies = (run(ESTIMATORS["state"], 1, engine=engine) for engine in ("auto", "xla"))
     assert copied == [0]
     assert_allclose(blocks.runs.info.mean, copies.runs.info.mean, rtol=1e-12)
+
+
+def test_blocks_that_fail_are_worked_out_copy_by_copy(monkeypatch, caplog):
+    expected = run(ESTIMATORS["state"])
+
+    def fail(*_):
+        raise KeyError("mul")
+
+    monkeypatch.setattr(window_loop, "_in_blocks", fail)
+    monkeypatch.setattr(choice, "_said", set())
+    copies = run(ESTIMATORS["state"])
+    assert_allclose(copies.runs.info.mean, expected.runs.info.mean, rtol=1e-10, atol=1e-11)
+    assert [record.levelname for record in caplog.records if record.name == "estimable.engines"] == ["WARNING"]
