@@ -20,7 +20,7 @@ QUICK = {"xla_cpu_use_fusion_emitters": False}  # long lines of scalars then com
 
 
 def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
-    """What `xla.scan_bank` does, to rounding. Raises `UnsupportedError` where the step cannot be written out."""
+    """What `xla.scan_bank` does, to rounding. Raises `UnsupportedError` where the step cannot be lowered."""
     algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     if len(written.row.operations) > MOST:

@@ -1,4 +1,4 @@
-"""Loops in machine code, kept on disk under a name made of the text, the versions and the processor."""
+"""Loops in machine code, cached on disk under a name made of the text, the versions and the processor."""
 
 import ctypes
 from functools import cache

@@ -25,7 +25,7 @@ def provide() -> None:
 
 
 def _call(blocks: Blocks, routine: str, arguments: list[str]) -> None:
-    """Call a routine; whole numbers and numbers go by address, as Fortran takes them."""
+    """Call a routine; its arguments go by address, as Fortran takes them."""
     provide()
     blocks.scalars.declared.add(f"declare void @estimable_{routine}({', '.join(['ptr'] * len(arguments))})")
     blocks.lines.append(f"call void @estimable_{routine}({', '.join(f'ptr {a}' for a in arguments)})")

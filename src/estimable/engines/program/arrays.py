@@ -39,7 +39,7 @@ class ArrayOperation(NamedTuple):
 
 
 class Repeated(NamedTuple):
-    """What a scan repeats: a program of (constants, carry, one row of each array) to (carry, what is told of the row)."""
+    """What a scan repeats: a program of (constants, carry, one row of each array) to (carry, a row of each result)."""
 
     program: "Arrays"
     constants: int
@@ -159,7 +159,7 @@ class _ArrayLine:
         if name not in ("scan", "cond"):
             return parameters
         inside = (parameters["jaxpr"],) if name == "scan" else parameters["branches"]
-        key = (name, *(id(closed.jaxpr) for closed in inside), *(parameters.get(told) for told in REPEATED))
+        key = (name, *(id(closed.jaxpr) for closed in inside), *(parameters.get(name) for name in REPEATED))
         if key not in self.inside:
             programs = tuple(_lowered(closed.jaxpr, closed.consts) for closed in inside)
             self.inside[key] = Branches(programs) if name == "cond" else Repeated(
@@ -222,7 +222,7 @@ def _type(aval: Any) -> tuple[tuple[int, ...], str]:
 
 
 def _key(value: Any) -> Any:
-    """What tells one value from another: constants by their entries, parameters by their text."""
+    """What distinguishes one value from another: the entries of a constant, the text of parameters."""
     if isinstance(value, np.ndarray):
         return value.tobytes()
     if isinstance(value, Entrywise):
