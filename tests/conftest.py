@@ -1,8 +1,10 @@
-"""Strict arithmetic for every test: no silent rank or dtype promotion; and nothing is compiled twice in a run."""
+"""Strict arithmetic for every test: no silent rank or dtype promotion; no engine fails unseen; nothing is compiled twice in a run."""
 
+import logging
 import os
 
 import jax
+import pytest
 
 import estimable  # noqa: F401  enables float64 before any array is made
 
@@ -21,3 +23,13 @@ def pytest_configure(config):
     jax.config.update(
         "jax_persistent_cache_min_compile_time_secs", float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
     )
+
+
+@pytest.fixture(autouse=True)
+def no_engine_fails(request, caplog):
+    """An engine that `auto` passes over because it failed is a fault, although the answer is right."""
+    yield
+    if request.node.get_closest_marker("engine_fails") is None:
+        records = [record for record in caplog.get_records("call") if record.name == "estimable.engines"]
+        failed = [record.getMessage() for record in records if record.levelno >= logging.WARNING]
+        assert not failed
