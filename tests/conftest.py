@@ -1,4 +1,4 @@
-"""Strict arithmetic for every test: no silent rank or dtype promotion; no engine fails unseen; nothing is compiled twice in a run."""
+"""Strict arithmetic for every test: no silent promotion; no engine fails unseen; and nothing is compiled twice in a run."""
 
 import logging
 import os
