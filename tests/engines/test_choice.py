@@ -9,6 +9,7 @@ from cases import case
 from estimable import InputError, Kalman, Prior, Record, StateSpace, estimate, estimate_bank, online
 from estimable.engines import choice, lanes, native
 from estimable.engines.llvm import scalars
+from estimable.engines.llvm.spelling import Spelling
 from estimable.engines.program import primitives
 from estimable.estimation import online_steps
 
@@ -84,7 +85,7 @@ def test_an_engine_asked_for_by_name_says_what_failed(error, c, monkeypatch, cap
 
 def test_assembly_that_llvm_refuses_is_passed_over(monkeypatch, caplog):
     model = StateSpace([[0.12345]], R=[[1.0]], dt=1)
-    broken = scalars.Spelling(("no such word",), (), False)
+    broken = Spelling(("no such word",), (), False)
     monkeypatch.setattr(scalars, "spelled", lambda *_: broken)
     native.compiled_step.cache_clear()
     result = estimate(Kalman(model), Record(np.ones(3), dt=1), prior=Prior([0.0], [[1.0]]))

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..program.straight_line import Program
-from .scalars import Scalars, hexadecimal
+from .scalars import Scalars
+from .spelling import hexadecimal
 
 BYTES = {"double": 8, "i64": 8, "i1": 1}
 ALIGNED = 64  # bytes: a line of the cache
