@@ -53,13 +53,17 @@ class Programs(NamedTuple):
 
 
 def kinds() -> list[Kind]:
-    """All rows of the table, what is composed of them, and operations with constants."""
-    rows = [
+    """All rows of the table."""
+    return [
         Kind(f"{row.name} of {', '.join(row.arguments)}", row.arguments, row.result, row.jax,
              row.result == FLOAT and (row.ulps > 0 or row.name in INEXACT or row.arguments == (BOOL,)))
         for row in PRIMITIVES.values()
     ]  # fmt: skip
-    return [*rows, *_composed(), *_narrow(), *_with_constants()]
+
+
+def compositions() -> list[Kind]:
+    """What is composed of rows, in integers of fewer bits too, and operations with constants."""
+    return [*_composed(), *_narrow(), *_with_constants()]
 
 
 def _composed() -> list[Kind]:
@@ -120,13 +124,13 @@ def coarse(x: Any) -> Any:
     return lax.clamp(-1e6, lax.round(x * GRID + OFFSET, lax.RoundingMethod.TO_NEAREST_EVEN), 1e6) * (1 / GRID)
 
 
-def grown(rng: np.random.Generator, choice: list[Kind], depth: int = LAYERS) -> list[list[Programs]]:
-    """Programs of every kind, layer upon layer; a later layer takes those of the ones before, and inputs."""
+def grown(rng: np.random.Generator, rows: list[Kind], others: list[Kind], depth: int = LAYERS) -> list[list[Programs]]:
+    """Layers of programs: every row in each layer, and the others in turn; a later layer takes those before, and inputs."""
     sizes, layers = {t: LEAVES[t] + OWN for t in TYPES}, []
-    for _ in range(depth):
+    for i in range(depth):
         before = dict(sizes)
         layers.append([])
-        for kind in choice:
+        for kind in [*rows, *others[i::depth]]:
             operands = [_operand(rng, t, before) for t in kind.arguments]
             layers[-1].append(Programs(kind, operands, sizes[kind.result]))
             sizes[kind.result] += WIDTH
@@ -192,10 +196,10 @@ def drawn(rng: np.random.Generator) -> Rows:
     return Rows(floats, integers, rng.random((*shape, LEAVES[BOOL])) < 0.5)
 
 
-def failures(seed: int, choice: list[Kind], depth: int = LAYERS) -> list[str]:
+def failures(seed: int, rows: list[Kind], others: list[Kind], depth: int = LAYERS) -> list[str]:
     """What one pack of programs gives that is not what XLA gives, in words."""
     rng = np.random.default_rng(seed)
-    programs, given = Composition(grown(rng, choice, depth)), drawn(rng)
+    programs, given = Composition(grown(rng, rows, others, depth)), drawn(rng)
     pack, found = Pack(FIXED, programs), []
     expected = by_xla(pack, given)
     for name, run in ENGINES.items():
@@ -214,19 +218,20 @@ def failures(seed: int, choice: list[Kind], depth: int = LAYERS) -> list[str]:
 def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, prog="python -m benchmarks.figures.random_programs")
-    options.add_argument("--programs", type=int, default=20_000, help="at least so many, and each kind 200 times")
+    options.add_argument("--programs", type=int, default=20_000, help="at least so many, and each row 200 times")
     options.add_argument("--seed", type=int, default=0, help="of the first pack")
     return options
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run packs of programs until there are enough."""
-    options, choice, start = parser().parse_args(arguments), kinds(), time.perf_counter()
-    each = LAYERS * WIDTH
-    packs, wrong, hits = max(-(-options.programs // (each * len(choice))), -(-HITS // each)), [], Counter()
+    options, start, wrong, hits = parser().parse_args(arguments), time.perf_counter(), [], Counter()
+    rows, others = kinds(), compositions()
+    pack = {**{kind.name: LAYERS * WIDTH for kind in rows}, **{kind.name: WIDTH for kind in others}}
+    packs = max(-(-options.programs // sum(pack.values())), -(-HITS // (LAYERS * WIDTH)))
     for seed in range(options.seed, options.seed + packs):
-        wrong += (found := failures(seed, choice))
-        hits.update({kind.name: each for kind in choice})
+        wrong += (found := failures(seed, rows, others))
+        hits.update(pack)
         print(f"{time.perf_counter() - start:7.0f} s  {sum(hits.values()):7,} programs, {len(wrong)} wrong", *found, sep="\n",
               file=sys.stderr, flush=True)  # fmt: skip
     for name, count in hits.items():

@@ -130,6 +130,15 @@ def test_equal_operations_are_one_and_constants_are_folded():
     assert np.array_equal(product, product.T)
 
 
+def test_a_function_of_another_meaning_may_be_called_settles():
+    @jax.jit
+    def settles(truth):
+        return ~truth
+
+    program = lower(lambda x: settles(x > 0), 1.0)
+    assert interpret(program, [np.array(1.0)])[0].item() is False
+
+
 def test_what_has_no_straight_line_is_refused():
     with pytest.raises(UnsupportedError, match="the primitive scan"):
         lower(lambda x: jax.lax.fori_loop(0, 9, lambda i, y: y + 1, x), 0.0)

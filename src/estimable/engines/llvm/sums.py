@@ -97,8 +97,8 @@ def _joined(blocks: Blocks, name: str, kind: str, total: str, term: str) -> str:
 def product(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Σ_k a[.., k] b[k, ..]: a matrix library where it is large."""
     contract, batch = operation.value["dimension_numbers"]
-    if batch[0] or len(contract[0]) != 1 or operation.kind != "double":
-        raise UnsupportedError("a product along several axes")
+    if batch[0] or len(contract[0]) != 1 or {operation.kind, *(value.kind for value in values)} != {"double"}:
+        raise UnsupportedError("a product along several axes, or of integers")
     a, b = (_last(blocks, value, axes[0]) for value, axes in zip(values, contract, strict=True))
     if len(a.shape) == len(b.shape) == 2 and math.prod(a.shape) * b.shape[0] >= LARGE:
         alike = a.memory is not None and (a.memory, a.shape) == (b.memory, b.shape)

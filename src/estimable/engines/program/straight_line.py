@@ -151,8 +151,9 @@ class _ScalarLine:
         """Names of the results of one equation."""
         name, parameters = name_of(equation), equation.params
         if name in CALLS:
-            settles = parameters.get("name") == "settles"
-            return [self.each("settles", *arrays)] if settles else self.run(*called(parameters), arrays)
+            jaxpr, consts = called(parameters)
+            settles = parameters.get("name") == "settles" and not jaxpr.eqns
+            return [self.each("settles", *arrays)] if settles else self.run(jaxpr, consts, arrays)
         if name in SAME:
             return arrays
         if name in MOVES:
