@@ -224,7 +224,7 @@ def test_the_spelling_in_c_gives_what_xla_gives(tmp_path):
         given = ", ".join(f"{words[t]} {letter}" for t, letter in zip(each.arguments, "abc", strict=False))
         lines.append(f"{words[each.result]} f{i}({given}) {{ return {each.c.format(a='a', b='b', c='c')}; }}")
     (tmp_path / "rows.c").write_text("\n".join(lines) + "\n")
-    flags = ["-std=gnu99", "-O1", "-ffp-contract=off", "-Wall", "-Werror", "-shared", "-fPIC"]
+    flags = ["-std=c99", "-pedantic", "-O2", "-ffp-contract=off", "-Wall", "-Werror", "-shared", "-fPIC"]
     subprocess.run(["cc", *flags, "rows.c", "-o", "rows.so", "-lm"], check=True, cwd=tmp_path)
     library = ctypes.CDLL(str(tmp_path / "rows.so"))
     kinds_in_c = {FLOAT: ctypes.c_double, INTEGER: ctypes.c_int64, BOOL: ctypes.c_bool}

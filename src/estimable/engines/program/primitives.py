@@ -7,7 +7,7 @@ the rows `int8` to `uint32` follows each operation that may leave its range. XLA
 - The order of zeros: max(-0, 0) = 0 and min(0, -0) = -0.
 - XLA flushes subnormal floats to zero; machine code keeps them.
 - An operation that is exact or correctly rounded gives XLA's bits. `ulps` is by how many units in the last place XLA's own result
-  may be off where it is not: Python, LLVM and C call the C library, which is within 2.
+  may be off where it is not: Python, LLVM and C call the C library, which is within a few.
 
 An operation with no row is refused: another engine runs the step.
 """
