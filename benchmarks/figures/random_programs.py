@@ -52,19 +52,22 @@ class Programs(NamedTuple):
     first: int
 
 
+def _bits_of_numbers(x: Any) -> Any:
+    """Those of a NaN are not said: its sign differs from one C library to another."""
+    return lax.bitcast_convert_type(jnp.where(x == x, x, 0.0), np.dtype(np.int64))
+
+
+TRACED = {("bits", (FLOAT,)): _bits_of_numbers, ("abs", (INTEGER,)): lambda x: lax.abs(lax.optimization_barrier(x))}
+
+
 def kinds() -> list[Kind]:
     """All rows of the table."""
     return [
         Kind(f"{row.name} of {', '.join(row.arguments)}", row.arguments, row.result,
-             _bits_of_numbers if row.name == "bits" else row.jax,
+             TRACED.get((row.name, row.arguments), row.jax),
              row.result == FLOAT and (row.ulps > 0 or row.name in INEXACT or row.arguments == (BOOL,)))
         for row in PRIMITIVES.values()
     ]  # fmt: skip
-
-
-def _bits_of_numbers(x: Any) -> Any:
-    """Those of a NaN are not said: its sign differs from one C library to another."""
-    return lax.bitcast_convert_type(jnp.where(x == x, x, 0.0), np.dtype(np.int64))
 
 
 def compositions() -> list[Kind]:

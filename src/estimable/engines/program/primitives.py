@@ -136,6 +136,11 @@ def _to_nearest(method: lax.RoundingMethod) -> Callable[[Any], Any]:
     return lambda a: lax.round(a, method)
 
 
+def _magnitude(a: Any) -> Any:
+    """abs, of which XLA thinks that it leaves a product x x as it is, although that may wrap."""
+    return lax.select(lax.lt(a, lax.full_like(a, 0)), lax.neg(a), a)
+
+
 def _narrowed(dtype: str) -> Callable[[Any], Any]:
     return lambda a: lax.convert_element_type(lax.convert_element_type(a, np.dtype(dtype)), np.dtype("int64"))
 
@@ -244,7 +249,7 @@ _INTEGERS = [
     ("max", "ii:i", max, _intrinsic("smax", "i", 2), lax.max, "({a} > {b} ? {a} : {b})"),
     ("min", "ii:i", min, _intrinsic("smin", "i", 2), lax.min, "({a} < {b} ? {a} : {b})"),
     ("neg", "i:i", _wrapping(operator.neg), "sub {i} {i:0}, {a}", lax.neg, "((int64_t)(0 - (uint64_t){a}))", "wraps"),
-    ("abs", "i:i", _wrapping(abs), "icmp slt {i} {a}, {i:0}; sub {i} {i:0}, {a}; select {p} {0}, {i} {1}, {i} {a}", lax.abs,
+    ("abs", "i:i", _wrapping(abs), "icmp slt {i} {a}, {i:0}; sub {i} {i:0}, {a}; select {p} {0}, {i} {1}, {i} {a}", _magnitude,
      "({a} < 0 ? (int64_t)(0 - (uint64_t){a}) : {a})", "wraps"),
     ("sign", "i:i", lambda a: (a > 0) - (a < 0), f"{_intrinsic('smin', 'i', 2).replace('{b}', '{i:1}')}; "
      "call {i} @llvm.smax.{si}({i} {0}, {i} {i:-1})", lax.sign, "(int64_t)(({a} > 0) - ({a} < 0))"),
