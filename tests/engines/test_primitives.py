@@ -180,6 +180,13 @@ def test_what_is_known_is_computed_as_if_it_were_not():
         assert np.array_equal(ours[0, 0, :11], expected, equal_nan=True), name
 
 
+def test_the_magnitude_of_a_product_that_wraps_is_not_the_product():
+    pack = Pack(FIXED, lambda floats, integers, bools: (floats, lax.abs(integers * integers), bools))
+    given = Rows(np.ones((2, 2, 1)), np.full((2, 2, 1), 3037000500), np.ones((2, 2, 1), bool))
+    for name, by in ENGINES.items():
+        assert by(pack, given).integers[0, 0, 0] == 9223372036709301616, name
+
+
 REFUSED = {
     "the next float": (lambda x: jnp.nextafter(x, 1.0), "the primitive nextafter"),
     "another function": (lambda x: lax.erf_inv(x), "the primitive erf_inv"),

@@ -137,8 +137,8 @@ def _to_nearest(method: lax.RoundingMethod) -> Callable[[Any], Any]:
 
 
 def _magnitude(a: Any) -> Any:
-    """abs, of which XLA thinks that it leaves a product x x as it is, although that may wrap."""
-    return lax.select(lax.lt(a, lax.full_like(a, 0)), lax.neg(a), a)
+    """abs: XLA takes abs of a product x x for the product, although that may wrap."""
+    return lax.max(a, lax.neg(a))
 
 
 def _narrowed(dtype: str) -> Callable[[Any], Any]:
