@@ -13,8 +13,8 @@ PROPAGATING = {"add", "sub", "mul", "div"}  # what is NaN where one of two float
 def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple | None:
     """The scalar that an operation gives, or (constant,), or None. `values`: the constants among the arguments, else None.
 
-    A product with a zero, and a quotient of one, is zero whatever the other factor becomes: the zero is structural. It is not
-    where the other factor is known, and no number.
+    A product with a zero, and a quotient of one, is zero whatever the other factor becomes: the zero is structural. The exception
+    is a factor that is itself a constant NaN or infinity.
     """
     if name == "select":
         return _selected(arguments, values)
