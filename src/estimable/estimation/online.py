@@ -227,7 +227,7 @@ class Online:
 
     def save(self, path: str | Path) -> None:
         """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
-        from ..store import save
+        from ..store.save import save
 
         save(path, self)
 
