@@ -157,7 +157,7 @@ from .simulation.monte_carlo_loops import monte_carlo_loops as monte_carlo_loops
 from .simulation.simulate import drawn_from as drawn_from
 from .simulation.simulate import simulate as simulate
 from .simulation.simulate import simulate_bank as simulate_bank
-from .store import load as load
-from .store import save as save
+from .store.load import load as load
+from .store.save import save as save
 
 __version__: str

@@ -1,6 +1,6 @@
 """From moments to a verdict: what estimability and regulability have in common."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -20,16 +20,16 @@ class Assessment:
     distance: float
     filter_distance: float
     tolerance: tuple[float, float] = static()
-    singular_values: Any
-    directions: Any
-    filter_directions: Any
-    known_directions: Any
-    squared_correlations: Any
-    correlation_directions: Any
-    variance_reduction: Any
-    filter_variance_reduction: Any
-    prior_covariance: Any
-    covariance: Any
+    singular_values: Annotated[Any, "n"]
+    directions: Annotated[Any, "a n"]
+    filter_directions: Annotated[Any, "b n"]
+    known_directions: Annotated[Any, "c n"]
+    squared_correlations: Annotated[Any, "r"]
+    correlation_directions: Annotated[Any, "r n"]
+    variance_reduction: Annotated[Any, "n"]
+    filter_variance_reduction: Annotated[Any, "n"]
+    prior_covariance: Annotated[Any, "n n", "symmetric"]
+    covariance: Annotated[Any, "n n", "symmetric"]
 
 
 def assess(moments: Moments) -> dict[str, Any]:

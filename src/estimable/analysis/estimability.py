@@ -1,6 +1,6 @@
 """Can the state be estimated better than by knowing nothing but the model?"""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Estimability(Assessment):
     `prior_covariance` Π and `covariance` P (n, n); `horizon`: steps (seconds where dt = 0), None in steady state.
     """
 
-    states: tuple[str, ...] = static(default=())
+    states: Annotated[tuple[str, ...], "n"] = static(default=())
     outputs: tuple[str, ...] = static(default=())
     horizon: Any = static(default=None)
 

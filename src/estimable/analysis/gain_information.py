@@ -1,6 +1,6 @@
 """What an input lets be known of a gain, before any data."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -32,12 +32,12 @@ class GainInformation:
     the record says nothing, in `sentences` by name.
     """
 
-    information: Any
-    covariance: Any
-    sigma: Any
-    directions: Any
+    information: Annotated[Any, "N N", "symmetric"]
+    covariance: Annotated[Any, "p p", "symmetric"]
+    sigma: Annotated[Any, "p"]
+    directions: Annotated[Any, "r p"]
     amplitude: float
-    gains: tuple[str, ...] = static()
+    gains: Annotated[tuple[str, ...], "p"] = static()
     sentences: tuple[str, ...] = static()
     factor: Any
     state: Prior | None

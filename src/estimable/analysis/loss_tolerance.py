@@ -1,6 +1,6 @@
 """How many lost samples an estimator bears, before any data."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -26,8 +26,8 @@ class ArrivalCovariance:
     """
 
     rate: float
-    lower: Any
-    upper: Any
+    lower: Annotated[Any, "n n", "symmetric"]
+    upper: Annotated[Any, "n n", "symmetric"]
     bounded: str = static()
 
 

@@ -1,6 +1,6 @@
 """What outputs show of the state, and what inputs or noise can do to it."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -23,13 +23,13 @@ class _Structure:
 
     verdict: str = static()
     distance: float
-    singular_values: Any
-    gramian: Any
-    directions: Any
-    hidden_modes: Any
-    unstable_directions: Any
-    states: tuple[str, ...] = static()
-    channels: tuple[str, ...] = static()
+    singular_values: Annotated[Any, "s"]
+    gramian: Annotated[Any, "n n", "symmetric"]
+    directions: Annotated[Any, "k n"]
+    hidden_modes: Annotated[Any, "k"]
+    unstable_directions: Annotated[Any, "u n"]
+    states: Annotated[tuple[str, ...], "n"] = static()
+    channels: Annotated[tuple[str, ...], "c"] = static()
     tolerance: tuple[float, float] = static(default=(ZERO, DOUBTFUL))
     horizon: Any = static(default=None)
 

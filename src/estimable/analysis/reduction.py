@@ -1,6 +1,6 @@
 """Smaller models with the same outputs."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -33,11 +33,11 @@ class Reduction:
     """
 
     model: StateSpace
-    to: Any
-    back: Any
+    to: Annotated[Any, "r n"]
+    back: Annotated[Any, "n r"]
     prior: Prior | None
     error_bound: float
-    hankel_singular_values: Any = None
+    hankel_singular_values: Annotated[Any, "n"] = None
     method: str = static(default="output_process")
 
     def __repr__(self) -> str:

@@ -1,6 +1,6 @@
 """Can control lower a quadratic cost, from every state?"""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Regulability(Assessment):
     The `filter_` fields are of cost-to-go before the first control acts on it, (F', S).
     """
 
-    states: tuple[str, ...] = static(default=())
+    states: Annotated[tuple[str, ...], "n"] = static(default=())
     inputs: tuple[str, ...] = static(default=())
     horizon: Any = static(default=None)
 

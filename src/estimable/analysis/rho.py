@@ -1,6 +1,6 @@
 """Margins against what is not modelled: how large a perturbation of a stable system can be before it may fail."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class RhoMargin:
     overshoot: float
     sigma: float
     stability_radius: float
-    scaling: Any
+    scaling: Annotated[Any, "n"]
     course: decay.Course
     dt: float = static()
 

@@ -4,7 +4,7 @@ Letters of the source: d = H z enters by F, Γ cancels it; Π is the state that 
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -36,11 +36,11 @@ class DisturbanceAccommodation:
     """
 
     model: StateSpace
-    feedback: Any
+    feedback: Annotated[Any, "m N"]
     filter: KalmanGain
-    steady: Any
-    left: Any
-    poles: Any
+    steady: Annotated[Any, "n q"]
+    left: Annotated[Any, "r q"]
+    poles: Annotated[Any, "n"]
     mode: str = static()
 
     @property

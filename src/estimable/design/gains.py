@@ -1,6 +1,6 @@
 """Stationary gains: of the Kalman filter, and of the linear-quadratic regulator."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,21 +25,21 @@ class KalmanGain:
     of A - predictor C.
     """
 
-    filter: Any
-    predictor: Any
-    covariance: Any
-    predicted_covariance: Any
-    innovation_covariance: Any
-    poles: Any
+    filter: Annotated[Any, "n p"]
+    predictor: Annotated[Any, "n p"]
+    covariance: Annotated[Any, "n n", "symmetric"]
+    predicted_covariance: Annotated[Any, "n n", "symmetric"]
+    innovation_covariance: Annotated[Any, "p p", "symmetric"]
+    poles: Annotated[Any, "n"]
 
 
 @frozen
 class FeedbackGain:
     """The optimal feedback u = -`feedback` x, (m, n); its cost from x0 is x0' `cost` x0; `poles` (n,) of A - B feedback."""
 
-    feedback: Any
-    cost: Any
-    poles: Any
+    feedback: Annotated[Any, "m n"]
+    cost: Annotated[Any, "n n", "symmetric"]
+    poles: Annotated[Any, "n"]
 
 
 def kalman_gain(model: StateSpace) -> KalmanGain:

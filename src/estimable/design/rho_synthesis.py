@@ -1,7 +1,7 @@
 """Feedback and filter gains by one number, chosen where the loop bears most, or by what it costs."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .. import checks
 from ..analysis.rho import RhoMargin, rho_margin
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen, static
+from ..frozen import frozen, saved, static
 from ..kernels.riccati import care, dare
 from ..models.discretisation import over
 from ..models.state_space import StateSpace
@@ -19,6 +19,7 @@ from .loop_criteria import BEST
 from .rho_plan import Plan, read_plan
 
 
+@saved
 class Optimum(NamedTuple):
     """Where a criterion is best: the number of the design, its bandwidth, and the criterion's value there."""
 
@@ -38,17 +39,17 @@ class RhoSynthesis:
     `dispersion` and `control` are of.
     """
 
-    eta: Any
-    bandwidth: Any
-    criteria: Any
-    composite: Any
+    eta: Annotated[Any, "N"]
+    bandwidth: Annotated[Any, "N"]
+    criteria: Annotated[Any, "N"]
+    composite: Annotated[Any, "N"]
     chosen: int = static()
-    feedback: Any
-    filter: Any
-    closed_loop: Any
+    feedback: Annotated[Any, "m n"]
+    filter: Annotated[Any, "n p"]
+    closed_loop: Annotated[Any, "c c"]
     margin: RhoMargin
     weights: Any
-    scaling: Any
+    scaling: Annotated[Any, "n"]
     noise: str = static()
     model: StateSpace
 

@@ -1,6 +1,6 @@
 """The α-β tracker with constant gains: what its error is, and the usual choices of the gains."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -119,12 +119,12 @@ class TrackerChoices:
     (position, velocity); `radius` (k,): modulus of the larger pole of the error; `price` (k, 2): variances over the Kalman
     filter's."""
 
-    alpha: Any
-    beta: Any
-    covariance: Any
-    radius: Any
-    price: Any
-    names: tuple[str, ...] = static()
+    alpha: Annotated[Any, "k"]
+    beta: Annotated[Any, "k"]
+    covariance: Annotated[Any, "k 2 2", "symmetric"]
+    radius: Annotated[Any, "k"]
+    price: Annotated[Any, "k 2"]
+    names: Annotated[tuple[str, ...], "k"] = static()
 
     def to_pandas(self):
         """A DataFrame, one row a choice."""

@@ -1,6 +1,6 @@
 """The Trans-Kalman filter, given an exact meaning: the best constant gain over a set of noises, or of a given sparsity."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -30,16 +30,16 @@ class TransKalman:
     model with that noise, of which `filter` is the Kalman gain; None of a sparse gain. `poles` (n,) of the error.
     """
 
-    filter: Any
-    covariance: Any
-    cost: Any
-    optimal: Any
-    guessed: Any
+    filter: Annotated[Any, "n p"]
+    covariance: Annotated[Any, "V n n", "symmetric"]
+    cost: Annotated[Any, "V"]
+    optimal: Annotated[Any, "V"]
+    guessed: Annotated[Any, "V V"]
     worst: float
     bound: float
-    shares: Any
+    shares: Annotated[Any, "V"]
     least_favourable: StateSpace | None
-    poles: Any
+    poles: Annotated[Any, "n"]
     model: StateSpace
     criterion: str = static()
 

@@ -1,7 +1,7 @@
 """Tune noise levels by the likelihood of records."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -39,10 +39,10 @@ class NoiseFit:
     """
 
     algorithm: Any
-    parameters: Any
-    covariance: Any
+    parameters: Annotated[Any, "d"]
+    covariance: Annotated[Any, "d d", "symmetric"]
     log_likelihood: float
-    names: tuple[str, ...] = static()
+    names: Annotated[tuple[str, ...], "d"] = static()
     at_zero: tuple[str, ...] = static(default=())
     iterations: int = static(default=0)
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import numpy as np
@@ -15,7 +15,7 @@ from ..frozen import frozen, static, static_fields
 class Stacked:
     """`size` things of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
 
-    items: Any
+    items: Annotated[Any, "size"]
     size: int = static()
 
     def __repr__(self) -> str:

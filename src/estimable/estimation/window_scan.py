@@ -68,7 +68,7 @@ def scan_bank(
     place = np.broadcast_to(
         (np.arange(T) + 2) % length - 1, samples.seen.shape[:2]
     )  # a block begins at the first full row
-    rows = Row(samples, intervals, place)
+    rows = WindowRow(samples, intervals, place)
     turned = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], rows)
     _, run = choice.scan_bank(
         engine, _Ends(algorithm), prior, turned, turned.interval, axes=axes, keep="all", select=_belief
@@ -83,7 +83,7 @@ def scan_bank(
 
 
 @frozen
-class Row:
+class WindowRow:
     """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
 
     sample: Sample
@@ -120,7 +120,7 @@ def _said(told: Told, keep: str) -> tuple[Info, Any]:
     return keep_of(told.kept, keep), told.again
 
 
-def step_of(algorithm: Kalman | UnknownGain, row: Row) -> stretch.Stretch:
+def step_of(algorithm: Kalman | UnknownGain, row: WindowRow) -> stretch.Stretch:
     """This sample, and the way to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
     (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
@@ -184,7 +184,7 @@ class Backwards:
 class _Ends(Backwards):
     """Backwards: the belief at the start of the next block, of the window that begins at each row."""
 
-    def correct(self, state: tuple, sample: Row) -> tuple[tuple, Told]:
+    def correct(self, state: tuple, sample: WindowRow) -> tuple[tuple, Told]:
         """Put a row before those gathered; a window that is a block has nothing before it."""
         fresh, gathered = state
         gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
@@ -210,7 +210,7 @@ class _Beginnings:
         """Nothing is gathered."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 
-    def correct(self, state: stretch.Stretch, sample: Row) -> tuple[stretch.Stretch, Told]:
+    def correct(self, state: stretch.Stretch, sample: WindowRow) -> tuple[stretch.Stretch, Told]:
         """Go through what the block has told so far, and learn from the last sample as the filter does."""
         gathered = or_empty(sample.place == 0, state)
         info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)

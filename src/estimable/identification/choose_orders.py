@@ -8,12 +8,14 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..frozen import saved
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
 
 CRITERIA = ("aic", "aicc", "bic")
 
 
+@saved
 class Candidate(NamedTuple):
     """One choice of orders: its criteria (smaller is better) and the residuals' variance over the best one's, per output."""
 
@@ -26,6 +28,7 @@ class Candidate(NamedTuple):
     fit: Fit
 
 
+@saved
 class Orders(NamedTuple):
     """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
 

@@ -9,6 +9,7 @@ from .. import checks
 from ..data.record import Record
 from ..data.trends import Trend
 from ..errors import EstimableError
+from ..frozen import saved
 from ..identifiers.standing import standing, state_space_of
 from ..models.state_space import StateSpace
 from ..protocols import FilterIdentifier, Method
@@ -23,6 +24,7 @@ LEAD = 1.0  # points of one-step fit, below which the best simulation is the bes
 REFUSED = "no linear model explains this record"
 
 
+@saved
 class Ranked(NamedTuple):
     """One method: its `fit` to the first part, and how its `model` (in absolute units) stands to the part held out.
 
@@ -74,6 +76,7 @@ class Ranked(NamedTuple):
         return not self.failure and bool(self.behind < NOISE)
 
 
+@saved
 class Divided(NamedTuple):
     """The `records`; without their `trend`: whole, and the first part of each."""
 
@@ -83,6 +86,7 @@ class Divided(NamedTuple):
     trend: Trend
 
 
+@saved
 class Comparison(NamedTuple):
     """What `compare` returns: the methods, the best first, those that failed last; the `best`, None where none is worth it.
 

@@ -9,6 +9,7 @@ from ..controllers.gain_reconfiguration import GainReconfiguration
 from ..filters.change_detection import ChangeDetection
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
+from ..frozen import saved
 from ..models.controlled import ControlledPlant
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
@@ -22,6 +23,7 @@ JUMP = 0.25  # variance of the jump that is looked for: half of the gain is one 
 EXACT = 1e-9  # sigmas [deg], [deg/s] of a flight without noise
 
 
+@saved
 class Failed(NamedTuple):
     """Many flights in which the elevator fails: under the law as it is, and reconfigured.
 

@@ -1,10 +1,10 @@
 """What simulations and identifiers return."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..frozen import frozen, static
+from ..frozen import frozen, saved, static
 from .steps import Outcome
 
 FREE = 1e-6  # component along a direction that the records do not tell of, from which a parameter is not known
@@ -20,13 +20,14 @@ class Simulation:
     """
 
     record: Any
-    state: Any
-    applied: Any = None
-    measured: Any = None
-    input_delay: Any = None
-    output_delay: Any = None
+    state: Annotated[Any, "T n"]
+    applied: Annotated[Any, "T m"] = None
+    measured: Annotated[Any, "T p"] = None
+    input_delay: Annotated[Any, "T m"] = None
+    output_delay: Annotated[Any, "T p"] = None
 
 
+@saved
 class Check(NamedTuple):
     """One assumption looked at: whether it holds, the number that shows it, its limit, and what to do, in words."""
 
@@ -37,6 +38,7 @@ class Check(NamedTuple):
     sentence: str
 
 
+@saved
 class Excitation(NamedTuple):
     """How much a record tells of each direction of the parameters.
 
@@ -45,10 +47,10 @@ class Excitation(NamedTuple):
     told of; `check`: the verdict.
     """
 
-    information: Any
-    samples: Any
-    eigenvalues: Any
-    directions: Any
+    information: Annotated[Any, "d d", "symmetric"]
+    samples: Annotated[Any, "K"]
+    eigenvalues: Annotated[Any, "K"]
+    directions: Annotated[Any, "d r"]
     check: Check
 
     def plot(self):
@@ -58,6 +60,7 @@ class Excitation(NamedTuple):
         return plot_excitation(self)
 
 
+@saved
 class Validation(NamedTuple):
     """How a fitted model stands to the records it was fitted to.
 
@@ -92,13 +95,13 @@ class Fit:
     """
 
     model: Any
-    parameters: Any
-    covariance: Any
-    names: tuple[str, ...] = static()
+    parameters: Annotated[Any, "d"]
+    covariance: Annotated[Any, "d d", "symmetric"]
+    names: Annotated[tuple[str, ...], "d"] = static()
     validation: Any = None
     path: Any = None
     log_likelihood: Any = None
-    undetermined: Any = None
+    undetermined: Annotated[Any, "d r"] = None
     outcome: Outcome = static(default=Outcome(0, None, None, ""))
     method: str = static(default="")
     engine: str = static(default="")

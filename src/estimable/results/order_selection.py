@@ -1,12 +1,15 @@
 """What the choice of an order rests on."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+
+from ..frozen import saved
 
 CRITERIA = ("bic", "aicc", "aic", "cross_validation")
 
 
+@saved
 class OrderSelection(NamedTuple):
     """What `select_order` returns: of each of `orders` (K,) the criteria (K,), in units of twice a log-likelihood.
 
@@ -15,13 +18,13 @@ class OrderSelection(NamedTuple):
     largest step; `order`: the recommendation, by `criterion`.
     """
 
-    orders: np.ndarray
-    delays: np.ndarray
-    aic: np.ndarray
-    aicc: np.ndarray
-    bic: np.ndarray
-    cross_validation: np.ndarray
-    singular_values: np.ndarray | None
+    orders: Annotated[np.ndarray, "K"]
+    delays: Annotated[np.ndarray, "K"]
+    aic: Annotated[np.ndarray, "K"]
+    aicc: Annotated[np.ndarray, "K"]
+    bic: Annotated[np.ndarray, "K"]
+    cross_validation: Annotated[np.ndarray, "K"]
+    singular_values: Annotated[np.ndarray | None, "s"]
     gap: int | None
     order: int
     criterion: str

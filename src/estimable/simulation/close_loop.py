@@ -1,7 +1,7 @@
 """Fly a plant under a controller that acts on what an estimator says."""
 
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import numpy as np
@@ -41,16 +41,16 @@ class ClosedLoop(Kept):
     `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
     """
 
-    t: Any
-    reference: Any
-    output: Any
-    state: Any
-    command: Any
-    applied: Any
-    input: Any
-    arrived: Any
-    info: Info
-    control: Any
+    t: Annotated[Any, "T"]
+    reference: Annotated[Any, "T r"]
+    output: Annotated[Any, "T p"]
+    state: Annotated[Any, "T n"]
+    command: Annotated[Any, "T m"]
+    applied: Annotated[Any, "T m"]
+    input: Annotated[Any, "T m"]
+    arrived: Annotated[Any, "T m"]
+    info: Annotated[Info, "T"]
+    control: Annotated[Any, "T"]
     outcome: Outcome = static()
     engine: str = static()
     names: Names = static()

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -31,8 +31,8 @@ class MonteCarlo:
     `failed` (runs,): which runs failed (with `on_failure="keep"`).
     """
 
-    values: Any
-    failed: Any
+    values: Annotated[Any, "runs"]
+    failed: Annotated[Any, "runs"]
     seed: int = static()
     engine: str = static()
 

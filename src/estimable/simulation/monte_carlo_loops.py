@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..engines import choice
 from ..errors import RunError
+from ..frozen import saved
 from ..results import Outcome
 from .close_loop import ClosedLoop, ClosedLoopBank, close_loop_bank
 from .monte_carlo import MonteCarlo, bar, gathered
@@ -19,6 +20,7 @@ from .parts import Folder, fingerprint, worked_out
 CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else
 
 
+@saved
 @dataclass(frozen=True)
 class LoopCase:
     """All that `close_loop` takes but the seed: one case of a `monte_carlo_loops`. Arguments as in `close_loop`.

@@ -132,7 +132,7 @@ class _BlockBeginnings(Wrapper[_Begun]):
 
     def predict(self, state: _Begun, interval: Interval) -> _Begun:
         """Gather the sample and the way to the next."""
-        row = window_scan.Row(Sample(state.y, state.seen, state.u), interval, None)
+        row = window_scan.WindowRow(Sample(state.y, state.seen, state.u), interval, None)
         return replace(state, gathered=stretch.joined(state.gathered, step_of(self.algorithm, row)))
 
 
@@ -147,5 +147,5 @@ class _BlockEnds(window_scan.Backwards):
     def predict(self, state: tuple, interval: Interval) -> tuple:
         """Put the row before those gathered."""
         fresh, gathered, sample = state
-        row = window_scan.Row(sample, interval, None)
+        row = window_scan.WindowRow(sample, interval, None)
         return fresh, stretch.joined(step_of(self.algorithm, row), gathered)
