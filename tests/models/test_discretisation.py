@@ -191,7 +191,8 @@ def test_the_units_of_the_states_change_no_digit(units):
     )
     reference, found = model.discretise(3.0), turned.discretise(3.0)
     np.testing.assert_allclose(found.A * T / T[:, None], reference.A, rtol=1e-12)
-    np.testing.assert_allclose(found.Q / (T[:, None] * T), reference.Q, rtol=1e-12)
+    sd = np.sqrt(np.diag(reference.Q))
+    np.testing.assert_allclose(found.Q / np.outer(sd * T, sd * T), reference.Q / np.outer(sd, sd), atol=1e-13)
 
 
 def test_a_large_entry_that_couples_nothing_back_costs_no_digit():
