@@ -171,7 +171,7 @@ class _Backward:
 
 
 def _gather(later: Evidence, instant: Instant, sample: Sample) -> Evidence:
-    return earlier(later, instant.moved, instant.measured, sample.y, sample.seen)
+    return earlier(later, instant, sample.y, sample.seen)
 
 
 def _tell(algorithm: Smoothable[Any], predicted: Belief, said: Evidence) -> Info:

@@ -123,9 +123,7 @@ def _said(told: Told, keep: str) -> tuple[Info, Any]:
 def step_of(algorithm: Kalman | UnknownGain, row: WindowRow) -> stretch.Stretch:
     """This sample, and the way to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
-    (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
-    i = np.arange(C.shape[0])
-    return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
+    return stretch.of_sample(instant.transition, instant.measurement, sample.y, sample.seen)
 
 
 def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
@@ -135,8 +133,7 @@ def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
 
 def through(belief: Belief, gathered: stretch.Stretch) -> Belief:
     """The belief after a stretch."""
-    b = belief
-    return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
+    return Belief(*stretch.through(belief.gaussian, gathered))
 
 
 def either(first: Array, a: Tree, b: Tree) -> Any:
