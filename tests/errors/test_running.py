@@ -8,7 +8,6 @@ import pytest
 from estimable import (
     EstimableError,
     Kalman,
-    ModelFile,
     Prior,
     Record,
     RunError,
@@ -24,6 +23,7 @@ from estimable import (
     simulate_bank,
     stack,
 )
+from estimable.results import ModelFile
 
 MODEL = StateSpace([[0.5]], [[1.0]], Q=[[0.1]], R=[[1.0]], dt=1, inputs=["u"], outputs=["y"])
 CONTINUOUS = StateSpace([[-0.5]], [[1.0]], Q=[[0.1]], R=[[1.0]], dt=0, inputs=["u"], outputs=["y"])

@@ -169,7 +169,7 @@ EDITED = {
         ["thing: `info.covariance` must be (T = 3, ..): `t` is (3,). Got (2, 1, 1)."],
     ),
     "another size": (
-        es.KalmanGain(*es.kalman_gain(MODEL).__dict__.values()),
+        es.results.KalmanGain(*es.kalman_gain(MODEL).__dict__.values()),
         put("thing.predicted_covariance", np.eye(2)),
         ["thing: `predicted_covariance` must be (n = 1, n = 1): `filter` is (1, 1). Got (2, 2)."],
     ),
@@ -192,7 +192,7 @@ EDITED = {
         ["thing: `inputs` must be (2, m). Got (3, 1)."],
     ),
     "names of another number": (
-        es.Fit(MODEL, np.ones(1), np.eye(1), ("a",)),
+        es.results.Fit(MODEL, np.ones(1), np.eye(1), ("a",)),
         field("names", value={"tuple": ["a", "b"]}),
         ["thing: `names` must be (d = 1): `parameters` is (1,). Got (2,)."],
     ),

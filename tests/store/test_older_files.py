@@ -21,7 +21,9 @@ THINGS = {
     "record": RECORD,
     "algorithm": es.Gated(GAIN, 0.999),
     "links": (es.BernoulliLink([0.5]), es.DelayLink([0.5, 0.2], late="use")),
-    "fit": es.Fit(es.ARX([0.5], [1.0], noise_variance=0.1, dt=1), np.array([0.5, 1.0]), np.eye(2), ("a1", "b0")),
+    "fit": es.results.Fit(
+        es.ARX([0.5], [1.0], noise_variance=0.1, dt=1), np.array([0.5, 1.0]), np.eye(2), ("a1", "b0")
+    ),
     "numbers": [1, 2.5, np.inf, True, None, "α", np.float32(0.5)],
 }
 

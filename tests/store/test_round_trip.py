@@ -22,9 +22,6 @@ from estimable import (
     GilbertElliottLink,
     Kalman,
     MovingWindow,
-    NoiseFit,
-    Online,
-    Outcome,
     OutputError,
     OutputErrorML,
     PerfectLink,
@@ -51,6 +48,7 @@ from estimable import (
     stack,
 )
 from estimable.frozen import RECORDS, field_names, saved
+from estimable.results import NoiseFit, Online, Outcome
 
 MODEL = StateSpace(
     [[0.9, 0.1], [0.0, 0.8]],
@@ -246,9 +244,9 @@ THINGS = {
     "LoopCase": lambda: es.LoopCase(DRIVEN, LAW, Kalman(DRIVEN), reference=np.ones(5), prior=LOOP["prior"]),
     "ModelFile": lambda: es.read_model(es.packaged.path("f16-model.toml")),
     "Delivery": lambda: DelayLink([0.5, 0.3]).send(DelayLink([0.5, 0.3]).init(), np.array([1.0]), np.array([0.6]))[1],
-    "Sample": lambda: es.Sample(np.ones(2), np.array([True, False]), np.zeros(1)),
-    "Interval": lambda: es.Interval(np.zeros(1), np.zeros(1), None, 0.1),
-    "Check": lambda: es.Check("whiteness", np.bool_(True), np.float64(0.5), 1.0, "The residuals are white."),
+    "Sample": lambda: es.results.Sample(np.ones(2), np.array([True, False]), np.zeros(1)),
+    "Interval": lambda: es.results.Interval(np.zeros(1), np.zeros(1), None, 0.1),
+    "Check": lambda: es.results.Check("whiteness", np.bool_(True), np.float64(0.5), 1.0, "The residuals are white."),
     "SecondOrder": lambda: es.Phasor.second_order(0.0, -1.0, 0.5),
     "InnovationChecks": lambda: es.diagnostics.check_innovations(FILTERED_LONG, LONG),
     "Consistency": lambda: es.diagnostics.nis(FILTERED.innovation, FILTERED.innovation_covariance),
@@ -423,7 +421,7 @@ def test_what_a_run_says_is_saved_as_an_info(same, tmp_path, engine):
     info = online(GAIN, prior=PRIOR, engine=engine).correct(RECORD.y[0])
     save(tmp_path / "thing.npz", info)
     back = load(tmp_path / "thing.npz")
-    assert type(back) is es.Info
+    assert type(back) is es.results.Info
     same(back.covariance, np.asarray(info.covariance))
 
 

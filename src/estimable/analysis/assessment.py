@@ -1,39 +1,17 @@
 """From moments to a verdict: what estimability and regulability have in common."""
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from ..frozen import frozen, static
+from ..kernels.echelon import echelon, leading_sign
 from ..kernels.reach import DOUBTFUL, ZERO, Reach
-from .directions import echelon, leading_sign
 from .moments import Moments
 from .tolerance import judged, scale
 
 
-@frozen
-class Assessment:
-    """The numbers of a verdict; `Estimability` and `Regulability` say what they mean."""
-
-    verdict: str = static()
-    filter_verdict: str = static()
-    distance: float
-    filter_distance: float
-    tolerance: tuple[float, float] = static()
-    singular_values: Annotated[Any, "n"]
-    directions: Annotated[Any, "a n"]
-    filter_directions: Annotated[Any, "b n"]
-    known_directions: Annotated[Any, "c n"]
-    squared_correlations: Annotated[Any, "r"]
-    correlation_directions: Annotated[Any, "r n"]
-    variance_reduction: Annotated[Any, "n"]
-    filter_variance_reduction: Annotated[Any, "n"]
-    prior_covariance: Annotated[Any, "n n", "symmetric"]
-    covariance: Annotated[Any, "n n", "symmetric"]
-
-
 def assess(moments: Moments) -> dict[str, Any]:
-    """The fields of an `Assessment`."""
+    """The fields that `Estimability` and `Regulability` have in common."""
     Π, Σ = moments.Π, moments.Σ
     D = scale(np.diagonal(Π))
     λ, V = np.linalg.eigh(Π / (D[:, None] * D))

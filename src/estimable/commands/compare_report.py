@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from ..data.record import Record
 from ..errors import EstimableError
-from ..identification.compare import Comparison, Ranked
+from ..results import Comparison, Ranked
 from ..results.order_selection import OrderSelection
 from .identify_files import Asked, Written, write_model_file, write_page
 from .identify_report import read

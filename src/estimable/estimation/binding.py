@@ -11,8 +11,7 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
-from ..results import Info, Interval, Names, Sample
-from .stack import Stacked
+from ..results import Info, Interval, Names, Sample, Stacked
 
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
 

@@ -11,11 +11,11 @@ from ..data.record import UNIFORM, Record
 from ..errors import RunError
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import EstimateBank, Outcome
+from ..results import EstimateBank, Outcome, Stacked
 from . import windows
 from .binding import Bound, bind, select
 from .estimate import check_options
-from .stack import Stacked, stack
+from .stack import stack
 
 
 def estimate_bank(

@@ -7,10 +7,11 @@ import numpy as np
 
 from .. import checks
 from ..analysis.unknown_input_existence import METHODS as CASES
-from ..analysis.unknown_input_existence import UnknownInputExistence, existence
+from ..analysis.unknown_input_existence import existence
 from ..frozen import replace, saved
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..results import UnknownInputExistence
 
 METHODS = ("auto", *CASES, "exact", "fang")
 

@@ -14,7 +14,8 @@ from ..models.controlled import ControlledPlant
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Controller, Link
-from ..simulation.close_loop import ClosedLoop, ClosedLoopBank, close_loop
+from ..results import ClosedLoop, ClosedLoopBank
+from ..simulation.close_loop import close_loop
 from ..simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
 

@@ -16,7 +16,8 @@ from ..filters.unknown_gain import UnknownGain
 from ..frozen import saved
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..simulation.close_loop import ClosedLoop, close_loop
+from ..results import ClosedLoop
+from ..simulation.close_loop import close_loop
 from . import f16
 from .f16_failure import FAILURE, JUMP, SETTLED
 from .jsbsim_f16 import JsbsimF16

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..figures.bands import Band, bands, cropped
-from ..results import Kept
+from ..results.estimates import Kept
 from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"

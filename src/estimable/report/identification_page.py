@@ -9,12 +9,11 @@ import numpy as np
 from .. import checks, diagnostics
 from ..analysis.excitation import excitation
 from ..data.record import Record
-from ..identification.compare import Comparison, Ranked
 from ..identifiers.residuals import residual_checks
 from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
-from ..results import Fit
+from ..results import Comparison, Fit, Ranked
 from ..results.order_selection import OrderSelection
 from .assumptions import model_items, record_items
 from .charts import thinned

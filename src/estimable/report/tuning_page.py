@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..design.loop_criteria import BEST
-from ..design.rho_synthesis import RhoSynthesis
 from ..figures.tuning_plots import CHOSEN, INK, KINDS, MOST, WORDS, series, speed
+from ..results.designs import BEST, RhoSynthesis
 from .assumptions import matrix_text, model_items
 from .charts import packed
 from .contents import Chart, Fact, Key, Report, Section, Verdict

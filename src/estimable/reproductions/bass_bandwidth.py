@@ -4,9 +4,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..design.rho_synthesis import RhoSynthesis, rho_synthesis
+from ..design.rho_synthesis import rho_synthesis
 from ..kernels.courses import bandwidth
 from ..models.state_space import StateSpace
+from ..results import RhoSynthesis
 from .entries import Reproduced, Row
 
 # K. S. Narendra, S. S. Tripathi, J. Aircraft 10 (1973) 193: a helicopter at 135 knots; velocities [knots], pitch rate and pitch.

@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..frozen import saved
+from .fits import Fit
 
 CRITERIA = ("bic", "aicc", "aic", "cross_validation")
 
@@ -51,3 +52,41 @@ class OrderSelection(NamedTuple):
         from ..figures.identification_plots import plot_orders
 
         return plot_orders(self)
+
+
+@saved
+class OrderCandidate(NamedTuple):
+    """One choice of orders: its criteria (smaller is better) and its fit."""
+
+    na: int
+    nb: int
+    delay: int
+    aic: float
+    aicc: float
+    bic: float
+    fit: Fit
+
+
+@saved
+class OrderRanking(NamedTuple):
+    """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
+
+    candidates: tuple[OrderCandidate, ...]
+    criterion: str
+
+    @property
+    def best(self) -> OrderCandidate:
+        """The candidate with the smallest criterion."""
+        return self.candidates[0]
+
+    @property
+    def sentence(self) -> str:
+        """What was chosen, and by how much, in words."""
+        first = self.best
+        said = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
+        if len(self.candidates) == 1:
+            return f"{said}: the only candidate."
+        second = self.candidates[1]
+        lead = getattr(second, self.criterion) - getattr(first, self.criterion)
+        doubt = ": a small lead, so look at both" if lead < 2 else ""
+        return f"{said}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."

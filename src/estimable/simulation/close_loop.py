@@ -1,7 +1,7 @@
 """Fly a plant under a controller that acts on what an estimator says."""
 
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -13,7 +13,7 @@ from ..engines import choice
 from ..errors import RunError
 from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
 from ..filters.wrapped import check_algorithm
-from ..frozen import frozen, replace, static
+from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.output_error import OutputError
 from ..models.prior import Prior
@@ -21,66 +21,13 @@ from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
-from ..results import Info, Interval, Kept, Names, Outcome
+from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
 from . import python_loop, window_loop
 from .loop import Loop, Row
 from .transmit import Links, check_links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
 NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
-
-
-@frozen
-class ClosedLoop(Kept):
-    """What `close_loop` returns; row k of every array is of time t[k].
-
-    `reference` (T, r); `output` (T, p) as it came to the estimator, NaN where it was lost; `state` (T, n) of the plant, true;
-    `command` (T, m) of the controller; `applied` (T, m): what came to the actuators, within their limits; `input` (T, m): what
-    they did; `arrived` (T, m): whether the command came. `info`: what the estimator said (`mean`, `covariance`, `gain`,
-    `gain_covariance`, ..), `extra` what it alone says (`alarm`, ..), `control` what the controller said (`effect`, ..).
-    `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
-    """
-
-    t: Annotated[Any, "T"]
-    reference: Annotated[Any, "T r"]
-    output: Annotated[Any, "T p"]
-    state: Annotated[Any, "T n"]
-    command: Annotated[Any, "T m"]
-    applied: Annotated[Any, "T m"]
-    input: Annotated[Any, "T m"]
-    arrived: Annotated[Any, "T m"]
-    info: Annotated[Info, "T"]
-    control: Annotated[Any, "T"]
-    outcome: Outcome = static()
-    engine: str = static()
-    names: Names = static()
-
-    def __repr__(self) -> str:
-        ended = self.outcome.sentence or f"engine {self.engine}"
-        return f"ClosedLoop({len(self.t)} samples, {ended})"
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@frozen
-class ClosedLoopBank:
-    """What `close_loop_bank` returns: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
-
-    runs: ClosedLoop
-    outcomes: tuple[Outcome, ...] = static()
-
-    def __repr__(self) -> str:
-        failed = sum(outcome.code != 0 for outcome in self.outcomes)
-        return f"ClosedLoopBank({len(self)} runs, {failed} failed, engine {self.runs.engine})"
-
-    def __len__(self) -> int:
-        return len(self.outcomes)
-
-    def __getitem__(self, i: int) -> ClosedLoop:
-        shared = {"t": self.runs.t, "reference": self.runs.reference}
-        one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, t=None, reference=None))
-        return replace(one, outcome=self.outcomes[i], **shared)
 
 
 def close_loop(

@@ -12,9 +12,9 @@ from .. import checks
 from ..engines import choice
 from ..errors import RunError
 from ..frozen import saved
-from ..results import Outcome
-from .close_loop import ClosedLoop, ClosedLoopBank, close_loop_bank
-from .monte_carlo import MonteCarlo, bar, gathered
+from ..results import ClosedLoop, ClosedLoopBank, MonteCarlo, Outcome
+from .close_loop import close_loop_bank
+from .monte_carlo import bar, gathered
 from .parts import Folder, fingerprint, worked_out
 
 CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else

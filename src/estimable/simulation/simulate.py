@@ -12,7 +12,6 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..data.record import Record
 from ..estimation.binding import check_hold, check_prior
-from ..estimation.stack import Stacked
 from ..frozen import replace
 from ..kernels.small import apply, factor
 from ..models.nonlinear_model import NonlinearModel
@@ -20,7 +19,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Link
-from ..results import Interval, Simulation
+from ..results import Interval, Simulation, Stacked
 from . import motion
 from .transmit import Links, Sent, check_links, send_inputs, send_outputs
 

@@ -11,7 +11,8 @@ from ...filters.kalman_filter import Kalman
 from ...filters.smoothed import Smoothed
 from ...models.prior import Prior
 from ...plants import f16
-from ...simulation.close_loop import ClosedLoopBank, close_loop, close_loop_bank
+from ...results import ClosedLoopBank
+from ...simulation.close_loop import close_loop, close_loop_bank
 from ..entries import Reproduced, drawn
 from .flights import FAILURE, HELD, SEED, STATE
 from .window import NOISES, WEIGHT, window

@@ -8,7 +8,8 @@ import numpy as np
 from ...filters.kalman_filter import Kalman
 from ...models.prior import Prior
 from ...plants import f16
-from ...simulation.close_loop import ClosedLoop, close_loop
+from ...results import ClosedLoop
+from ...simulation.close_loop import close_loop
 from ..entries import Reproduced, Row
 from .flights import CONTINUOUS, FAILURE
 
