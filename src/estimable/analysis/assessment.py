@@ -6,11 +6,11 @@ import numpy as np
 
 from ..kernels.echelon import echelon, leading_sign
 from ..kernels.reach import DOUBTFUL, ZERO, Reach
-from .moments import Moments
+from .moments import StateMoments
 from .tolerance import judged, scale
 
 
-def assess(moments: Moments) -> dict[str, Any]:
+def assess(moments: StateMoments) -> dict[str, Any]:
     """The fields that `Estimability` and `Regulability` have in common."""
     Π, Σ = moments.Π, moments.Σ
     D = scale(np.diagonal(Π))

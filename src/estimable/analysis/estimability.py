@@ -10,7 +10,7 @@ from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import Estimability
 from .assessment import assess
-from .moments import Moments, Problem, over_steps, stationary
+from .moments import Problem, StateMoments, over_steps, stationary
 from .tolerance import check_size
 
 
@@ -58,7 +58,7 @@ def problem_of(model: StateSpace) -> Problem:
     return Problem(model.A, Q, model.C, model.R, J)
 
 
-def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None, continuous: bool) -> Moments:
+def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None, continuous: bool) -> StateMoments:
     """In steady state (`horizon` None), or over a horizon from the covariance `start`."""
     if horizon is None:
         longest = "horizon=10.0 (seconds)" if continuous else f"horizon={2 * len(problem.F)}"

@@ -43,7 +43,7 @@ class Asked(NamedTuple):
         return " ".join([*words, *options])
 
 
-class Written(NamedTuple):
+class WrittenFiles(NamedTuple):
     """What was written; None where there was nothing to write."""
 
     model: Path | None

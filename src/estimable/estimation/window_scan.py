@@ -98,7 +98,7 @@ class WindowRow:
 
 
 @frozen
-class Told:
+class PassInfo:
     """What a pass tells of a row, for an engine."""
 
     kept: Any
@@ -107,7 +107,7 @@ class Told:
     log_likelihood: Any = None
 
 
-def _belief(told: Told, keep: str) -> Belief:
+def _belief(told: PassInfo, keep: str) -> Belief:
     return short(told.kept)
 
 
@@ -116,7 +116,7 @@ def short(belief: Belief) -> Belief:
     return replace(belief, size=None, log_scale=None)
 
 
-def _said(told: Told, keep: str) -> tuple[Info, Any]:
+def _said(told: PassInfo, keep: str) -> tuple[Info, Any]:
     return keep_of(told.kept, keep), told.again
 
 
@@ -181,12 +181,12 @@ class Backwards:
 class _Ends(Backwards):
     """Backwards: the belief at the start of the next block, of the window that begins at each row."""
 
-    def correct(self, state: tuple, sample: WindowRow) -> tuple[tuple, Told]:
+    def correct(self, state: tuple, sample: WindowRow) -> tuple[tuple, PassInfo]:
         """Put a row before those gathered; a window that is a block has nothing before it."""
         fresh, gathered = state
         gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
         begin = either(sample.place == 0, fresh, through(fresh, gathered))
-        return (fresh, gathered), Told(begin, False, 0)
+        return (fresh, gathered), PassInfo(begin, False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
         """Nothing moves."""
@@ -207,11 +207,11 @@ class _Beginnings:
         """Nothing is gathered."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 
-    def correct(self, state: stretch.Stretch, sample: WindowRow) -> tuple[stretch.Stretch, Told]:
+    def correct(self, state: stretch.Stretch, sample: WindowRow) -> tuple[stretch.Stretch, PassInfo]:
         """Go through what the block has told so far, and learn from the last sample as the filter does."""
         gathered = or_empty(sample.place == 0, state)
         info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)
-        return stretch.joined(gathered, step_of(self.algorithm, sample)), Told(info, again, 0)
+        return stretch.joined(gathered, step_of(self.algorithm, sample)), PassInfo(info, again, 0)
 
     def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
         """The stretch has moved already."""

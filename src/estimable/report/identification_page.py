@@ -17,7 +17,7 @@ from ..results import Comparison, Fit, Ranked
 from ..results.order_selection import OrderSelection
 from .assumptions import model_items, record_items
 from .charts import thinned
-from .contents import Fact, Report, Section, Verdict
+from .contents import Fact, Finding, Report, Section
 from .estimate_page import versions
 from .identification_charts import excitation_chart, model_charts, order_charts, residual_charts, simulation_charts
 
@@ -86,9 +86,9 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
     )
     e, u = stand.standardised[first:], whole.u[first:]
     judged = [
-        Verdict(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
+        Finding(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
     ]
-    own = [Verdict(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
+    own = [Finding(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
     return (simulated, residual_charts(e, u, record.outputs, record.inputs)), [*judged, *own]
 
 

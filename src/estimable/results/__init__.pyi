@@ -20,9 +20,6 @@ from .fits import Check as Check
 from .fits import Fit as Fit
 from .fits import NoiseFit as NoiseFit
 from .fits import Validation as Validation
-from .gains import FeedbackGain as FeedbackGain
-from .gains import KalmanGain as KalmanGain
-from .gains import TrackerChoices as TrackerChoices
 from .information import Excitation as Excitation
 from .information import GainInformation as GainInformation
 from .margins import ArrivalCovariance as ArrivalCovariance
@@ -38,6 +35,9 @@ from .simulations import ClosedLoopBank as ClosedLoopBank
 from .simulations import MonteCarlo as MonteCarlo
 from .simulations import Simulation as Simulation
 from .stacked import Stacked as Stacked
+from .stationary_gains import FeedbackGain as FeedbackGain
+from .stationary_gains import KalmanGain as KalmanGain
+from .stationary_gains import TrackerChoices as TrackerChoices
 from .steps import OUTCOMES as OUTCOMES
 from .steps import Info as Info
 from .steps import Interval as Interval

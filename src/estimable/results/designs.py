@@ -10,8 +10,8 @@ from ..frozen import frozen, saved, static
 from ..models.discretisation import over
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from .gains import KalmanGain
 from .margins import RhoMargin
+from .stationary_gains import KalmanGain
 
 BEST = {
     "response_time": "smallest",

@@ -23,7 +23,7 @@ from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIden
 from ..protocols import Plant as Simulator
 from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
 from . import python_loop, window_loop
-from .loop import Loop, Row
+from .loop import ControlLoop, LoopInputs
 from .transmit import Links, check_links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
@@ -104,7 +104,7 @@ def close_loop_bank(
     reference, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
-    loop = Loop(
+    loop = ControlLoop(
         flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
         np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
     )  # fmt: skip
@@ -169,14 +169,14 @@ def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
     return jax.vmap(one)(which)
 
 
-def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> Row:
+def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> LoopInputs:
     """The rows of the runs of these numbers."""
     T, runs = len(reference), len(which)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
     sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
     noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
     phase = np.eye(len(loop.plant.A))[phases]
-    return Row(
+    return LoopInputs(
         noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
         np.broadcast_to(phase, (runs, *phase.shape)), np.ones((runs, T), bool),
     )  # fmt: skip
