@@ -32,6 +32,7 @@ _HOMES = {
     "FixedGain": "filters.fixed_gain",
     "GainAlgorithm": "protocols",
     "GainReconfiguration": "controllers.gain_reconfiguration",
+    "GainSection": "models.files",
     "Gated": "filters.gated",
     "GilbertElliottLink": "networks.links",
     "HoKalman": "identifiers.ho_kalman",

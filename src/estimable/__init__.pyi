@@ -86,6 +86,7 @@ from .models.arx import ARX as ARX
 from .models.controlled import Change as Change
 from .models.controlled import ControlledPlant as ControlledPlant
 from .models.controlled import Failure as Failure
+from .models.files import GainSection as GainSection
 from .models.files import read_model as read_model
 from .models.files import write_model as write_model
 from .models.nonlinear_model import NonlinearModel as NonlinearModel

@@ -138,7 +138,7 @@ def drain(x, u, θ):
 model = es.NonlinearModel(drain, lambda x, u, θ: x, Q=[[1e-6]], R=[[1e-4]], dt=1, inputs=["pump"], outputs=["level"],
                           parameters={"outflow": 0.2, "inflow": 0.5})
 prior = es.Prior([1.5], [[0.1]])
-gain = es.results.GainSection(es.Prior([0.25, 0.6], np.diag([0.01, 0.04])))
+gain = es.GainSection(es.Prior([0.25, 0.6], np.diag([0.01, 0.04])))
 """
 
 

@@ -239,7 +239,7 @@ def test_a_discrete_model_gives_a_record_without_time_its_step(run, tmp_path):
 def test_a_change_that_was_found_does_not_count_against_the_model(run, tmp_path):
     """A gain that drops once, under a gain that is constant: the innovations are judged from one change to the next."""
     plant = es.StateSpace([[0.9]], [[1.0]], Q=[[0.01]], R=[[0.04]], dt=0.1, states=["x"], inputs=["u"], outputs=["y"])
-    gain = es.results.GainSection(es.Prior([1.0], [[0.25]]))
+    gain = es.GainSection(es.Prior([1.0], [[0.25]]))
     es.write_model(tmp_path / "m.toml", plant, es.Prior([0.0], [[1.0]]), gain=gain, record={"time": "t"})
     rng, x, rows = np.random.default_rng(0), 0.0, []
     u = np.sign(np.sin(0.2 * np.arange(600)))

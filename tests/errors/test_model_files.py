@@ -6,8 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from estimable import Kalman, Prior, StateSpace, read_model, write_model
-from estimable.results import GainSection
+from estimable import GainSection, Kalman, Prior, StateSpace, read_model, write_model
 
 MODEL_SECTION = (
     'dt = 1.0\nstates = ["x"]\ninputs = ["u"]\noutputs = ["y"]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nR = [[1.0]]'

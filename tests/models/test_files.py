@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimable import Prior, StateSpace, packaged, read_model, write_model
+from estimable import GainSection, Prior, StateSpace, packaged, read_model, write_model
 from estimable.models.operating_point import OperatingPoint
-from estimable.results import GainSection, ModelFile
+from estimable.results import ModelFile
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 
@@ -173,8 +173,7 @@ def test_fangs_example_is_read_as_it_stands():
 
 PYTHON = """
 import numpy as np
-from estimable import Prior, StateSpace
-from estimable.results import GainSection
+from estimable import GainSection, Prior, StateSpace
 model = StateSpace(np.eye(2), [[1.0], [0.0]], R=np.eye(2), dt=0.5, inputs=["u"], operating_point={"states": [1.0, 2.0]})
 prior = Prior([0.0, 0.0], np.eye(2))
 """

@@ -232,7 +232,7 @@ THINGS = {
     "Trend": lambda: es.Trend.of(RECORD, 1),
     "Excitation": lambda: es.excitation(PLANT, MEASURED),
     "OrderSelection": lambda: es.select_order(MEASURED),
-    "Orders": lambda: es.choose_orders(MEASURED, na=(1,), nb=(0, 1)),
+    "OrderRanking": lambda: es.choose_orders(MEASURED, na=(1,), nb=(0, 1)),
     "Comparison": lambda: es.compare([es.LeastSquares(1, 0), es.MarkovParameters(200)], MEASURED),
     "Fit of a state space": lambda: es.identify(es.Subspace(1), MEASURED),
     "Fit by Ho-Kalman": lambda: es.identify(es.HoKalman(1), MEASURED),
@@ -269,9 +269,9 @@ FUNCTIONS = {  # records that no file can hold, for they hold functions of the u
     "NonlinearModel": lambda: CURVED,
     "AdaptiveIdentification": lambda: es.AdaptiveIdentification(DECAY, Prior([0.0], [[1.0]])),
 }
-WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: nobody gets one to save
-    "Assessment", "Backwards", "ByRow", "Decided", "Drawn", "Functions", "Loop", "LoopState", "Matrices", "Replayed",
-    "Row", "SampledModel", "Steps", "Stretch", "Told", "WindowRow",
+WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
+    "Assessment", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Functions", "LoopInputs", "LoopState",
+    "Matrices", "PassInfo", "Replayed", "SampledModel", "Steps", "Stretch", "WindowRow",
 }  # fmt: skip
 
 
@@ -308,7 +308,7 @@ def records_of(hint):
 
 def public_records():
     """Every record that a user can name, or is given by a public function."""
-    for thing in [getattr(room, name) for room in (es, es.diagnostics, es.plants) for name in room.__all__]:
+    for thing in [getattr(room, name) for room in (es, es.results, es.diagnostics, es.plants) for name in room.__all__]:
         given = thing if isinstance(thing, type) or not callable(thing) else typing.get_type_hints(thing).get("return")
         yield from records_of(given)
 

@@ -22,7 +22,6 @@ _HOMES = {
     "Fit": "results.fits",
     "Forecast": "results.estimates",
     "GainInformation": "results.information",
-    "GainSection": "models.files",
     "Info": "results.steps",
     "Interval": "results.steps",
     "KalmanGain": "results.stationary_gains",

@@ -1,7 +1,6 @@
 """The public names of `estimable.results`, for editors and type checkers; `__init__.py` loads each when it is first asked for."""
 
 from ..estimation.online import Online as Online
-from ..models.files import GainSection as GainSection
 from ..models.files import ModelFile as ModelFile
 from ..networks.delivery import Delivery as Delivery
 from .comparisons import Comparison as Comparison

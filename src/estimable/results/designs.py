@@ -60,7 +60,8 @@ class DisturbanceAccommodation:
         if faults.instance("of_state", of_state, Prior) and of_state.size != n:
             faults.add(f"`of_state` must be a prior of n = {n} states: the plant has so many. Got {of_state.size}.")
         faults.learn("q", q, f"the waveform has {checks.counted(q, 'state')}")
-        given = covariance * np.eye(q) if np.ndim(covariance) == 0 and covariance is not None else covariance
+        given: Any = covariance
+        given = given * np.eye(q) if given is not None and np.ndim(given) == 0 else given
         V = np.zeros((q, q)) if given is None else faults.covariance("covariance", given, "q q")
         faults.finish()
         known = (
