@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.compilation.array_loop import ArrayLoop
+from estimable.engines.llvm.array_loop import ArrayLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
@@ -197,6 +197,11 @@ def test_large_models_give_the_same(keep):
 def test_other_large_models_give_the_same(algorithm, n):
     model, prior, record = large(n, 2, 12)
     assert_same(*both(algorithm(model), record, prior, keep="means"), rtol=1e-9)
+
+
+def test_many_outputs_have_machine_code():
+    model, prior, record = large(9, 40, 5)
+    assert_same(*both(Kalman(model), record, prior, keep="means"), rtol=1e-11)
 
 
 def test_what_repeats_is_left_out_of_large_models_and_taken_up_again():
