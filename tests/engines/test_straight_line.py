@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.compilation.scalar_loop import Array, Loop
+from estimable.engines.llvm.scalar_loop import Array, Loop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
