@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.array_loop import ArrayLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
@@ -28,6 +27,7 @@ from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain
 from estimable.engines import native
 from estimable.engines.batches import DTYPES
 from estimable.engines.large import _large_step
+from estimable.engines.llvm.array_loop import ArrayLoop
 from estimable.engines.llvm.compilation import Compiled
 from estimable.engines.program.arrays import lower
 from estimable.engines.program.straight_line import UnsupportedError

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from estimable.engines.llvm.scalar_loop import Array, Loop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -29,6 +28,7 @@ from estimable import (
 from estimable.engines import choice, native
 from estimable.engines.llvm import compilation as llvm
 from estimable.engines.llvm.compilation import Compiled
+from estimable.engines.llvm.scalar_loop import Array, Loop
 from estimable.engines.lowering import write_shapes
 from estimable.engines.program.straight_line import UnsupportedError, lower
 from estimable.estimation.binding import select

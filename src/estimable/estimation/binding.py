@@ -129,6 +129,11 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
     return match(names, any(default), given, what, faults)
 
 
+def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
+    """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
+    return array if some == list(range(array.shape[-1])) else np.take(array, some, axis=-1)
+
+
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
     """The prior must describe the model's states."""

@@ -17,7 +17,7 @@ class Compiled:
         _processor()  # without LLVM there is nothing to write for
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(loop.assembly(lanes))
-        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * loop.pointers)
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * loop.integers, *[ctypes.c_void_p] * loop.pointers)
         self.address = kind(self._engine.get_function_address("run"))
 
     def __call__(self, rows: int, fixed, carry, last, *arrays) -> None:

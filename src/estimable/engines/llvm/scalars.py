@@ -86,6 +86,21 @@ class Scalars:
         value = self.assign(f"load {held}, ptr {self.place(base, source, kind, lines)}, align {align}", lines)
         lines.append(f"store {held} {value}, ptr {self.place(base, target, kind, lines)}, align {align}")
 
+    def row_of(self, name: str, base: str, kind: str, items: int, row: str, lines: list[str]) -> None:
+        """`name` points to a row of what `base` points to."""
+        offset = self.assign(f"mul i64 {row}, {items * self.lanes}", lines)
+        lines.append(f"{name} = getelementptr inbounds {kind}, ptr {base}, i64 {offset}")
+
+    def begin(self, bases: list[str], last: int, lines: list[str]) -> None:
+        """Nothing: each base points to the memory of all lanes."""
+
+    def end(self, last: int, lines: list[str]) -> None:
+        """Nothing: what is written of the last row only is written of each."""
+
+    def function(self, bases: list[str], body: str) -> str:
+        """The function that runs one group of runs side by side."""
+        return f"define void @run(i64 %T, {', '.join(f'ptr noalias {base}' for base in bases)}) {{\n{body}\n}}\n"
+
     def in_memory(self, name: int, value: str, lines: list[str]) -> str:
         """A scalar as a number."""
         return self.operation("number", [value], ["truth"], lines) if self.is_truth(name) else value
