@@ -78,37 +78,36 @@ class Step:
         """Run all, `lanes` at a time side by side, on all processors."""
         leaves = [leaf[None] if axis is None else leaf for leaf, axis in rows]
         T = leaves[0].shape[1]
-        constants, carry = columns(fixed, self.fixed, size), self.begin(size, fixed)
+        constants, carry = side_by_side(columns(fixed, self.fixed, size), self.lanes), self.begin(size, fixed)
         each = [np.empty((size, T, len(array.names)), DTYPES[array.kind]) for array in self.each]
-        last = np.empty((size, self.last))
-        self._run(T, [constants, carry, last, *(_contiguous(leaves[i]) for i in self.rows), *each])
-        kept = each if self.keep != "last" else np.split(last, sizes(self.kept)[:-1], axis=-1)
-        return Run(shaped(kept, self.kept), *self.end(carry), None)
+        last = np.empty((len(carry), self.last, self.lanes))
+        self._run(T, size, [constants, carry, last], [*(_contiguous(leaves[i]) for i in self.rows), *each])
+        kept = each if self.keep != "last" else np.split(one_by_one(last, size), sizes(self.kept)[:-1], axis=-1)
+        return Run(shaped(kept, self.kept), *self.end(carry, size), None)
 
     def begin(self, size: int, fixed: list) -> np.ndarray:
-        """What each run carries into its first row: the state, and the totals."""
+        """What the runs carry into their first row, in groups side by side: the state, and the totals."""
         carry = np.zeros((size, len(self.alive) + COUNTS))
         carry[:, : len(self.alive)] = self.start.run(size, fixed)[:, self.alive]
-        return carry
+        return side_by_side(carry, self.lanes)
 
-    def end(self, carry: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def end(self, carry: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The log-likelihood of each run, the code of its first failure, and the row of it (0 where there is none)."""
-        total, _, code, before = carry.T[len(self.alive) :]
+        total, _, code, before = one_by_one(carry[:, len(self.alive) :], size).T
         return total.copy(), code.astype(int), np.where(code != 0, before, 0).astype(int)
 
-    def _run(self, T: int, arrays: list[np.ndarray]) -> None:
-        """Run all over arrays with an axis of runs, of length one where all share a row."""
-        size = len(arrays[0])
+    def _run(self, T: int, size: int, groups: list[np.ndarray], rows: list[np.ndarray]) -> None:
+        """Run all; `rows` have an axis of runs, of length one where all share them."""
         if self.lanes == 1:
-            self.compiled(T, *(array[0] for array in arrays))
+            self.compiled(T, *(array[0] for array in (*groups, *rows)))
             return
-        steps = np.array([array.strides[0] if len(array) > 1 else 0 for array in arrays])
-        places = [array.ctypes.data for array in (steps, *arrays)]
-        groups = -(-size // self.lanes)
-        at_once = self.lanes * -(-groups // (SHARES * (os.cpu_count() or 1)))
+        steps = np.array([array.strides[0] if len(array) > 1 else 0 for array in rows])
+        places = [array.ctypes.data for array in (steps, *groups, *rows)]
+        count = len(groups[0])
+        at_once = -(-count // (SHARES * (os.cpu_count() or 1)))
         on_all_processors(
-            lambda begin: self.compiled.address(T, begin, min(begin + at_once, size), size - 1, *places),
-            range(0, size, at_once),
+            lambda begin: self.compiled.address(T, begin, min(begin + at_once, count), size - 1, *places),
+            range(0, count, at_once),
         )
 
 
@@ -169,3 +168,16 @@ def columns(leaves: list, places: list, size: int) -> np.ndarray:
         leaf, axis = leaves[i]
         out[:, column] = leaf.ravel()[j] if axis is None else leaf.reshape(size, -1)[:, j]
     return out
+
+
+def side_by_side(runs: np.ndarray, lanes: int) -> np.ndarray:
+    """(runs, entries) as (groups, entries, lanes); the last group repeats the last run."""
+    count = -(-len(runs) // lanes)
+    padded = runs if len(runs) == count * lanes else runs[np.minimum(np.arange(count * lanes), len(runs) - 1)]
+    return np.ascontiguousarray(padded.reshape(count, lanes, runs.shape[1]).swapaxes(1, 2))
+
+
+def one_by_one(groups: np.ndarray, size: int) -> np.ndarray:
+    """(groups, entries, lanes) as (runs, entries)."""
+    count, entries, lanes = groups.shape
+    return groups.swapaxes(1, 2).reshape(count * lanes, entries)[:size]

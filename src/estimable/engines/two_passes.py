@@ -12,7 +12,7 @@ import numpy as np
 from .batches import on_all_processors, shaped, sizes
 from .llvm.scalar_loop import Array
 from .lowering import batch, entries_read, write
-from .native import LANES, Step, columns, compiled_step
+from .native import LANES, Step, columns, compiled_step, side_by_side
 from .xla import Run
 
 
@@ -40,21 +40,19 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
     memory = _Memory(ahead, behind, rows, leaves, _width(kept), begin)
     T = leaves[0][0].shape[1]
     _, own, _ = batch(backward.algorithm, backward.prior, example[0], example[1], axes)
-    constants, carry = columns(fixed, ahead.fixed, size), ahead.begin(size, fixed)
-    turned = behind.begin(1, own), columns(own, behind.fixed, 1)
-    start, still = (np.repeat(array.T, LANES, axis=1) for array in turned)
+    constants, carry = side_by_side(columns(fixed, ahead.fixed, size), LANES), ahead.begin(size, fixed)
+    still, start = side_by_side(columns(own, behind.fixed, 1), LANES)[0], behind.begin(1, own)[0]
     each = np.empty((size, T, _width(kept)))
 
-    def side_by_side(first: int) -> None:
+    def run(group: int) -> None:
+        first = group * LANES
         real = min(LANES, size - first)
-        runs = np.minimum(np.arange(first, first + LANES), size - 1)  # the last group repeats the last run
-        now = carry[runs].T.copy()
-        wrote = memory.run(runs, T, length, (constants[runs].T.copy(), now), (still, start))
+        runs = np.minimum(np.arange(first, first + LANES), size - 1)
+        wrote = memory.run(runs, T, length, (constants[group], carry[group]), (still, start))
         each[first : first + real] = wrote[:, : each.shape[2]].transpose(2, 0, 1)[:real]
-        carry[first : first + real] = now.T[:real]
 
-    on_all_processors(side_by_side, range(0, size, LANES))
-    _, code, failed_at = ahead.end(carry)
+    on_all_processors(run, range(len(carry)))
+    _, code, failed_at = ahead.end(carry, size)
     return Run(shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept), None, code, failed_at, None)
 
 

@@ -15,7 +15,7 @@ from .scalars import Scalars
 class Array(NamedTuple):
     """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
 
-    `kind`: "double"; with one lane, or lanes apart, "i64" and "i8" (a truth) too.
+    `kind`: "double"; with one lane, or where lanes lie apart, "i64" and "i8" (a truth) too.
     """
 
     names: tuple[int, ...]
@@ -27,7 +27,7 @@ class Loop(NamedTuple):
 
     Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
     `carry` and `last` lie in memory as doubles. `repeats`: whether to look for what has become the same; if not, nothing is
-    taken to have settled (`kernels/small.settled`). `apart`: each lane has arrays of its own, as with one lane.
+    taken to have settled (`kernels/small.settled`). `apart`: the rows of each lane lie in arrays of its own.
     `counts`: how many entries of the carry, the last ones, count rows or sum over them, and never repeat.
     """
 
@@ -41,6 +41,11 @@ class Loop(NamedTuple):
     repeats: bool = True
     apart: bool = False
     counts: int = 0
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether there are loops inside a row."""
+        return False
 
     @property
     def bytes(self) -> int:
@@ -60,8 +65,8 @@ class Loop(NamedTuple):
     def assembly(self, lanes: int) -> str:
         """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`.
 
-        Lanes apart: `run(rows, first run, end, last run of all, steps, fixed, carry, ..)`, `steps` the bytes from run to run
-        in each array.
+        Lanes apart: `run(rows, first group, end, last run of all, steps, fixed, carry, ..)`; `steps`: the bytes from run to run
+        in each array of rows. `fixed`, `carry` and `last` hold one group after another.
         """
         return _Text(self, lanes).write()
 
@@ -77,8 +82,7 @@ class _Text:
     def __init__(self, loop: Loop, lanes: int):
         self.loop, self.still = loop, still(loop)
         self.scalars = (Apart if loop.apart else Scalars)(loop.program, lanes)
-        arrays = [f"%row{i}" for i in range(len(loop.row))] + [f"%each{i}" for i in range(len(loop.each))]
-        self.bases = ["%fixed", "%carry", "%last", *arrays]
+        self.rows = [f"%row{i}" for i in range(len(loop.row))] + [f"%each{i}" for i in range(len(loop.each))]
         part = settling(loop, self.still) if loop.repeats else None
         self.part = part or Settling(frozenset(), (), ())
         self.carried = range(len(loop.carry))
@@ -95,12 +99,13 @@ class _Text:
             self._rest(names)
         self._exit()
         body = "\n".join(line if line.endswith(":") else f"  {line}" for line in self.lines)
-        return "\n".join([*sorted(self.scalars.declared), self.scalars.function(self.bases, body)])
+        sizes = [len(names) for names in (self.loop.fixed, self.loop.carry, self.loop.last)]
+        return "\n".join([*sorted(self.scalars.declared), self.scalars.function(self.rows, sizes, body)])
 
     def _entry(self) -> dict[int, str]:
         """What is the same in every row, and the first carry."""
         self.lines.append("entry:")
-        self.scalars.begin(self.bases, len(self.loop.last), self.lines)
+        self.scalars.begin(self.rows, self.lines)
         names = {
             name: self.scalars.load(name, "%fixed", i, "double", self.lines) for i, name in enumerate(self.loop.fixed)
         }
@@ -166,7 +171,6 @@ class _Text:
             self._phi(f"%end{i}", self.scalars.number, *came)
         for i in self.carried:
             self.scalars.write(f"%end{i}", "%carry", i, self.lines)
-        self.scalars.end(len(self.loop.last), self.lines)
         self.lines.append("ret void")
 
     def _phi(self, name: str, kind: str, *came: tuple[str, str]) -> None:

@@ -91,15 +91,13 @@ class Scalars:
         offset = self.assign(f"mul i64 {row}, {items * self.lanes}", lines)
         lines.append(f"{name} = getelementptr inbounds {kind}, ptr {base}, i64 {offset}")
 
-    def begin(self, bases: list[str], last: int, lines: list[str]) -> None:
-        """Nothing: each base points to the memory of all lanes."""
+    def begin(self, rows: list[str], lines: list[str]) -> None:
+        """Nothing: each array of rows holds those of all lanes."""
 
-    def end(self, last: int, lines: list[str]) -> None:
-        """Nothing: what is written of the last row only is written of each."""
-
-    def function(self, bases: list[str], body: str) -> str:
+    def function(self, rows: list[str], sizes: list[int], body: str) -> str:
         """The function that runs one group of runs side by side."""
-        return f"define void @run(i64 %T, {', '.join(f'ptr noalias {base}' for base in bases)}) {{\n{body}\n}}\n"
+        pointers = ", ".join(f"ptr noalias {base}" for base in ("%fixed", "%carry", "%last", *rows))
+        return f"define void @run(i64 %T, {pointers}) {{\n{body}\n}}\n"
 
     def in_memory(self, name: int, value: str, lines: list[str]) -> str:
         """A scalar as a number."""
