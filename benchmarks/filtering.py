@@ -97,7 +97,7 @@ def bank(name, runs, T):
         error = float(np.max(np.abs(totals[:20] / exact - 1)))
         return row(name, contender, seconds, first, log_likelihood_error=error, whose=whose)
 
-    for engine in ("native", "lanes", "xla"):
+    for engine in ("native", "xla"):
 
         def run(engine=engine):
             return estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood").log_likelihood

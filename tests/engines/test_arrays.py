@@ -216,7 +216,7 @@ def test_what_repeats_is_left_out_of_large_models_and_taken_up_again():
 def test_banks_of_large_models_give_the_same(stacked):
     parts = [(Kalman(m), r, p) for m, p, r in (large(n, 2, 30) for n in (12, 12, 12))]
     algorithms, records, priors = ([part[i] for part in parts] if i in stacked else parts[0][i] for i in range(3))
-    assert_same_bank(*both_banks("native", algorithms, records, priors), rtol=1e-11)
+    assert_same_bank(*both_banks(algorithms, records, priors), rtol=1e-11)
 
 
 def test_a_large_model_steps_online_as_machine_code():

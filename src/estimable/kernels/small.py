@@ -6,6 +6,7 @@ deadlock inside a compiled function: mapped over a batch, LAPACK takes one matri
 """
 
 from contextlib import suppress
+from functools import reduce
 
 import jax
 import jax.numpy as jnp
@@ -91,7 +92,7 @@ def _triangularise_jvp(values, tangents):
 @jax.custom_batching.sequential_vmap
 def _by_library(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     """`triangularise` by LAPACK, one matrix after another."""
-    L, good = cholesky(sum(gram(part) for part in N))                  # of a part that stays, once and for all
+    L, good = cholesky(reduce(jnp.add, map(gram, N)))                  # of a part that stays, once and for all
     return lax.cond(jnp.all(good), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
 
 
