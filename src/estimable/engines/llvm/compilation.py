@@ -86,7 +86,7 @@ def _engine(text: str, has_loops: bool) -> Any:
     module = llvm.parse_assembly(text)
     module.verify()
     if found is None and has_loops:
-        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options = llvm.create_pipeline_tuning_options(speed_level=1)
         options.slp_vectorization = False
         builder = llvm.create_pass_builder(_machine(), options)
         builder.getModulePassManager().run(module, builder)
