@@ -127,7 +127,7 @@ def orthogonalise(
 ) -> tuple[Float[Real, "n k"], Float[Real, "n m"]]:
     """Modified Gram-Schmidt: what is left of the rows of N without the first `count`, and what they had in common with these.
 
-    `floor`: a row of which less than that is left, in squares, is taken for zero.
+    `floor`: a row of which less than that is left, in squares, is taken for zero; so seldom run that it is never written out.
     """
     n = N.shape[0]
 
@@ -148,7 +148,8 @@ def orthogonalise(
         column = jnp.concatenate([jnp.zeros(done), common])
         return N, jnp.where(jnp.arange(count)[None, :] == j, column[:, None], L)
 
-    return repeat(count, take, (jnp.asarray(N), jnp.zeros((n, count))))
+    start = jnp.asarray(N), jnp.zeros((n, count))
+    return repeat(count, take, start) if floor is None else lax.fori_loop(0, count, take, start)
 
 
 @jax.custom_jvp
