@@ -23,7 +23,7 @@ from engines.test_straight_line import (
     both_banks,
     random_function,
 )
-from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, catalogue, estimate, online
+from estimable import InputError, Kalman, Prior, Record, StateSpace, UnknownGain, catalogue, estimate, online, smooth
 from estimable.engines import native
 from estimable.engines.batches import DTYPES
 from estimable.engines.large import _large_step
@@ -197,6 +197,21 @@ def test_large_models_give_the_same(keep):
 def test_other_large_models_give_the_same(algorithm, n):
     model, prior, record = large(n, 2, 12)
     assert_same(*both(algorithm(model), record, prior, keep="means"), rtol=1e-9)
+
+
+def test_large_models_are_smoothed_as_machine_code():
+    model, prior, record = large(12, 3, 40)
+    ours, xla = (smooth(Kalman(model), record, prior=prior, engine=engine) for engine in ("native", "xla"))
+    assert ours.engine == "native"
+    assert_allclose(ours.mean, xla.mean, rtol=1e-9, atol=1e-9)
+    assert_allclose(ours.covariance, xla.covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_a_covariance_settles_with_many_outputs():
+    model, prior, record = large(12, 10)
+    P = estimate(Kalman(model), record, prior=prior, engine="native").covariance
+    assert bool((P[150:239] == P[151:240]).all())
+    assert not np.array_equal(P[240], P[239])
 
 
 def test_many_outputs_have_machine_code():

@@ -1,5 +1,6 @@
 """Straight lines and machine code against JAX: random programs, every catalogue entry, every way a run can end."""
 
+import math
 import subprocess
 import sys
 
@@ -353,6 +354,13 @@ def test_banks_give_the_same_whatever_is_stacked(size, keep, every):
     records, priors = [c.record for c in cases], [c.prior for c in cases]
     for mixture in mixtures(algorithms, records, priors)[:every]:
         assert_same_bank(*both_banks(*mixture, keep=keep), rtol=1e-10)
+
+
+def test_the_log_likelihood_of_a_long_record_loses_nothing_in_its_sum():
+    record = Record(np.random.default_rng(0).normal(size=(200_000, 1)), dt=1)
+    result = estimate(Kalman(StateSpace([[0.5]], Q=[[0.1]], R=[[1.0]], dt=1)), record, prior=Prior([0.0], [[1.0]]))
+    assert result.engine == "native"
+    assert_allclose(result.log_likelihood, math.fsum(result.log_likelihood_steps), rtol=1e-15)
 
 
 def test_a_bank_says_which_runs_failed():

@@ -102,7 +102,9 @@ def test_derivatives_are_those_of_the_outputs_in_turn(name):
     c = jax.tree_util.tree_map(jnp.asarray, CASES[name])
 
     def slope(update):
-        return jax.grad(lambda Z, r: correct(update, c | {"Z": Z, "r": r}).log_likelihood, argnums=(0, 1))(c["Z"], c["r"])
+        return jax.grad(lambda Z, r: correct(update, c | {"Z": Z, "r": r}).log_likelihood, argnums=(0, 1))(
+            c["Z"], c["r"]
+        )
 
     for a, b in zip(slope(all_outputs.correct), slope(kalman.correct), strict=True):
         assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())

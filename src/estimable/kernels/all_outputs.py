@@ -8,9 +8,9 @@ With Y = C Z and U = diag r of the outputs that were seen, and of the others Y_j
     Z <- [-K U, Z - K Y],  K = G L^-1       Joseph's form of a factor                                             (4)
     -2 log p = Σ_j log 2π L_jj² + z_j²                                                                            (5)
 
-(4) is what is left of the rows of [0, Z] without those of [U, Y], and so modified Gram-Schmidt gives all of (1), (2) and (4) where
-S is near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states,
-products of matrices are faster than one output after the other (`independent`); the factor gets p more columns.
+(4) is what is left of the rows of [0, Z] without those of [U, Y]. So modified Gram-Schmidt gives all of (1), (2) and (4) where S is
+near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states, products
+of matrices are faster than one output after the other (`independent`); the factor gets p more columns.
 
 References: P. D. Joseph, in R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes (1968), ch. XVI; Å. Björck, BIT 7
 (1967) 1-21.
