@@ -153,7 +153,7 @@ def test_options_are_refused_with_those_there_are(refused):
     found = refused(lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, on_failure="stop", engine="gpu", keep="mean"))
     assert len(found) == 3
     assert found[0] == "`on_failure` must be one of 'raise', 'keep'. Got 'stop'."
-    assert found[1].startswith("`engine` must be one of 'auto', 'lanes', 'native', 'xla'")
+    assert found[1].startswith("`engine` must be one of 'auto', 'native', 'xla'")
     assert found[2] == "`keep` must be one of 'all', 'means', 'last', 'likelihood'. Got 'mean'. Did you mean 'means'?"
 
 

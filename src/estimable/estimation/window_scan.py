@@ -35,12 +35,6 @@ def fits(algorithm: Algorithm[Any]) -> bool:
     return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
 
 
-def is_short(algorithm: Algorithm[Any]) -> bool:
-    """Whether the lines of both passes are short enough for lanes: at most 2,500 operations."""
-    states, unknown, outputs = _sizes(algorithm)
-    return states <= 2 and unknown <= 3 and outputs <= 2
-
-
 def _sizes(algorithm: Algorithm[Any]) -> tuple[int, int, int]:
     """States, states and gains, outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0

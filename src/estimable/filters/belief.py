@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from ..annotations import Array
 from ..frozen import frozen
-from ..kernels import independent, kalman
+from ..kernels import all_outputs, independent, kalman
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Drift, Gaussian, Measurement, Posterior, Transition
 from ..kernels.small import factor, gram, settled
@@ -80,8 +80,10 @@ def correct(
 
 def posterior(belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool) -> Posterior:
     """The belief given the outputs that were seen; `independently`: V is known to be diagonal, and Ω is None."""
-    special = independently and belief.diffuse.shape[1] == 0
-    update = independent.correct if special else kalman.correct
+    update = kalman.correct
+    if independently and belief.diffuse.shape[1] == 0:
+        p, n = measurement.C.shape
+        update = (all_outputs if all_outputs.is_faster(n, p) else independent).correct
     return update(belief.gaussian, measurement, sample.y, sample.seen)
 
 

@@ -100,7 +100,7 @@ def _combined(data: Evidence, unknown: int) -> Evidence:
     def eliminate(j, carry):
         """Take column j out of all free data but its pivot: δ first, then x."""
         data, free, chosen = carry
-        column = (j + n) % columns
+        column = jnp.where(j < unknown, j + n, j - unknown)
         data, pivot = _eliminated(data, free, column)
         return data, free & ~pivot, jnp.where((jnp.arange(columns) == column)[:, None], pivot[None, :], chosen)
 

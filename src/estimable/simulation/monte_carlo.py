@@ -46,7 +46,7 @@ def monte_carlo(
     >>> runs.values["error"].shape, bool(abs(runs.mean("error")) < 3 * runs.standard_error("error"))
     ((100,), True)
     """
-    check_options(on_failure, engine, "all", bank=True)
+    check_options(on_failure, engine, "all")
     _check_call(algorithm, draw, summary, runs, seed, chunk)
     size = min(chunk, runs)
     draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))

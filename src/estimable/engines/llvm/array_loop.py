@@ -21,6 +21,9 @@ class ArrayLoop:
     in memory as doubles one after the other, and so does what is written last. `repeats` as in `loops`.
     """
 
+    has_loops = True  # inside a row
+    integers = 1  # that the function takes before its arrays
+
     def __init__(self, row: Arrays, start: Arrays | None, fixed: int, states: int, each: int, repeats: bool = True):
         self.program, self.start, self.fixed, self.states, self.repeats = row, start, fixed, states, repeats
         self.each, self.last = row.outputs[states : states + each], row.outputs[states + each :]

@@ -34,7 +34,7 @@ def still(loop: Any) -> list[bool]:
 
 def settling(loop: Any, same: list[bool]) -> Settling | None:
     """The largest such part; None where it would save nothing. `same`: the scalars that are the same in every row."""
-    carry = set(range(len(loop.carry)))
+    carry = set(range(len(loop.carry) - loop.counts))
     while True:
         slow = _slow(loop, same, carry)
         kept = {i for i in carry if _closed(loop.program, slow, same, loop.next_carry[i])}
