@@ -28,7 +28,7 @@ def workloads(quick):
         (bank, f"W2 {runs:,} models of n=4 p=2, 200 samples each", runs, 200),
         (one_record, f"W3 as W1, 30 % of channels missing, T={T:,}", T, 0.3),
         *((one_step, f"W4 one step online, n={n} p={p}", n, p, steps) for n, p in ((4, 2), (12, 6))),
-        *((large, f"W5 one record, n={n} p=2, T={rows:,}, keep={keep}", n, rows, keep)
+        *((large, f"W5 one record, n={n} p=2, T={rows:,}, keep={keep}", n, 2, rows, keep, 0.0)
           for n in (4, 16, 64, 256) for keep in ("all", "means") if n > 16 or keep == "all"),
         (windows, f"W6 window of 30, {runs // 10:,} flights of the F-16, 1,650 samples each", runs // 10),
         *((solve, f"W7 {solve.__name__}, n={n}", n) for n in (4, 20, 100) for solve in (riccati, lyapunov)),
@@ -36,6 +36,8 @@ def workloads(quick):
         (starts, "W9 start"),
         *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
         *((first_calls, f"W11 first call, n={n} p=2", n) for n in (2, 4, 8, 64)),
+        *((large, f"W12 as W5, 30 % of channels missing, n={n} p={p}, T={rows:,}, keep=all", n, p, rows, "all", 0.3)
+          for n in (16, 48, 64, 256) for p in (2, n // 4)),
     ]  # fmt: skip
 
 

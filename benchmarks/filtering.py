@@ -1,4 +1,4 @@
-"""W1 to W5: one record, a bank, outputs missing, online, and large models."""
+"""W1 to W5 and W12: one record, a bank, outputs missing, online, and large models."""
 
 import os
 import time
@@ -7,7 +7,7 @@ import numpy as np
 
 from estimable import InputError, Kalman, Prior, Record, estimate, estimate_bank, online, stack
 
-from . import handwritten, peers, peers_bank, peers_jax
+from . import handwritten, peers, peers_bank, peers_jax, plain_jax
 from .common import best, problem, recorded, row, textbook
 
 LIBRARIES = {
@@ -68,7 +68,7 @@ def one_record(name, T, missing):
 
 
 def others(name, model, prior, y, exact, keep):
-    """The rows of the libraries, and of the NumPy loop."""
+    """The rows of the libraries, and of the loops in JAX and NumPy."""
     for contender, make in LIBRARIES.items():
         largest = LARGEST.get(contender, model.n)
         run = (
@@ -77,6 +77,8 @@ def others(name, model, prior, y, exact, keep):
             else f"left out beyond n = {largest}, where it takes minutes at T=2,000"
         )
         yield compared(name, contender, run, exact, 2, "library")
+    plain = plain_jax.contender(model, prior, y, keep)
+    yield compared(name, "plain lax.scan, masked Joseph", plain, exact, 3, "by hand")
     yield compared(name, "NumPy loop", lambda: textbook(model, prior, y), exact, 1, "by hand")
 
 
@@ -95,7 +97,7 @@ def bank(name, runs, T):
         error = float(np.max(np.abs(totals[:20] / exact - 1)))
         return row(name, contender, seconds, first, log_likelihood_error=error, whose=whose)
 
-    for engine in ("native", "lanes", "xla"):
+    for engine in ("native", "xla"):
 
         def run(engine=engine):
             return estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood").log_likelihood
@@ -139,10 +141,10 @@ def stepped(running, y):
     return means
 
 
-def large(name, n, T, keep):
-    """W5: one record of a larger model with two outputs, by the engine that is taken and by XLA."""
-    model, prior = problem(n, 2)
-    record = recorded(model, prior, T)
+def large(name, n, p, T, keep, missing):
+    """W5 and W12: one record of a larger model, by the engine that is taken and by XLA."""
+    model, prior = problem(n, p)
+    record = recorded(model, prior, T, missing)
     exact = textbook(model, prior, record.y)
     ran = set()
     taken = compared(name, "estimable", ours(model, prior, record, "auto", keep, ran), exact, 3)

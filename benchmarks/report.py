@@ -73,8 +73,9 @@ Each time is the shortest of several after a first call, which stands beside it 
 first row of the workload. Errors: the largest of a mean against a NumPy loop that deletes what is missing; of an equation, the
 residual relative to the solution; of a log-likelihood, relative. All in double precision, with the same model, prior and data.
 
-- W1, W3, W5 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs as it comes and, under
-  `conserve_memory`, told to keep what ours keeps: filtered means and forecasts and, unless `keep=means`, their covariances.
+- W1, W3, W5, W12 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs as it comes and, under
+  `conserve_memory`, set to keep what ours keeps: filtered means and forecasts and, unless `keep=means`, their covariances.
+  The plain scan is the filter that one would write in JAX for the model at hand: a Joseph form in one `lax.scan`, outputs masked.
   filterpy and pykalman give no log-likelihood with it; dynamax and cuthbert return from their jitted function what is kept.
 - W2: log-likelihoods only. The C loop runs eight models in the lanes of a vector, the groups shared among threads.
 - W4: seconds of one step called from Python.

@@ -22,7 +22,7 @@ def windows(name, runs):
     records = es.stack([es.Record(y, u, dt=1 / f16.RATE, **names) for y in drawn.items.record.y])
     algorithm = es.UnknownGain(model, gain)
     exact = _one_by_one(algorithm, records.items, prior)
-    for engine, keep in (("native", "means"), ("native", "all"), ("lanes", "means")):
+    for engine, keep in (("native", "means"), ("native", "all"), ("xla", "means")):
         some = records if engine == "native" else es.stack([_record(records.items, i, names) for i in range(50)])
         window = es.MovingWindow(algorithm, LENGTH)
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
-from unittest import mock
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from estimable.engines import lanes, lowering, native, xla
+from estimable.engines import lowering, native, xla
 from estimable.engines.batches import words
 from estimable.engines.large import large_step
 from estimable.engines.one_step import Place, Step, code_of, flat, form_of
@@ -72,12 +71,6 @@ def by_xla(pack: Pack, given: Rows, keep: str = "all") -> Rows:
     return xla.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
 
 
-def by_lanes(pack: Pack, given: Rows, keep: str = "all") -> Rows:
-    """However long XLA takes to compile it."""
-    with mock.patch.object(lanes, "MOST", 10 * lanes.MOST):
-        return lanes.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
-
-
 def by_scalars_side_by_side(pack: Pack, given: Rows, keep: str = "all") -> Rows:
     return native.scan_bank(pack, None, *_samples(given), axes=AXES, keep=keep, select=outputs).info
 
@@ -124,8 +117,7 @@ def _samples(given: Rows) -> tuple[Sample, Interval]:
 
 
 ENGINES: dict[str, Callable[..., Rows]] = {
-    "scalars": by_scalars, "scalars side by side": by_scalars_side_by_side, "arrays": by_arrays, "lanes": by_lanes,
-    "online": online,
+    "scalars": by_scalars, "scalars side by side": by_scalars_side_by_side, "arrays": by_arrays, "online": online,
 }  # fmt: skip
 
 

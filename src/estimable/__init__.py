@@ -1,119 +1,78 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
-from importlib import import_module
-from typing import Any
-
 from . import precision  # noqa: F401  float64, before any array is made
+from .lazy import lazy
 
 __version__ = "0.1.0"
 
 # The public names, sorted, and the module of each, which is loaded when the name is first asked for: importing estimable
-# costs what importing JAX costs. `__init__.pyi` says the same to editors and type checkers.
+# costs what importing JAX costs. `__init__.pyi` says the same to editors and type checkers. The records that the verbs return
+# are in `results`.
 _HOMES = {
     "ARMAX": "models.armax",
     "ARX": "models.arx",
     "AdaptiveIdentification": "identifiers.adaptive_identification",
     "Algorithm": "protocols",
     "AlphaBeta": "filters.alpha_beta",
-    "ArrivalCovariance": "analysis.loss_tolerance",
     "AssumptionError": "errors",
     "BernoulliLink": "networks.links",
     "Bounded": "filters.bounded",
     "Change": "models.controlled",
     "ChangeDetection": "filters.change_detection",
-    "Check": "results",
-    "ClosedLoop": "simulation.close_loop",
-    "ClosedLoopBank": "simulation.close_loop",
-    "Comparison": "identification.compare",
     "ControlledPlant": "models.controlled",
     "Controller": "protocols",
     "CoupledLeastSquares": "identifiers.coupled_least_squares",
     "DelayLink": "networks.links",
-    "Delivery": "networks.delivery",
     "DesignFamily": "design.families",
-    "DisturbanceAccommodation": "design.disturbance_accommodation",
     "Dither": "controllers.dither",
-    "Estimability": "analysis.estimability",
     "EstimableError": "errors",
     "EstimableWarning": "errors",
-    "Estimate": "results",
-    "EstimateBank": "results",
     "ExtendedKalman": "filters.extended_kalman",
     "Failure": "models.controlled",
-    "FeedbackGain": "design.gains",
-    "Fit": "results",
     "FixedGain": "filters.fixed_gain",
-    "Forecast": "results",
     "GainAlgorithm": "protocols",
-    "GainInformation": "analysis.gain_information",
     "GainReconfiguration": "controllers.gain_reconfiguration",
     "GainSection": "models.files",
     "Gated": "filters.gated",
     "GilbertElliottLink": "networks.links",
     "HoKalman": "identifiers.ho_kalman",
     "Identifier": "protocols",
-    "Info": "results",
     "InputError": "errors",
     "InstrumentalVariables": "identifiers.instrumental_variables",
-    "Interval": "results",
     "JointOutputError": "identifiers.joint_output_error",
     "Kalman": "filters.kalman_filter",
-    "KalmanGain": "design.gains",
     "LeastSquares": "identifiers.least_squares",
     "Link": "protocols",
     "LoopCase": "simulation.monte_carlo_loops",
-    "LossTolerance": "analysis.loss_tolerance",
     "MarkovParameters": "identifiers.markov_parameters",
     "MinimumVariance": "identifiers.minimum_variance",
-    "ModelFile": "models.files",
-    "MonteCarlo": "simulation.monte_carlo",
     "MovingWindow": "filters.moving_window",
-    "NoiseFit": "estimation.fit_noise",
     "NonlinearModel": "models.nonlinear_model",
-    "Observability": "analysis.observability",
-    "Online": "estimation.online",
     "OperatingPoint": "models.operating_point",
-    "OrderSelection": "results.order_selection",
-    "Outcome": "results",
     "OutputError": "models.output_error",
     "OutputErrorML": "identifiers.output_error_ml",
     "PerfectLink": "networks.links",
-    "Perturbed": "analysis.rho",
     "Phasor": "identifiers.phasor",
     "Plant": "protocols",
     "PredictionError": "identifiers.prediction_errors",
     "Prior": "models.prior",
     "ProportionalIntegral": "controllers.proportional_integral",
-    "Reachability": "analysis.observability",
     "Record": "data.record",
     "RecursiveIdentifier": "protocols",
     "RecursiveOutputError": "identifiers.recursive_output_error",
-    "Reduction": "analysis.reduction",
-    "Regulability": "analysis.regulability",
-    "RhoMargin": "analysis.rho",
-    "RhoSynthesis": "design.rho_synthesis",
     "RunError": "errors",
-    "Sample": "results",
     "SecondOrderKalman": "filters.second_order_kalman",
-    "Simulation": "results",
     "Smoothable": "protocols",
     "Smoothed": "filters.smoothed",
-    "SmoothedEstimate": "results",
-    "StabilityRadius": "analysis.rho",
-    "Stacked": "estimation.stack",
     "StateFeedback": "controllers.state_feedback",
     "StateSpace": "models.state_space",
     "Subspace": "identifiers.subspace",
     "Trace": "networks.trace",
-    "TrackerChoices": "design.tracker_gains",
     "Tracking": "controllers.tracking",
-    "TransKalman": "design.trans_kalman",
     "Trend": "data.trends",
     "UnknownGain": "filters.unknown_gain",
     "UnknownInput": "filters.unknown_input",
-    "UnknownInputExistence": "analysis.unknown_input_existence",
     "UnscentedKalman": "filters.unscented_kalman",
-    "Validation": "results",
     "Waveform": "design.waveforms",
     "Wrapper": "protocols",
     "alpha_beta_choices": "design.tracker_gains",
@@ -138,7 +97,7 @@ _HOMES = {
     "gain_information": "analysis.gain_information",
     "identify": "identification.identify",
     "kalman_gain": "design.gains",
-    "load": "store",
+    "load": "store.load",
     "log_likelihood": "estimation.estimate",
     "loop_grid": "simulation.monte_carlo_loops",
     "loss_tolerance": "analysis.loss_tolerance",
@@ -156,9 +115,10 @@ _HOMES = {
     "reduce": "analysis.reduction",
     "regulability": "analysis.regulability",
     "report": "report",
+    "results": "results",
     "rho_margin": "analysis.rho",
     "rho_synthesis": "design.rho_synthesis",
-    "save": "store",
+    "save": "store.save",
     "select_order": "identification.select_order",
     "simulate": "simulation.simulate",
     "simulate_bank": "simulation.simulate",
@@ -171,14 +131,7 @@ _HOMES = {
     "write_model": "models.files",
 }
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = import_module(f"{__name__}.{_HOMES[name]}")
-    found = globals()[name] = home if _HOMES[name] == name else getattr(home, name)
-    return found
+__getattr__ = lazy(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

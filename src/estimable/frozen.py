@@ -1,7 +1,9 @@
 """`@frozen`: an immutable record that JAX can map, differentiate and pass through a compiled function.
 
 A field is a *leaf* (numbers: replaceable, mappable, differentiable) unless it is declared with `static()`: then it fixes
-a shape or a branch, and must be hashable. A leaf that holds a text (a named choice in the place of numbers) is static too.
+a shape or a branch, and must be hashable. A leaf that holds a text (a named choice instead of numbers) is static too.
+
+`save` writes every frozen record of the package, and the records of other kinds that are marked with `@saved`.
 """
 
 import dataclasses
@@ -12,6 +14,8 @@ from typing import Any, TypeVar, dataclass_transform
 import jax
 
 Cls = TypeVar("Cls")
+PACKAGE = __name__.partition(".")[0]
+RECORDS: dict[str, type] = {}  # by name: the records that `save` writes and `load` makes
 
 
 def static(**kwargs: Any) -> Any:
@@ -27,6 +31,26 @@ def static_fields(cls: type) -> tuple[str, ...]:
 def leaf_fields(cls: type) -> tuple[str, ...]:
     """Names of the fields that hold numbers, or records of numbers."""
     return tuple(f.name for f in dataclasses.fields(cls) if not f.metadata.get("static"))
+
+
+def saved(cls: type[Cls]) -> type[Cls]:
+    """Let `save` write a record of the package (a NamedTuple or a dataclass); `@frozen` includes it.
+
+    A file names the class, so no two records have the same name. A name that begins with an underscore is not saved.
+    """
+    if cls.__module__.partition(".")[0] == PACKAGE and not cls.__name__.startswith("_"):
+        known = RECORDS.get(cls.__name__, cls)
+        if known.__module__ != cls.__module__:
+            raise TypeError(f"{known.__module__} and {cls.__module__} both have a record {cls.__name__}: rename one")
+        RECORDS[cls.__name__] = cls
+    return cls
+
+
+def field_names(cls: type) -> tuple[str, ...]:
+    """Names of all fields of a dataclass or a NamedTuple; none of another class."""
+    if issubclass(cls, tuple):
+        return getattr(cls, "_fields", ())
+    return tuple(f.name for f in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else ()
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(static, dataclasses.field))
@@ -60,7 +84,7 @@ def frozen(cls: type[Cls]) -> type[Cls]:
         return thing
 
     jax.tree_util.register_pytree_with_keys(record, flatten_with_keys, unflatten, flatten)
-    return record
+    return saved(record)
 
 
 def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple]:

@@ -143,7 +143,7 @@ def test_a_dither_that_first_cancels_the_input():
 def test_no_amplitude_is_enough():
     one_sided = gain_information(plant(), inputs() * [1, 0], directions="per_input", dither=inputs() * [1, 0])
     with pytest.raises(
-        AssumptionError, match=r"no amplitude of this dither is enough: it tells nothing of gain_right\."
+        AssumptionError, match=r"no amplitude of this dither is enough: it carries no information about gain_right\."
     ):
         one_sided.amplitude_for(0.1)
 

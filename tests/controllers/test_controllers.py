@@ -31,7 +31,7 @@ def test_what_is_not_known_is_not_acted_on():
     """The divisor of caution 1 minimises E(K/d - 1)², found here by search."""
     K, P = 0.4, 0.09
     law = es.GainReconfiguration(LAW)
-    believed = es.Info(mean=np.zeros(1), gain=np.array([K]), gain_covariance=np.array([[P]]))
+    believed = es.results.Info(mean=np.zeros(1), gain=np.array([K]), gain_covariance=np.array([[P]]))
     effect = float(law.act(law.init(), believed, np.ones(1))[2]["effect"][0])
     divisors = np.linspace(0.05, 3.0, 200_001)
     assert_allclose(effect, divisors[np.argmin((K**2 + P) / divisors**2 - 2 * K / divisors)], atol=2e-5)
@@ -40,21 +40,21 @@ def test_what_is_not_known_is_not_acted_on():
 def test_a_gain_below_the_bound_counts_as_the_bound():
     law = es.GainReconfiguration(LAW, lower=0.1, caution=0.0)
     for K in (-0.5, 0.0, 0.05):
-        believed = es.Info(mean=np.zeros(1), gain=np.array([K]), gain_covariance=np.zeros((1, 1)))
+        believed = es.results.Info(mean=np.zeros(1), gain=np.array([K]), gain_covariance=np.zeros((1, 1)))
         _, u, said = law.act(law.init(), believed, np.ones(1))
         assert_allclose([u[0], said["effect"][0]], [5.0, 0.1])
 
 
 def test_each_actuator_is_divided_by_its_own_gain():
     law = es.GainReconfiguration(es.StateFeedback(np.ones((2, 1)), input_feedback=np.diag([1.0, 2.0])), caution=0.0)
-    believed = es.Info(mean=-np.ones(1), gain=np.array([0.5, 0.25]), gain_covariance=np.zeros((2, 2)),
+    believed = es.results.Info(mean=-np.ones(1), gain=np.array([0.5, 0.25]), gain_covariance=np.zeros((2, 2)),
                        extra={"input": np.array([1.0, 1.0])})  # fmt: skip
     assert_allclose(law.act(law.init(), believed, np.zeros(0))[1], [2.0 - 1.0, 4.0 - 2.0])
 
 
 def told(K, P=0.0, n=1):
     K = np.atleast_1d(K)
-    return es.Info(mean=np.ones(n), gain=K, gain_covariance=P * np.eye(len(K)))
+    return es.results.Info(mean=np.ones(n), gain=K, gain_covariance=P * np.eye(len(K)))
 
 
 def test_the_work_of_a_lost_actuator_goes_to_the_others():
@@ -146,7 +146,7 @@ def test_a_dither_starts_when_the_variance_asks_for_it_and_ends_when_it_is_conte
     law = es.Dither(LAW, amplitude=0.2, period=4, sigma=0.1)
     state, added = law.init(), []
     for variance in (0.009, 0.011, 0.009, 0.006, 0.005, 0.004, 0.009, 0.02):
-        believed = es.Info(mean=np.zeros(1), gain=np.ones(1), gain_covariance=np.array([[variance]]))
+        believed = es.results.Info(mean=np.zeros(1), gain=np.ones(1), gain_covariance=np.array([[variance]]))
         state, u, said = law.act(state, believed, np.ones(1))
         added.append(float(said["dither"][0]))
         assert_allclose(u, 0.5 + said["dither"])
@@ -170,7 +170,7 @@ def test_a_dither_sized_for_a_variance_reaches_it_in_level_flight():
 
 def test_a_dither_goes_inside_a_reconfiguration():
     law = es.GainReconfiguration(es.Dither(LAW, amplitude=0.2, period=2, sigma=0.1), caution=0.0)
-    believed = es.Info(mean=np.zeros(1), gain=np.array([0.5]), gain_covariance=np.array([[1.0]]))
+    believed = es.results.Info(mean=np.zeros(1), gain=np.array([0.5]), gain_covariance=np.array([[1.0]]))
     assert_allclose(law.act(law.init(), believed, np.ones(1))[1], 0.5 / 0.5 + 0.2)
 
 

@@ -45,7 +45,7 @@ def told(a, b, past_outputs, past_inputs, **extra):
     """What an identifier that is sure says before a sample."""
     extra = {"completed": np.zeros(1), "seen": np.zeros(1), **extra}
     extra = {"past_outputs": np.array([past_outputs]), "past_inputs": np.array([past_inputs]), **extra}
-    return es.Info(mean=np.append(a, b), covariance=np.zeros((len(a) + len(b),) * 2), extra=extra)
+    return es.results.Info(mean=np.append(a, b), covariance=np.zeros((len(a) + len(b),) * 2), extra=extra)
 
 
 @pytest.mark.parametrize("law", ["mirrored", "inverse"])

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from benchmarks import __main__ as command
-from benchmarks import filtering, handwritten, peers, report
+from benchmarks import filtering, handwritten, peers, plain_jax, report
 from benchmarks.common import problem, recorded, row, textbook
 
 MODEL, PRIOR = problem(4, 2)
@@ -47,6 +47,22 @@ def test_a_library_filters_the_record_as_the_loop_does(name, keep, missing):
 @theirs
 def test_a_library_steps_as_the_loop_does():
     agrees(peers.kalman_py_online(MODEL, PRIOR, RECORDS[0.0], "means"), 0.0)
+
+
+@theirs
+@pytest.mark.parametrize("missing", RECORDS)
+@pytest.mark.parametrize("keep", ["all", "means"])
+def test_the_plain_scan_filters_the_record_as_the_loop_does(keep, missing):
+    agrees(plain_jax.contender(MODEL, PRIOR, RECORDS[missing], keep), missing)
+
+
+@theirs
+def test_large_models_run_with_channels_missing():
+    rows = list(filtering.large("W12", 12, 3, 20, "all", 0.3))
+    assert [each["contender"] for each in rows[:2]] == ["estimable native", "estimable xla"]
+    assert "plain lax.scan, masked Joseph" in [each["contender"] for each in rows]
+    for each in rows:
+        assert each["absent"] or each["error"] < 1e-8, each["contender"]
 
 
 @needs_compiler
@@ -137,7 +153,7 @@ def test_workloads_are_chosen_by_their_names():
     names = [each[1].split()[0] for each in command.chosen(command.workloads(quick=True), "W1, W9")]
     assert names == ["W1", "W9"]  # and not W10
     everything = [each[1].split()[0] for each in command.chosen(command.workloads(quick=False), "")]
-    assert set(everything) == {f"W{i}" for i in range(1, 12)}
+    assert set(everything) == {f"W{i}" for i in range(1, 13)}
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ MODULES = sorted(
 @pytest.mark.parametrize("name", MODULES)
 def test_docstring_examples_run(name):
     module = importlib.import_module(name)
-    public = {name: getattr(estimable, name) for name in estimable.__all__}
+    public = {name: getattr(package, name) for package in (estimable, estimable.results) for name in package.__all__}
     names = public | {"np": np, "float64": np.float64} | vars(module)
     finder = doctest.DocTestFinder(exclude_empty=True)
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)

@@ -7,7 +7,7 @@ import pytest
 
 from cases import case
 from estimable import InputError, Kalman, Prior, Record, StateSpace, estimate, estimate_bank, online
-from estimable.engines import choice, lanes, native
+from estimable.engines import choice, native
 from estimable.engines.llvm import scalars
 from estimable.engines.llvm.spelling import Spelling
 from estimable.engines.program import primitives
@@ -93,13 +93,10 @@ def test_assembly_that_llvm_refuses_is_passed_over(monkeypatch, caplog):
     assert [level for level, *_ in sentences(caplog)] == ["WARNING"]
 
 
-def test_a_bank_goes_on_to_lanes_and_then_to_xla(c, monkeypatch, caplog):
+def test_a_bank_goes_on_to_xla(c, monkeypatch, caplog):
     monkeypatch.setattr(native, "scan_bank", failing(KeyError("one")))
-    records = [c.record, c.record]
-    assert estimate_bank(Kalman(c.model), records, prior=c.prior).engine == "lanes"
-    monkeypatch.setattr(lanes, "scan_bank", failing(KeyError("two")))
-    assert estimate_bank(Kalman(c.model), records, prior=c.prior).engine == "xla"
-    assert len(sentences(caplog)) == 2
+    assert estimate_bank(Kalman(c.model), [c.record, c.record], prior=c.prior).engine == "xla"
+    assert len(sentences(caplog)) == 1
 
 
 @pytest.mark.parametrize("error", FAILURES, ids=repr)

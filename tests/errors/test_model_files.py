@@ -1,13 +1,12 @@
-"""What is said of a model file that cannot be read or written, of a saved file, and of python-control's systems."""
+"""What is said of a model file that cannot be read or written, and of python-control's systems."""
 
-import json
 import sys
 
 import control
 import numpy as np
 import pytest
 
-from estimable import GainSection, Kalman, Prior, StateSpace, load, online, read_model, save, write_model
+from estimable import GainSection, Kalman, Prior, StateSpace, read_model, write_model
 
 MODEL_SECTION = (
     'dt = 1.0\nstates = ["x"]\ninputs = ["u"]\noutputs = ["y"]\nA = [[0.5]]\nB = [[1.0]]\nC = [[1.0]]\nR = [[1.0]]'
@@ -150,11 +149,10 @@ def test_a_binary_model_file_is_refused(refused, tmp_path):
     assert sentence.startswith(f"{path} is not TOML: ")
 
 
-@pytest.mark.parametrize("read", [read_model, load])
-def test_a_path_must_be_of_a_file_that_is_there(refused, tmp_path, read):
-    assert refused(lambda: read(None)) == ["`path` must be the name of a file. Got None."]
-    assert refused(lambda: read(tmp_path / "none")) == [f"{tmp_path / 'none'} is not there."]
-    assert refused(lambda: read(tmp_path)) == [f"{tmp_path} is not a file."]
+def test_a_path_must_be_of_a_file_that_is_there(refused, tmp_path):
+    assert refused(lambda: read_model(None)) == ["`path` must be the name of a file. Got None."]
+    assert refused(lambda: read_model(tmp_path / "none")) == [f"{tmp_path / 'none'} is not there."]
+    assert refused(lambda: read_model(tmp_path)) == [f"{tmp_path} is not a file."]
 
 
 IMPORTS = "from estimable import GainSection, Prior, StateSpace\n"
@@ -270,84 +268,11 @@ def test_what_has_no_place_in_a_model_file_is_refused_before_it_is_written(refus
     assert not path.exists()
 
 
-@pytest.mark.parametrize("write", [lambda path: write_model(path, MODEL, PRIOR), lambda path: save(path, MODEL)])
-def test_a_file_that_cannot_be_written_is_told(refused, tmp_path, write):
+def test_a_file_that_cannot_be_written_is_refused(refused, tmp_path):
     path = tmp_path / "none" / "file"
-    (sentence,) = refused(lambda: write(path))
+    (sentence,) = refused(lambda: write_model(path, MODEL, PRIOR))
     assert sentence.startswith(f"{path} could not be written: ")
     assert "No such file or directory" in sentence
-
-
-@pytest.mark.parametrize(
-    "thing", [object(), [MODEL], {1.0}, np.array, Prior], ids=["object", "list", "set", "function", "class"]
-)
-def test_only_things_of_estimable_are_saved(refused, tmp_path, thing):
-    path = tmp_path / "thing.npz"
-    (sentence,) = refused(lambda: save(path, thing))
-    assert sentence.startswith("`thing` must be one of 'Kalman', 'UnknownGain', ")
-    assert sentence.endswith(f" or a running online. Got {type(thing).__name__} (at thing).")
-    assert not path.exists()
-
-
-def test_a_thing_inside_that_cannot_be_saved_is_located(refused, tmp_path):
-    from estimable.frozen import replace
-
-    thing = replace(Kalman(MODEL), model=object())
-    (sentence,) = refused(lambda: save(tmp_path / "thing.npz", thing))
-    assert sentence.endswith("Got object (at thing.model).")
-
-
-def npz(path, header):
-    np.savez(path, header=np.array(json.dumps(header)))
-
-
-FOREIGN = {
-    "empty": lambda path: path.write_bytes(b""),
-    "a text": lambda path: path.write_text("hello"),
-    "another archive": lambda path: np.savez(path, a=1),
-    "one array": lambda path: np.save(path, np.ones(3)),
-    "a pickle": lambda path: np.savez(path, header=np.array([{}], object)),
-    "another header": lambda path: npz(path, [1]),
-    "nothing in the header": lambda path: npz(path, {"estimable": 1, "thing": 1}),
-    "an unknown class": lambda path: npz(path, {"estimable": 1, "thing": {"record": "Unheard", "fields": {}}}),
-    "a field missing": lambda path: npz(path, {"estimable": 1, "thing": {"record": "Prior", "fields": {}}}),
-    "an array missing": lambda path: npz(path, {"estimable": 1, "thing": {"array": "nowhere"}}),
-}
-
-
-@pytest.mark.parametrize("write", FOREIGN.values(), ids=FOREIGN)
-def test_a_file_that_save_did_not_write_is_refused(refused, tmp_path, write):
-    path = tmp_path / "thing.npy"
-    write(path)
-    written = path if path.exists() else path.with_name("thing.npy.npz")
-    (sentence,) = refused(lambda: load(written))
-    assert sentence.startswith(f"{written} was not written by estimable.save, or is damaged: ")
-
-
-def test_a_file_of_a_later_format_is_refused(refused, tmp_path):
-    path = tmp_path / "thing.npz"
-    npz(path, {"estimable": 99, "thing": 1})
-    assert refused(lambda: load(path)) == [f"{path} has format 99; this version reads format 1."]
-
-
-def test_a_damaged_file_is_refused_wherever_the_damage_is(refused, tmp_path):
-    path = tmp_path / "thing.npz"
-    save(path, StateSpace(np.random.default_rng(1).normal(size=(20, 20)), dt=1))
-    whole = path.read_bytes()
-    for cut in range(0, len(whole) - 1, len(whole) // 20):
-        path.write_bytes(whole[:cut])
-        assert "is damaged" in refused(lambda: load(path))[0]
-    middle = bytearray(whole)
-    middle[len(whole) // 2] ^= 0xFF
-    path.write_bytes(middle)
-    assert "is damaged" in refused(lambda: load(path))[0]
-
-
-def test_a_running_online_is_saved_but_what_it_holds_must_be_ours(refused, tmp_path):
-    running = online(Kalman(MODEL), prior=PRIOR)
-    running.progress = object()
-    (sentence,) = refused(lambda: save(tmp_path / "run.npz", running))
-    assert sentence.endswith("Got object (at thing).")
 
 
 SYSTEMS = {

@@ -85,7 +85,7 @@ def test_the_gain_of_a_linear_model_file_is_not_passed_over(name):
 
 
 def test_a_wrapper_wraps_what_a_nonlinear_model_bears():
-    file = es.ModelFile(
+    file = es.results.ModelFile(
         model(parameters={"a": 1.0}), es.Prior([0.0, 0.0], np.eye(2)), es.GainSection(es.Prior([1.0], [[1.0]]))
     )
     built = catalogue.build("change-detection", file, algorithm="second-order-kalman", length=5)

@@ -8,7 +8,6 @@ import pytest
 from estimable import (
     EstimableError,
     Kalman,
-    ModelFile,
     Prior,
     Record,
     RunError,
@@ -24,6 +23,7 @@ from estimable import (
     simulate_bank,
     stack,
 )
+from estimable.results import ModelFile
 
 MODEL = StateSpace([[0.5]], [[1.0]], Q=[[0.1]], R=[[1.0]], dt=1, inputs=["u"], outputs=["y"])
 CONTINUOUS = StateSpace([[-0.5]], [[1.0]], Q=[[0.1]], R=[[1.0]], dt=0, inputs=["u"], outputs=["y"])
@@ -153,7 +153,7 @@ def test_options_are_refused_with_those_there_are(refused):
     found = refused(lambda: estimate(Kalman(MODEL), RECORD, prior=PRIOR, on_failure="stop", engine="gpu", keep="mean"))
     assert len(found) == 3
     assert found[0] == "`on_failure` must be one of 'raise', 'keep'. Got 'stop'."
-    assert found[1].startswith("`engine` must be one of 'auto', 'lanes', 'native', 'xla'")
+    assert found[1].startswith("`engine` must be one of 'auto', 'native', 'xla'")
     assert found[2] == "`keep` must be one of 'all', 'means', 'last', 'likelihood'. Got 'mean'. Did you mean 'means'?"
 
 

@@ -1,7 +1,6 @@
 """The update for independent noises is the general one: same belief, same likelihood, whatever was seen or is exact."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -10,10 +9,7 @@ from estimable import Kalman, Prior, Record, StateSpace, estimate
 from estimable.kernels import independent, kalman
 
 N, P = 4, 3
-general = jax.jit(lambda m, Z, C, d, r, y, seen: kalman.correct(
-    m, Z, jnp.zeros((N, 0)), C, d, jnp.eye(P) * r[:, None], None, y, seen, jnp.abs(m), jnp.zeros(())
-))  # fmt: skip
-sequential = jax.jit(lambda m, Z, C, d, r, y, seen: independent.correct(m, Z, C, d, r, y, seen, jnp.abs(m)))
+general, sequential = jax.jit(kalman.correct), jax.jit(independent.correct)
 
 
 def belief(seed, rank, exact):
@@ -24,7 +20,8 @@ def belief(seed, rank, exact):
     r = 10.0 ** rng.uniform(-4, 2, size=P) * (np.arange(P) >= exact)
     m, C = rng.normal(size=N), rng.normal(size=(P, N))
     y = C @ (m + Z @ rng.normal(size=N)) + r * rng.normal(size=P)
-    return m, Z, C, rng.normal(size=P) * 0.0, r, y, rng.random(P) < 0.8
+    prior = kalman.Gaussian(m, Z, np.zeros((N, 0)), np.abs(m), np.zeros(()))
+    return prior, kalman.Measurement(C, np.zeros(P), np.diag(r)), y, rng.random(P) < 0.8
 
 
 @pytest.mark.parametrize("exact", [0, 1, 3])
@@ -33,10 +30,10 @@ def test_independent_noises_are_a_case_of_the_general_update(rank, exact):
     for seed in range(20):
         case = belief(seed, rank, exact)
         a, b = general(*case), sequential(*case)
-        P_a, P_b, prior = a.Z @ a.Z.T, b.Z @ b.Z.T, case[1] @ case[1].T
+        P_a, P_b, prior = (state.Z @ state.Z.T for state in (a.state, b.state, case[0]))
         scale = np.sqrt(np.diag(prior)) + 1e-300
         assert_allclose(P_b / np.outer(scale, scale), P_a / np.outer(scale, scale), atol=1e-13)
-        assert_allclose(b.m, a.m, rtol=1e-9, atol=1e-11 * scale.max())
+        assert_allclose(b.state.m, a.state.m, rtol=1e-9, atol=1e-11 * scale.max())
         assert_allclose(b.innovation_covariance, a.innovation_covariance, rtol=1e-12, atol=1e-300)
         assert_allclose(b.log_likelihood, a.log_likelihood, rtol=1e-7, atol=1e-7)
         assert bool(b.contradicted) == bool(a.contradicted)
@@ -46,7 +43,7 @@ def test_independent_noises_are_a_case_of_the_general_update(rank, exact):
 
 def test_a_triangular_factor_stays_triangular_and_no_column_is_added():
     case = belief(0, N, 0)
-    Z = sequential(*case).Z
+    Z = sequential(*case).state.Z
     assert Z.shape == (N, N)
     assert np.array_equal(Z, np.tril(Z))
 

@@ -40,7 +40,9 @@ def bank(rows, input_arrival, output_arrival, known=True, noise=0.1):
     fates = (came if known else np.full(came.shape, np.nan)).astype(float)
     first = Record(y[0], sent[0], dt=1, arrived=fates[0])
     times = np.broadcast_to(first.t, (DRAWS, rows))
-    return es.Stacked(replace(first, y=y[..., None], u=sent[..., None], t=times, arrived=fates[..., None]), DRAWS)
+    return es.results.Stacked(
+        replace(first, y=y[..., None], u=sent[..., None], t=times, arrived=fates[..., None]), DRAWS
+    )
 
 
 def judged(run):

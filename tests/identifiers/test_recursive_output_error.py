@@ -37,7 +37,7 @@ def errors(plant, rows, variance, input_arrival, output_arrival):
     y[rng.random((DRAWS, rows)) >= output_arrival] = np.nan
     first = Record(y[0], u[0], dt=1)
     times = np.broadcast_to(first.t, (DRAWS, rows))
-    bank = es.Stacked(replace(first, y=y[..., None], u=u[..., None], t=times), DRAWS)
+    bank = es.results.Stacked(replace(first, y=y[..., None], u=u[..., None], t=times), DRAWS)
     method = RecursiveOutputError(
         2, 1, noise_variance=plant.noise_variance, prior=Prior(np.zeros(4), variance * np.eye(4))
     )

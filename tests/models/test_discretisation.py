@@ -170,3 +170,32 @@ def test_the_noise_of_a_chain_of_integrators_is_positive_definite_in_its_own_uni
     scale = np.sqrt(np.diagonal(exact))
     smallest = np.linalg.eigvalsh(exact / np.outer(scale, scale)).min()
     assert np.linalg.eigvalsh(Q / np.outer(scale, scale)).min() > smallest / 2
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e6, 1e12])
+@pytest.mark.parametrize("hold", HOLDS)
+def test_the_unit_of_time_changes_no_digit(scale, hold):
+    model = continuous(1)
+    slow = StateSpace(model.A / scale, model.B / scale, G=model.G, Q=model.Q / scale, R=np.eye(3), dt=0)
+    reference, found = model.discretise(0.1, hold=hold), slow.discretise(0.1 * scale, hold=hold)
+    for name in ("A", "B", "B_end", "Q"):
+        if getattr(reference, name) is not None:
+            np.testing.assert_allclose(getattr(found, name), getattr(reference, name), rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("units", [[1e-9, 1.0, 1e6], [1e8, 1e-8, 1.0]])
+def test_the_units_of_the_states_change_no_digit(units):
+    model, T = continuous(1), np.array(units)
+    turned = StateSpace(
+        T[:, None] * model.A / T, T[:, None] * model.B, G=T[:, None] * model.G, Q=model.Q, R=np.eye(3), dt=0
+    )
+    reference, found = model.discretise(3.0), turned.discretise(3.0)
+    np.testing.assert_allclose(found.A * T / T[:, None], reference.A, rtol=1e-12)
+    sd = np.sqrt(np.diag(reference.Q))
+    np.testing.assert_allclose(found.Q / np.outer(sd * T, sd * T), reference.Q / np.outer(sd, sd), atol=1e-13)
+
+
+def test_a_large_entry_that_couples_nothing_back_costs_no_digit():
+    model = StateSpace([[-1.0, 1e12], [0.0, -2.0]], Q=np.zeros((2, 2)), dt=0)
+    exact = [[np.exp(-1.0), 1e12 * (np.exp(-1.0) - np.exp(-2.0))], [0.0, np.exp(-2.0)]]
+    np.testing.assert_allclose(model.discretise(1.0).A, exact, rtol=1e-13)

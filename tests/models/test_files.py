@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimable import GainSection, ModelFile, Prior, StateSpace, packaged, read_model, write_model
+from estimable import GainSection, Prior, StateSpace, packaged, read_model, write_model
 from estimable.models.operating_point import OperatingPoint
+from estimable.results import ModelFile
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 

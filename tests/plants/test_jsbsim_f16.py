@@ -73,7 +73,7 @@ def test_a_loss_of_the_whole_deflection_upsets_the_trim():
 def test_the_upset_is_taken_back_by_the_law():
     model = jsbsim_f16.JsbsimF16().model
     law = f16_in_jsbsim.law(model)
-    _, u, _ = law.act((), es.Info(mean=np.array([0.0, 0.0, 0.7])), np.zeros(1))
+    _, u, _ = law.act((), es.results.Info(mean=np.array([0.0, 0.0, 0.7])), np.zeros(1))
     assert_allclose(u, -0.7)
     closed = model.A - model.B @ law.feedback[:, :2]
     q = np.linalg.solve(-closed, model.B @ law.reference_gain)[1, 0]

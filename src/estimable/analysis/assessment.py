@@ -4,36 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from ..frozen import frozen, static
+from ..kernels.echelon import echelon, leading_sign
 from ..kernels.reach import DOUBTFUL, ZERO, Reach
-from .directions import echelon, leading_sign
-from .moments import Moments
+from .moments import StateMoments
 from .tolerance import judged, scale
 
 
-@frozen
-class Assessment:
-    """The numbers of a verdict; `Estimability` and `Regulability` say what they mean."""
-
-    verdict: str = static()
-    filter_verdict: str = static()
-    distance: float
-    filter_distance: float
-    tolerance: tuple[float, float] = static()
-    singular_values: Any
-    directions: Any
-    filter_directions: Any
-    known_directions: Any
-    squared_correlations: Any
-    correlation_directions: Any
-    variance_reduction: Any
-    filter_variance_reduction: Any
-    prior_covariance: Any
-    covariance: Any
-
-
-def assess(moments: Moments) -> dict[str, Any]:
-    """The fields of an `Assessment`."""
+def assess(moments: StateMoments) -> dict[str, Any]:
+    """The fields that `Estimability` and `Regulability` have in common."""
     Π, Σ = moments.Π, moments.Σ
     D = scale(np.diagonal(Π))
     λ, V = np.linalg.eigh(Π / (D[:, None] * D))

@@ -1,62 +1,17 @@
 """Can the state be estimated better than by knowing nothing but the model?"""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
 from ..errors import AssumptionError
-from ..frozen import frozen, static
 from ..kernels.riccati import clyap, dlyap
 from ..models.constant import check_noise
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from .assessment import Assessment, assess
-from .moments import Moments, Problem, over_steps, stationary
+from ..results import Estimability
+from .assessment import assess
+from .moments import Problem, StateMoments, over_steps, stationary
 from .tolerance import check_size
-
-
-@frozen
-class Estimability(Assessment):
-    """What `estimability` found. Directions are rows (.., n) in the model's own states, of norm 1.
-
-    `verdict` "yes", "no" or "borderline" (rounding could decide) for the one-step predictor, and `estimable` whether it
-    is "yes"; `filter_verdict` for the filter, which has the present output too.
-    `directions`: of which past outputs tell nothing (`filter_directions`: present ones neither); `known_directions`: that
-    have no variance to begin with.
-    `singular_values` (n,): of the covariances of the state with all past outputs, in the states' units; constant model in
-    steady state: of [F N, F² N, .., F^n N]. `distance`: relative size of the smallest change found that hides a direction;
-    a verdict is "no" below `tolerance[0]`, "borderline" below `tolerance[1]`.
-    `squared_correlations` (r,), ascending: eigenvalues of (Π - P, Π), the squared canonical correlations of state and past
-    outputs, without units; `correlation_directions` (r, n) goes with them, the least known first.
-    `variance_reduction` (n,): by how much of itself each state's variance shrinks, 0 to 1; `filter_variance_reduction`.
-    `prior_covariance` Π and `covariance` P (n, n); `horizon`: steps (seconds where dt = 0), None in steady state.
-    """
-
-    states: tuple[str, ...] = static(default=())
-    outputs: tuple[str, ...] = static(default=())
-    horizon: Any = static(default=None)
-
-    @property
-    def estimable(self) -> bool:
-        """Whether the verdict is "yes"."""
-        return self.verdict == "yes"
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
-        from .sentences import estimability_sentences
-
-        return estimability_sentences(self)
-
-    def __repr__(self) -> str:
-        return f"Estimability({self.verdict}: {' '.join(self.sentences)})"
-
-    def plot(self):
-        """A plotly figure: how much of each state's variance the outputs take away, and the Gramian's spectrum."""
-        from ..figures.verdicts import plot_estimability
-
-        return plot_estimability(self)
 
 
 def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prior | None = None) -> Estimability:
@@ -103,7 +58,7 @@ def problem_of(model: StateSpace) -> Problem:
     return Problem(model.A, Q, model.C, model.R, J)
 
 
-def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None, continuous: bool) -> Moments:
+def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None, continuous: bool) -> StateMoments:
     """In steady state (`horizon` None), or over a horizon from the covariance `start`."""
     if horizon is None:
         longest = "horizon=10.0 (seconds)" if continuous else f"horizon={2 * len(problem.F)}"

@@ -8,81 +8,12 @@ from .. import checks
 from ..annotations import Numbers
 from ..data.record import Record, match
 from ..errors import AssumptionError
-from ..frozen import frozen, static
-from ..kernels.gain_fisher_information import information_factor, posterior
+from ..kernels.gain_fisher_information import information_factor
 from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
-from .directions import echelon, words
-
-SILENT = 1e-8  # share of a direction, in the units of what is known, below which a gain has no part in it
-ROUNDING = 1e-13  # of an input and a dither that cancel: what is left is rounding
-GRID = 400  # amplitudes tried below one that is enough, for the bound need not fall steadily
-DOUBLINGS = 30  # of the amplitude, after which none is enough
-
-
-@frozen
-class GainInformation:
-    """What `gain_information` returns, for the dither at `amplitude`.
-
-    `information` (n + p, n + p): of (x[0], θ), from the record alone; `covariance` (p, p) and `sigma` (p,): the Cramér-Rao bound
-    of the gains, with the priors given: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An infinite
-    sigma: not told of (its covariances with others are then 0). `directions` (r, p): the combinations of gains about which
-    the record says nothing, in `sentences` by name.
-    """
-
-    information: Any
-    covariance: Any
-    sigma: Any
-    directions: Any
-    amplitude: float
-    gains: tuple[str, ...] = static()
-    sentences: tuple[str, ...] = static()
-    factor: Any
-    state: Prior | None
-    gain: Prior | None
-
-    def at(self, amplitude: float) -> "GainInformation":
-        """The same with the dither `amplitude` times as large. Costs nothing of the record's length.
-
-        Raises `InputError` where no dither was given.
-        """
-        faults = checks.Faults()
-        amplitude = faults.number("amplitude", amplitude)
-        self._need_dither(faults)
-        faults.finish()
-        return _found(
-            self.factor, len(self.information) - len(self.gains), float(amplitude), self.gains, self.state, self.gain
-        )
-
-    def amplitude_for(self, sigma: Numbers) -> float:
-        """The amplitude of the dither from which on every gain is known to `sigma`, a number or (p,).
-
-        Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
-        """
-        faults = checks.Faults()
-        faults.learn("p", len(self.gains), f"there {'are' if len(self.gains) > 1 else 'is'} "
-                     f"{checks.counted(len(self.gains), 'gain')}")  # fmt: skip
-        wanted = faults.array("sigma", np.full(len(self.gains), sigma) if np.ndim(sigma) == 0 else sigma, "p")
-        if wanted is not None and np.any(np.asarray(wanted) <= 0):
-            faults.add(f"`sigma` must be greater than 0. Got {checks.short(sigma)}.")
-        self._need_dither(faults)
-        faults.finish()
-        start = _start(self.factor, len(self.gains), np.asarray(wanted))
-        amplitude = _smallest(lambda a: float(np.max(self.at(a).sigma / wanted)), start)
-        if amplitude is None:
-            hidden = self.at(start).directions
-            what = f": it tells nothing of {words(hidden[0], self.gains)}" if len(hidden) else ""
-            raise AssumptionError(f"no amplitude of this dither is enough{what}.")
-        return amplitude
-
-    def _need_dither(self, faults: checks.Faults) -> None:
-        if self.factor.shape[1] == len(self.information):
-            faults.add("no dither was given: gain_information(model, u, dither=...) with the shape of one, (T, m).")
-
-    def __repr__(self) -> str:
-        return f"GainInformation({' '.join(self.sentences)})"
+from ..results import GainInformation
 
 
 def gain_information(
@@ -139,7 +70,8 @@ def gain_information(
         raise AssumptionError(
             "an output has no noise, so that it tells infinitely much: give R a small variance for it."
         ) from None
-    return _found(factor, model.n, 0.0, gain_blocks.gain_names(given, p, model), state, gain)
+    gains = gain_blocks.gain_names(given, p, model)
+    return GainInformation.of_factor(factor, gains, state, gain, n=model.n, amplitude=0.0)
 
 
 def _check_prior(name: str, prior: Prior | None, size: int, what: str, faults: checks.Faults) -> None:
@@ -175,7 +107,7 @@ def _from_record(model: StateSpace, record: Record, dt: float | None, faults: ch
     faults.finish()
     u = record.applied()[:, columns[0]]
     if np.isnan(u).any():
-        faults.add("`u` must be known in every row: the record has inputs of which nobody knows whether they arrived.")
+        faults.add("`u` must be known in every row: the record has inputs whose arrival is unknown.")
     faults.learn("T", len(u), f"the record has {checks.counted(len(u), 'row')}")
     _check_length(model, u, faults)
     return u, record.seen[:, columns[1]], record.clock(model.dt or None)
@@ -225,85 +157,3 @@ class _Instant:
             return W @ W.T, V @ V.T, np.zeros((len(W), len(V)))
         Ω = self("Ω")
         return W @ W.T + Ω @ Ω.T, V @ V.T, Ω @ V.T
-
-
-def _found(
-    factor: np.ndarray, n: int, amplitude: float, gains: tuple[str, ...], state: np.ndarray, gain: np.ndarray
-) -> GainInformation:
-    """The bound where the last p columns of the factor count `amplitude` times."""
-    p = len(gains)
-    F = factor[:, : n + p]
-    if factor.shape[1] > n + p:
-        added = np.hstack([np.zeros((len(F), n)), amplitude * factor[:, n + p :]])
-        terms = np.linalg.norm(F, axis=0) + np.linalg.norm(added, axis=0)
-        F = F + added
-        F = np.where(np.linalg.norm(F, axis=0) > ROUNDING * terms, F, 0.0)
-    hidden = _of_gains(posterior(F, *_joint(state, n, None, p))[1], F, n)
-    covariance, left = posterior(F, *_joint(state, n, gain, p))
-    silent = np.abs(_of_gains(left, F, n)).max(axis=0, initial=0.0) > SILENT
-    C = np.where(silent[:, None] | silent, 0.0, covariance[n:, n:])
-    C[silent, silent] = np.inf
-    sigma = np.sqrt(np.diagonal(C))
-    sentences = _sentences(sigma, hidden, gains, amplitude)
-    return GainInformation(F.T @ F, C, sigma, hidden, amplitude, gains, sentences, factor, state, gain)
-
-
-def _joint(state: Prior | None, n: int, gain: Prior | None, p: int) -> tuple[Any, Any]:
-    """The factor of the covariance of (x[0], θ), and its diffuse directions."""
-    from scipy.linalg import block_diag
-
-    (L, D), (M, H) = _halves(state, n), _halves(gain, p)
-    return block_diag(L, M), block_diag(D, H)
-
-
-def _halves(prior: Prior | None, size: int) -> tuple[Any, Any]:
-    if prior is None:
-        return np.zeros((size, 0)), np.eye(size)
-    λ, V = np.linalg.eigh(np.array(prior.covariance, float))
-    D = np.zeros((size, 0)) if prior.diffuse is None else np.array(prior.diffuse, float)
-    return np.asarray(V) * np.sqrt(np.maximum(λ, 0.0)), D
-
-
-def _of_gains(untold: np.ndarray, F: np.ndarray, n: int) -> np.ndarray:
-    """The gains' part of untold directions, (r, p), rows of norm 1."""
-    size = np.linalg.norm(F, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    scaled = untold * size[:, None]
-    scaled = scaled / np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
-    U, s, _ = np.linalg.svd(scaled[n:], full_matrices=False)
-    basis = U[:, s > SILENT] / size[n:, None]
-    return echelon(basis / np.linalg.norm(basis, axis=0)).T
-
-
-def _sentences(sigma: Numbers, hidden: np.ndarray, gains: tuple[str, ...], amplitude: float) -> tuple[str, ...]:
-    when = f"With {amplitude:g} times the dither, " if amplitude else ""
-    told = [
-        f"{when}{name} can be known to ±{s:.3g} (1 sigma)."
-        for name, s in zip(gains, sigma, strict=True)
-        if np.isfinite(s)
-    ]
-    nothing = [f"The input adds nothing about {words(g, gains)}." for g in hidden]
-    return (*told, *nothing)
-
-
-def _smallest(worst: np.ndarray, start: float) -> float | None:
-    """The amplitude above which `worst` stays at most 1, searched below the first doubling of `start` where it is."""
-    from scipy.optimize import brentq
-
-    enough = next((start * 2.0**k for k in range(DOUBLINGS) if worst(start * 2.0**k) <= 1), None)
-    if enough is None:
-        return None
-    tried = np.linspace(0.0, enough, GRID)
-    short = [i for i, amplitude in enumerate(tried[:-1]) if worst(amplitude) > 1]
-    if not short:
-        return 0.0
-    lower, upper = tried[short[-1]], tried[short[-1] + 1]
-    root: Any = brentq(lambda amplitude: min(worst(amplitude), 1e6) - 1, lower, upper, xtol=1e-14 * enough)
-    return float(root)
-
-
-def _start(factor: np.ndarray, p: int, wanted: np.ndarray) -> float:
-    """The amplitude at which the dither outweighs the input, and could be enough if nothing else were unknown."""
-    input_told, dither_told = np.linalg.norm(factor[:, -2 * p : -p], axis=0), np.linalg.norm(factor[:, -p:], axis=0)
-    some = dither_told > 0
-    return float(np.max((4 * input_told[some] + 1 / wanted[some]) / dither_told[some], initial=0.0)) or 1.0

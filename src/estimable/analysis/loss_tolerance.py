@@ -6,63 +6,14 @@ import numpy as np
 
 from .. import checks
 from ..errors import AssumptionError
-from ..frozen import frozen, static
-from ..kernels.losses import stabilising_gain, upper_covariance
-from ..kernels.riccati import dlyap
+from ..kernels.losses import stabilising_gain
 from ..models.state_space import StateSpace
+from ..results import LossTolerance
 from .observability import observability
 
 BISECTIONS = 20
 EDGE = 1e-9  # how far inside the unit circle an eigenvalue must lie to count as stable
 LARGEST = 30  # states: equations of n² unknowns are solved
-
-
-@frozen
-class ArrivalCovariance:
-    """Bounds of the expected covariance of the one-step prediction where samples arrive at `rate`.
-
-    lower <= E P[k] <= upper as k grows, both (n, n) and as matrices; an infinite diagonal: no bound exists. `bounded`: "yes"
-    where the upper bound exists, "no" where no lower one does, "unknown" between.
-    """
-
-    rate: float
-    lower: Any
-    upper: Any
-    bounded: str = static()
-
-
-@frozen
-class LossTolerance:
-    """What `loss_tolerance` returns: the critical arrival probability lies in [lower, upper].
-
-    Below it the expected covariance grows without bound from some start, above it it stays bounded from every start. Both are 0
-    where A is stable: then none is critical. `spectral_radius` of A; `exact`: the two agree.
-    """
-
-    lower: float
-    upper: float
-    spectral_radius: float
-    exact: bool = static()
-    sentence: str = static()
-    model: StateSpace
-
-    def at(self, rate: float) -> ArrivalCovariance:
-        """Bounds of the expected covariance where samples arrive at `rate`, from 0 to 1, independently.
-
-        Raises `InputError` for a rate outside.
-        """
-        faults = checks.Faults()
-        rate = faults.number("rate", rate, lower=0.0, upper=1.0)
-        faults.finish()
-        parts = _parts(self.model)
-        lower, upper = _lower_covariance(*parts, λ=rate), upper_covariance(*parts, λ=rate)
-        bounded = "yes" if upper is not None else "no" if lower is None else "unknown"
-        unbounded = np.diag(np.full(self.model.n, np.inf))
-        lower, upper = (unbounded if X is None else X for X in (lower, upper))
-        return ArrivalCovariance(rate, lower, upper, bounded)
-
-    def __repr__(self) -> str:
-        return f"LossTolerance({self.sentence})"
 
 
 def loss_tolerance(model: StateSpace) -> LossTolerance:
@@ -121,21 +72,6 @@ def _check(model: StateSpace, faults: checks.Faults) -> None:
         faults.add("`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).")
     elif "R" not in model.varying:
         faults.positive_definite("R", np.asarray(model.R))
-
-
-def _parts(model: StateSpace) -> Any:
-    """A, C, Q, R and the cross noise, in the state's own units."""
-    A, C, G, R = (np.asarray(M) for M in (model.A, model.C, model.G, model.R))
-    N = np.zeros((model.n, model.p)) if model.S is None else G @ np.asarray(model.S)
-    return A, C, G @ np.asarray(model.Q) @ G.T, R, N
-
-
-def _lower_covariance(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray, N: np.ndarray, λ: float) -> Any:
-    """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if a sample that arrives told the whole state. (None: no solution.)"""
-    try:
-        return dlyap(np.sqrt(1 - λ) * A, Q - λ * N @ np.linalg.solve(R, N.T))
-    except AssumptionError:
-        return None
 
 
 def _unstable(A: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

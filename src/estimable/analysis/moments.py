@@ -34,7 +34,7 @@ class Problem(NamedTuple):
         return Problem(*(M if M.ndim == 2 else M[min(k, len(M) - 1)] for M in self))
 
 
-class Moments(NamedTuple):
+class StateMoments(NamedTuple):
     """Π, Σ with past outputs and with the present one too, Γ; and what is reached with Π scaled to a unit diagonal."""
 
     Π: np.ndarray
@@ -45,7 +45,7 @@ class Moments(NamedTuple):
     filter: Reach
 
 
-def stationary(problem: Problem, *, continuous: bool) -> Moments:
+def stationary(problem: Problem, *, continuous: bool) -> StateMoments:
     """In steady state, which a stable F has. Corollaries 2.1 and 2.3; the filter's verdict is (F, [N, M])."""
     F, Q, H, R, J = problem
     if continuous:
@@ -63,10 +63,10 @@ def stationary(problem: Problem, *, continuous: bool) -> Moments:
     predictor = reach(F_scaled, M_scaled)
     with_present = predictor if continuous else reach(F_scaled, np.hstack([N, M_scaled]))
     Γ = reachability_matrix(F, M)
-    return Moments(Π, Σ, Σ_filter, Γ, predictor, with_present)
+    return StateMoments(Π, Σ, Σ_filter, Γ, predictor, with_present)
 
 
-def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> Moments:
+def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> StateMoments:
     """After `steps` samples, from covariance Π before the first. Theorem 2.1; the rank is the least over k >= n."""
     n = len(Π)
     P, Σ = Π, np.zeros((n, n))
@@ -88,7 +88,7 @@ def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> Moments:
     S, N = H @ P @ H.T + R, Π @ H.T / scale(np.diagonal(H @ Π @ H.T + R))
     L = solve_semidefinite(S, H @ P).T
     with_present = rank(np.hstack([N, Γ_scaled]) / scale(np.diagonal(Π))[:, None])
-    return Moments(Π, Σ, symmetric(Σ + L @ S @ L.T), Γ, worst, with_present)
+    return StateMoments(Π, Σ, symmetric(Σ + L @ S @ L.T), Γ, worst, with_present)
 
 
 def _refuse_growth(F: np.ndarray, Π: np.ndarray, k: int) -> None:

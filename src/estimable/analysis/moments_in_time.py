@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import AssumptionError
 from ..models.discretisation import exponential, over
-from .moments import LARGEST, Moments, Problem, compressed, rank, symmetric
+from .moments import LARGEST, Problem, StateMoments, compressed, rank, symmetric
 from .tolerance import scale
 
 NODES = (np.polynomial.legendre.leggauss(4)[0] + 1) / 2
@@ -16,7 +16,7 @@ WEIGHTS = np.polynomial.legendre.leggauss(4)[1] / 2
 MOST_STEPS = 20_000
 
 
-def over_time(problem: Problem, Π: np.ndarray, seconds: float) -> Moments:
+def over_time(problem: Problem, Π: np.ndarray, seconds: float) -> StateMoments:
     """After `seconds`, from covariance Π at the start; the rows of a varying model share the time equally."""
     n = len(Π)
     pieces = max(len(M) if M.ndim == 3 else 1 for M in problem)
@@ -40,7 +40,7 @@ def over_time(problem: Problem, Π: np.ndarray, seconds: float) -> Moments:
                     f"the model grows beyond any number within {seconds:g} s: take a shorter horizon."
                 )
     found = rank(Γ_scaled / scale(np.diagonal(Π))[:, None])
-    return Moments(Π, symmetric(Π - P), symmetric(Π - P), Γ, found, found)
+    return StateMoments(Π, symmetric(Π - P), symmetric(Π - P), Γ, found, found)
 
 
 def substeps(F: np.ndarray, n: int, seconds: float, pieces: int) -> int:

@@ -6,87 +6,15 @@ import numpy as np
 
 from .. import checks
 from ..errors import AssumptionError
-from ..frozen import frozen, static
-from ..kernels.reach import DOUBTFUL, ZERO, Reach, reach, reachability_matrix
+from ..kernels.echelon import echelon
+from ..kernels.reach import ZERO, Reach, reach, reachability_matrix
 from ..kernels.riccati import clyap, dlyap
 from ..models.state_space import StateSpace
-from .directions import echelon
+from ..results import Observability, Reachability
 from .estimability import read_horizon
 from .gramians import balancing_units, effects
 from .moments import rank
 from .tolerance import check_size, judged
-
-
-@frozen
-class _Structure:
-    """What `observability` and `reachability` have in common."""
-
-    verdict: str = static()
-    distance: float
-    singular_values: Any
-    gramian: Any
-    directions: Any
-    hidden_modes: Any
-    unstable_directions: Any
-    states: tuple[str, ...] = static()
-    channels: tuple[str, ...] = static()
-    tolerance: tuple[float, float] = static(default=(ZERO, DOUBTFUL))
-    horizon: Any = static(default=None)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
-        from .sentences import structure_sentences
-
-        return structure_sentences(self)
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.verdict}: {' '.join(self.sentences)})"
-
-
-@frozen
-class Observability(_Structure):
-    """What `observability` found. `directions` (k, n): states that never show in an output, of norm 1.
-
-    `verdict` "yes", "no" or "borderline"; `observable`: whether it is "yes"; `detectable`: whether what is hidden dies out
-    (None over a horizon). `hidden_modes` (k,): eigenvalues of what is hidden; `unstable_directions`: those that do not die
-    out. `distance`: relative size of the smallest change of (A, C) found that hides a direction (over a horizon, of the
-    outputs it would give). `singular_values` (n,) of [C; C A; ..; C A^(n-1)], or of the outputs over the horizon;
-    `gramian` (n, n): x0' gramian x0 is the sum (dt = 0: the integral) of squared outputs; None for an unstable model for ever.
-    """
-
-    __repr__ = _Structure.__repr__
-
-    @property
-    def observable(self) -> bool:
-        """Whether every state shows."""
-        return self.verdict == "yes"
-
-    @property
-    def detectable(self) -> bool | None:
-        """Whether every state that does not show dies out."""
-        return None if self.horizon is not None else len(self.unstable_directions) == 0
-
-
-@frozen
-class Reachability(_Structure):
-    """What `reachability` found. `directions` (k, n): combinations g'x that nothing moves, of norm 1.
-
-    The fields are those of `Observability`, of (A, B): `reachable`, and `stabilisable`, whether what is not moved dies out.
-    `gramian` (n, n): the covariance that unit white inputs make.
-    """
-
-    __repr__ = _Structure.__repr__
-
-    @property
-    def reachable(self) -> bool:
-        """Whether every state can be moved to."""
-        return self.verdict == "yes"
-
-    @property
-    def stabilisable(self) -> bool | None:
-        """Whether every direction that is not moved dies out."""
-        return None if self.horizon is not None else len(self.unstable_directions) == 0
 
 
 def observability(model: StateSpace, *, horizon: float | None = None) -> Observability:

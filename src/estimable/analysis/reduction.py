@@ -1,18 +1,16 @@
 """Smaller models with the same outputs."""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
 from ..errors import AssumptionError
-from ..frozen import frozen, static
 from ..kernels.reach import complement, reach
 from ..kernels.riccati import clyap, dlyap
 from ..models.constant import check_constant, check_noise
 from ..models.operating_point import OperatingPoint
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..results import Reduction
 from .estimability import problem_of, refuse_unstable
 from .gramians import balancing_units
 from .moments import steady_predictor
@@ -21,28 +19,6 @@ from .tolerance import check_size, scale
 
 REMEDY = "method='minimal' needs none"
 METHODS = ("output_process", "minimal", "balanced")
-
-
-@frozen
-class Reduction:
-    """What `reduce` found: a `model` of r states z = `to` x, with `to` (r, n); x is near `back` z, with `back` (n, r).
-
-    `prior`: of z in steady state, for the Kalman filter of `model` (None for an unstable model). `error_bound`: of the
-    gain from inputs and unit white noise to outputs, at any frequency; 0 where nothing but what does not count was left
-    out. `hankel_singular_values` (n,), descending, of a balanced truncation; else None.
-    """
-
-    model: StateSpace
-    to: Any
-    back: Any
-    prior: Prior | None
-    error_bound: float
-    hankel_singular_values: Any = None
-    method: str = static(default="output_process")
-
-    def __repr__(self) -> str:
-        n, r = self.back.shape
-        return f"Reduction({self.method}: {n} to {checks.counted(r, 'state')}, error bound {self.error_bound:.3g})"
 
 
 def reduce(model: StateSpace, *, method: str = "output_process", order: int | None = None) -> Reduction:

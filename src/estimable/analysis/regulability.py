@@ -1,49 +1,15 @@
 """Can control lower a quadratic cost, from every state?"""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from ..frozen import frozen, static
 from ..models.state_space import StateSpace
-from .assessment import Assessment, assess
+from ..results import Regulability
+from .assessment import assess
 from .estimability import moments_of, read_horizon, start_of
 from .moments import Problem
 from .tolerance import check_size
-
-
-@frozen
-class Regulability(Assessment):
-    """What `regulability` found; the fields of `Estimability`, read of the dual problem.
-
-    `verdict`, and `regulable` whether it is "yes"; `directions` (.., n): states x0 from which control cannot lower the
-    cost; `known_directions`: that cost nothing to begin with. `prior_covariance` (n, n): the cost without control is
-    x0' Ψ x0; `covariance`: with the best control. `variance_reduction` (n,): by how much of itself the cost of each state
-    alone shrinks; `squared_correlations`, `correlation_directions`: the same for the directions in which it shrinks
-    least, first, to most. `singular_values`: of [F'S, F'²S, .., F'^n S] in steady state, S = Ψ G.
-    The `filter_` fields are of cost-to-go before the first control acts on it, (F', S).
-    """
-
-    states: tuple[str, ...] = static(default=())
-    inputs: tuple[str, ...] = static(default=())
-    horizon: Any = static(default=None)
-
-    @property
-    def regulable(self) -> bool:
-        """Whether the verdict is "yes"."""
-        return self.verdict == "yes"
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
-        from .sentences import regulability_sentences
-
-        return regulability_sentences(self)
-
-    def __repr__(self) -> str:
-        return f"Regulability({self.verdict}: {' '.join(self.sentences)})"
 
 
 def regulability(

@@ -1,133 +1,13 @@
 """Margins against what is not modelled: how large a perturbation of a stable system can be before it may fail."""
 
-from typing import Any
-
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen, static
 from ..kernels import decay
-
-SEARCH = 1e-10  # relative, to which the best rate is searched
-
-
-@frozen
-class StabilityRadius:
-    """`margin`: the norm of the smallest complex matrix E for which A + E is not stable; `frequency` (rad/s) where."""
-
-    margin: float
-    frequency: float
-
-
-@frozen
-class Perturbed:
-    """Bounds on x under a perturbation: ||x|| <= overshoot ||x0|| at its start, `final` in the end, `decay` between.
-
-    ||x(t)|| <= overshoot ||x0|| d + final (1 - d), d = decay^k after k samples (dt = 0: exp(-decay t)).
-    """
-
-    overshoot: float
-    decay: float
-    final: float
-    dt: float = static()
-
-    def at(self, t: Numbers, *, x0: float) -> Any:
-        """The bound at times t (seconds) from a start of norm `x0`."""
-        t = np.asarray(t, float)
-        d = np.exp(-self.decay * t) if self.dt == 0 else self.decay ** (t / self.dt)
-        return self.overshoot * x0 * d + self.final * (1 - d)
-
-
-@frozen
-class RhoMargin:
-    """What `rho_margin` returns: margin <= sigma <= stability_radius.
-
-    `margin` is ρ = (1 - rate) / overshoot (dt = 0: rate / overshoot), the largest over all rates for which
-    ||A^k|| <= overshoot rate^k (dt = 0: ||e^{At}|| <= overshoot exp(-rate t)). `sigma` = 1 / Σ ||A^k|| (1 / ∫ ||e^{At}||).
-    All are in the units of `scaling` (n,): the norms are of x / scaling.
-    """
-
-    margin: float
-    rate: float
-    overshoot: float
-    sigma: float
-    stability_radius: float
-    scaling: Any
-    course: decay.Course
-    dt: float = static()
-
-    def perturbed(self, kappa: float, delta: float = 0.0) -> Perturbed:
-        """The bound that decays fastest where x moves by A x + f(t, x) + g(t), ||f|| <= kappa ||x||, ||g|| <= delta.
-
-        Raises `InputError` where kappa is not below the margin.
-        """
-        faults = checks.Faults()
-        kappa = faults.number("kappa", kappa, lower=0.0)
-        delta = faults.number("delta", delta, lower=0.0)
-        if kappa is not None and kappa >= self.margin:
-            faults.add(
-                f"`kappa` must be below the margin {self.margin:.6g}: beyond it nothing is bounded. Got {kappa:g}."
-            )
-        faults.finish()
-        rates = _Rates(self.course, self.dt == 0)
-        rate = rates.best(lambda λ: rates.decay(λ) - kappa * rates.overshoot(λ))
-        γ, α = rates.overshoot(rate), rates.decay(rate)
-        speed = α - kappa * γ
-        return Perturbed(γ, speed if self.dt == 0 else 1 - speed, γ * delta / speed, self.dt)
-
-    def __repr__(self) -> str:
-        return f"RhoMargin({self.margin:.4g} <= sigma {self.sigma:.4g} <= stability radius {self.stability_radius:.4g})"
-
-
-class _Rates:
-    """Overshoot γ and speed of decay for every rate λ that the norms a at times t prove: a_N <= λ^t bounds all that follows.
-
-    λ is the factor in a sample, or in a second. Between two times at a distance h a straight line times e^{αt} is at most
-    e^{(αh)²/8} above its ends (Hoeffding's lemma).
-    """
-
-    def __init__(self, course: decay.Course, continuous: bool):
-        self.course, self.continuous = course, continuous
-        self.t, self.log_a, self.h = course.t, _log(course.a), np.diff(course.t)
-        self.ends = [_log(a + course.ε) for a in (course.a[:-1], course.a[1:])]
-        self.dead = course.a[1] == 0
-        self.slowest = float(np.min(self.log_a[1:] / self.t[1:]))  # log λ of the fastest decay that is proven
-        self.lowest = float(np.exp(self.slowest))
-
-    def decay(self, λ: float) -> float:
-        """The speed of decay of λ, per sample or per second."""
-        return -np.log(λ) if self.continuous else 1 - λ
-
-    def overshoot(self, λ: float) -> float:
-        """The smallest γ for which the norms stay below γ λ^t."""
-        if λ == 0:
-            return 1.0
-        α = -np.log(λ)
-        at = self.log_a + α * self.t
-        if not self.continuous:
-            return float(np.exp(np.max(at)))
-        line = np.maximum(self.ends[0] + α * self.t[:-1], self.ends[1] + α * self.t[1:]) + (α * self.h) ** 2 / 8
-        growing = at[:-1] + max(self.course.ω + α, 0.0) * self.h
-        return float(np.exp(max(np.max(at), np.max(np.minimum(line, growing)))))
-
-    def best(self, value: float) -> float:
-        """The λ of the largest `value`, which has one maximum."""
-        from scipy.optimize import minimize_scalar
-
-        def at(s: float) -> float:
-            return np.exp(self.slowest * (1 - s)) if self.continuous else self.lowest + s * (1 - self.lowest)
-
-        found: Any = minimize_scalar(
-            lambda s: -value(at(s)), bounds=(0, 1 - 1e-12), method="bounded", options={"xatol": SEARCH}
-        )
-        return max((λ for λ in (at(float(found.x)), at(0.0)) if λ > 0 or self.dead), key=value)
-
-
-def _log(a: float) -> Any:
-    with np.errstate(divide="ignore"):
-        return np.log(a)
+from ..kernels.decay_rates import DecayRates, log
+from ..results import RhoMargin, StabilityRadius
 
 
 def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoMargin:
@@ -153,8 +33,8 @@ def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoM
     scaling = _scaling(A, scaling)
     A = A * scaling / scaling[:, None]
     course, total = _decay(A, dt == 0)
-    rates = _Rates(course, dt == 0)
-    rate = rates.best(lambda λ: _log(rates.decay(λ)) - _log(rates.overshoot(λ)))
+    rates = DecayRates(course, dt == 0)
+    rate = rates.best(lambda λ: log(rates.decay(λ)) - log(rates.overshoot(λ)))
     γ, speed = rates.overshoot(rate), rates.decay(rate)
     radius = decay.nearest_instability(A, dt == 0)[0]
     return RhoMargin(speed / γ, speed if dt == 0 else rate, γ, 1 / total, radius, scaling, course, dt)

@@ -1,15 +1,14 @@
 """Whether inputs that nobody measured can be known from the outputs, and how late."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from ..frozen import frozen, static
 from ..kernels.steady_unknown_input import closed_loop, fang_closed_loop
 from ..models.state_space import StateSpace
+from ..results import UnknownInputExistence
 from .zeros import invariant_zeros
 
 ON_THE_CIRCLE = 1e-9  # how far inside the unit circle a zero must lie to count as inside
@@ -21,36 +20,6 @@ METHODS = {
     "partial": "exact conditioning, D of partial rank",
     "delayed": "exact conditioning, with delay",
 }
-
-
-@frozen
-class UnknownInputExistence:
-    """What `unknown_input_existence` returns.
-
-    `exists`: every unknown input can be told, and the errors die out. `method`: which case the ranks make it; `delay`:
-    after how many samples an input is known (None: never); `rank_D`, `rank_next` (of [C B N, D] with N the null space of
-    D, at most twice as many as inputs) and `normal_rank` of the transfer function. `zeros`: the invariant zeros;
-    `unstable_zeros`: those not inside the unit circle, along which an input acts unseen for ever. `spectral_radius`: of
-    the error of the steady filter; `fang_spectral_radius`: of Fang's Algorithm 1, where it applies. With `seen`:
-    `input_delay` (T, d), NaN where the pattern never tells, `state_known` (T,) and `undetermined` (T,) inputs.
-    """
-
-    exists: bool = static()
-    method: str | None = static()
-    delay: int | None = static()
-    rank_D: int = static()  # noqa: N815  of the matrix D
-    rank_next: int = static()
-    normal_rank: int | None = static()
-    zeros: Any
-    unstable_zeros: Any
-    spectral_radius: float | None
-    fang_spectral_radius: float | None
-    sentence: str = static()
-    input_delay: Any = None
-    state_known: Any = None
-
-    def __repr__(self) -> str:
-        return f"UnknownInputExistence({self.sentence})"
 
 
 def unknown_input_existence(

@@ -6,15 +6,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..analysis.estimability import Estimability, estimability
-from ..analysis.gain_information import GainInformation, gain_information
-from ..analysis.loss_tolerance import LossTolerance, loss_tolerance
-from ..analysis.observability import Observability, Reachability, observability, reachability
-from ..analysis.unknown_input_existence import UnknownInputExistence, unknown_input_existence
+from ..analysis.estimability import estimability
+from ..analysis.gain_information import gain_information
+from ..analysis.loss_tolerance import loss_tolerance
+from ..analysis.observability import observability, reachability
+from ..analysis.unknown_input_existence import unknown_input_existence
 from ..errors import EstimableError
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
-from ..results import Names
+from ..results import (
+    Estimability,
+    GainInformation,
+    LossTolerance,
+    Names,
+    Observability,
+    Reachability,
+    UnknownInputExistence,
+)  # fmt: skip
 from .numbers import counted
 from .run_filter import read_measured
 

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 from ..data.record import Record
 from ..errors import EstimableError
-from ..identification.compare import Comparison, Ranked
+from ..results import Comparison, Ranked
 from ..results.order_selection import OrderSelection
-from .identify_files import Asked, Written, write_model_file, write_page
+from .identify_files import Asked, WrittenFiles, write_model_file, write_page
 from .identify_report import read
 from .numbers import counted
 
@@ -19,7 +19,7 @@ class Compared(NamedTuple):
     record: Record
     found: Comparison
     selection: OrderSelection | None
-    written: Written
+    written: WrittenFiles
 
 
 def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int], None] | None) -> Compared:
@@ -30,7 +30,7 @@ def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int]
     level = asked.level or "mean"
     found = compare(None, record, split=asked.split, level=level, order=order, progress=progress)
     selection = selected(found)
-    run = Compared(asked, record, found, selection, Written(None, None))
+    run = Compared(asked, record, found, selection, WrittenFiles(None, None))
     return run._replace(written=_write(run, order))
 
 
@@ -45,11 +45,11 @@ def selected(found: Comparison) -> OrderSelection | None:
         return None
 
 
-def _write(run: Compared, order: int | None) -> Written:
+def _write(run: Compared, order: int | None) -> WrittenFiles:
     """The model, where there is one worth it, and the page, where anything could be fitted."""
     best, files = run.found.predictor, run.asked.files
     if run.found.ranked == () or run.found.ranked[0].fit is None:
-        return Written(None, None)
+        return WrittenFiles(None, None)
     if best is not None and best.model is not None:
         write_model_file(best.model, run.asked.reading, files.model)
     options = () if order is None else (f"--order {order}",)
@@ -57,7 +57,7 @@ def _write(run: Compared, order: int | None) -> Written:
         run.found, run.record, files.report, chosen=best, selection=run.selection, source=run.asked.path,
         command=run.asked.again(*options), lead=_sentences(run),
     )  # fmt: skip
-    return Written(files.model if best is not None else None, files.report)
+    return WrittenFiles(files.model if best is not None else None, files.report)
 
 
 def _sentences(run: Compared) -> list[str]:

@@ -9,7 +9,7 @@ from ..results import Estimate
 from . import innovation_checks, run_filter
 from .gain_text import header
 from .numbers import counted, decimals
-from .run_filter import Run
+from .run_filter import FilterRun
 
 KINDS = (("mean", "state"), ("gain", "gain"), ("unknown_input", "unknown_input"))
 
@@ -33,7 +33,7 @@ def _delay(result: Estimate) -> int:
     return result.names.input_delay if rows > max(result.names.input_delay, 1) else 0
 
 
-def as_data(run: Run, out: Path | None) -> dict[str, Any]:
+def as_data(run: FilterRun, out: Path | None) -> dict[str, Any]:
     """What `estimate` says to a machine."""
     result, last = run.result, last_estimates(run.result)
     return {
@@ -49,7 +49,7 @@ def as_data(run: Run, out: Path | None) -> dict[str, Any]:
     }
 
 
-def as_text(run: Run) -> list[Any]:
+def as_text(run: FilterRun) -> list[Any]:
     """What `estimate` says to people."""
     from rich import box
     from rich.table import Table
@@ -77,7 +77,7 @@ def as_text(run: Run) -> list[Any]:
     ]
 
 
-def write_table(run: Run, out: Path) -> str:
+def write_table(run: FilterRun, out: Path) -> str:
     """Write every sample's estimate; the sentence that says so. Raises `InputError` where `out` cannot be written."""
     frame = run.result.to_pandas()
     try:

@@ -7,7 +7,7 @@ from . import gain_text, options, show
 from .destination import check_destination
 from .gain_report import write_gain_report
 from .gain_summary import gain_summary
-from .run_filter import Run, run_filter
+from .run_filter import FilterRun, run_filter
 
 
 def gain(
@@ -46,7 +46,7 @@ def gain(
 
 
 def present(
-    command_name: str, run: Run, machine: bool, report: Path | None, *, command: str, story: tuple[str, ...] = ()
+    command_name: str, run: FilterRun, machine: bool, report: Path | None, *, command: str, story: tuple[str, ...] = ()
 ) -> None:
     """The gain of a run on stdout, and as a page in the file `report`; `command` makes that page again."""
     if run.result.gain is None:

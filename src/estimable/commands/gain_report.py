@@ -6,10 +6,12 @@ from typing import Any
 from . import gain_text, innovation_checks
 from .gain_summary import GainSummary, GainWindow, is_effectiveness
 from .numbers import spread_of
-from .run_filter import Run
+from .run_filter import FilterRun
 
 
-def write_gain_report(run: Run, summary: GainSummary, path: Path, *, story: tuple[str, ...], command: str) -> None:
+def write_gain_report(
+    run: FilterRun, summary: GainSummary, path: Path, *, story: tuple[str, ...], command: str
+) -> None:
     """Write the page: what was found, the diagrams, the checks, what was assumed, and `command`, which makes it again."""
     from ..report import report_of, write_report
 
@@ -23,7 +25,7 @@ def write_gain_report(run: Run, summary: GainSummary, path: Path, *, story: tupl
     write_report(report, path)
 
 
-def _facts(run: Run, summary: GainSummary) -> Any:
+def _facts(run: FilterRun, summary: GainSummary) -> Any:
     from ..report import Fact
 
     lost = is_effectiveness(run.algorithm)
@@ -52,7 +54,7 @@ def _when(window: GainWindow) -> str:
     return f"{window.start:.4g} to {window.end:.4g} s, 2 sigma"
 
 
-def _script(run: Run) -> str:
+def _script(run: FilterRun) -> str:
     """The same in Python."""
     reading = "".join(f",\n    {name}={value!r}" for name, value in run.reading.items() if value is not None)
     settings = "".join(f", {name}={value!r}" for name, value in run.settings.items())

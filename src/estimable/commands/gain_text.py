@@ -10,14 +10,14 @@ from ..tables import standard_deviation
 from . import innovation_checks, run_filter
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
-from .run_filter import Run
+from .run_filter import FilterRun
 from .terminal_plot import ASCII, UNICODE, plot
 
 PLOTS = 4  # gains drawn at most: the screen is short
 WIDEST = 100
 
 
-def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
+def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
     """What `gain` and `demo` say to a machine."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
     check, first = innovation_checks.innovation_check(run.judged), next(iter(summary.changes), None)
@@ -42,7 +42,7 @@ def as_data(run: Run, summary: GainSummary) -> dict[str, Any]:
     }
 
 
-def as_text(run: Run, summary: GainSummary, console: Any) -> list[Any]:
+def as_text(run: FilterRun, summary: GainSummary, console: Any) -> list[Any]:
     """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
@@ -58,7 +58,7 @@ def findings(summary: GainSummary, check: Any) -> tuple[str, ...]:
     return (*innovation_checks.warning(check), *summary.findings)
 
 
-def header(run: Run) -> list[str]:
+def header(run: FilterRun) -> list[str]:
     """What was read, and what ran."""
     names, seconds = run.result.names, run.record.seconds
     lasting = "" if seconds is None else f" over {seconds:.4g} s"
@@ -72,7 +72,7 @@ def header(run: Run) -> list[str]:
     ]
 
 
-def _settings(run: Run) -> Iterable[str]:
+def _settings(run: FilterRun) -> Iterable[str]:
     """What the filter ran with."""
     from rich.markup import escape
 
@@ -85,7 +85,7 @@ def _written(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value).replace(" ", "")
 
 
-def _unseen(run: Run) -> Iterable[str]:
+def _unseen(run: FilterRun) -> Iterable[str]:
     """What of the outputs was not measured, and what a gate left out."""
     seen = np.mean([run.record.seen[:, run.record.outputs.index(name)] for name in run.result.names.outputs], axis=1)
     for name, share in zip(run.result.names.outputs, seen, strict=True):
@@ -98,12 +98,12 @@ def _unseen(run: Run) -> Iterable[str]:
         yield f"The gate left out {out:,} of {of:,} outputs: if that is many, it may be closed on the truth."
 
 
-def next_steps(run: Run, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:
+def next_steps(run: FilterRun, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:
     """What to do after `gain`: the same run again, with a table."""
     return ("", "Every sample, as a table:", f"  {command_of(run, 'estimate', settings, reading)} --out gain.csv")
 
 
-def command_of(run: Run, command: str, settings: Iterable[str], reading: dict[str, Any]) -> str:
+def command_of(run: FilterRun, command: str, settings: Iterable[str], reading: dict[str, Any]) -> str:
     """The command line that does the same again."""
     words = [str(run.record_path), "--model", str(run.model_path), "--filter", run.filter]
     for setting in settings:
@@ -114,7 +114,7 @@ def command_of(run: Run, command: str, settings: Iterable[str], reading: dict[st
     return f"estimable {command} {shlex.join(words)}"
 
 
-def _table(run: Run, summary: GainSummary, sign: str) -> Any:
+def _table(run: FilterRun, summary: GainSummary, sign: str) -> Any:
     from rich import box
     from rich.table import Table
 
@@ -137,7 +137,7 @@ def _cells(window: GainWindow, i: int, lost: bool, sign: str) -> list[str]:
     return [*shown, spread_of(100 * (1 - gain), 100 * spread, unit=" %", sign=sign)] if lost else shown
 
 
-def _plots(run: Run, summary: GainSummary, width: int, unicode: bool) -> list[Any]:
+def _plots(run: FilterRun, summary: GainSummary, width: int, unicode: bool) -> list[Any]:
     from rich.text import Text
 
     result, few = run.result, summary.names[:PLOTS]

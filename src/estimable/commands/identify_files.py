@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.record import Record
-from ..identification.compare import Comparison, Ranked
 from ..models.state_space import StateSpace
 from ..protocols import Method
+from ..results import Comparison, Ranked
 from ..results.order_selection import OrderSelection
 from .destination import check_destination
 
@@ -43,7 +43,7 @@ class Asked(NamedTuple):
         return " ".join([*words, *options])
 
 
-class Written(NamedTuple):
+class WrittenFiles(NamedTuple):
     """What was written; None where there was nothing to write."""
 
     model: Path | None

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..models.state_space import StateSpace
 from ..protocols import Method
 from ..results import Fit
-from .identify_files import Asked, Written, write_model_file, write_page
+from .identify_files import Asked, WrittenFiles, write_model_file, write_page
 from .numbers import counted, decimals
 from .settings import read_settings
 
@@ -29,7 +29,7 @@ class Identified(NamedTuple):
     settings: dict[str, Any]
     chosen: str | None
     fit: Fit
-    written: Written
+    written: WrittenFiles
 
 
 def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int | None) -> Identified:
@@ -79,7 +79,7 @@ def _made(entry: Any, given: dict[str, Any]) -> Any:
         checks.refuse(f"{entry.name} has the settings {checks.listed(fields)}. Got {checks.listed(given)}.")
 
 
-def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> Written:
+def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> WrittenFiles:
     """The model of the fit, and the page of the same method fitted to the first part; less where that cannot be."""
     from ..identification.compare import absolute, compare, divided
 
@@ -88,14 +88,14 @@ def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -
     try:
         found = compare([method], record, split=asked.split, level=level)
     except InputError:
-        return Written(asked.files.model, None)
+        return WrittenFiles(asked.files.model, None)
     if found.ranked[0].fit is None:
-        return Written(asked.files.model, None)
+        return WrittenFiles(asked.files.model, None)
     write_page(
         found, record, asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
         command=asked.again(f"--method {name_of(method)}"), lead=[found.sentence],
     )  # fmt: skip
-    return Written(asked.files.model, asked.files.report)
+    return WrittenFiles(asked.files.model, asked.files.report)
 
 
 def name_of(method: Method) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import checks, reproductions
-from ..reproductions import Reproduced, Reproduction, Row
+from ..reproductions import Reproduced, ReproducedRow, Reproduction
 from . import show
 from .numbers import decimals
 
@@ -54,7 +54,7 @@ def as_text(entry: Reproduction, result: Reproduced) -> list[Any]:
     return [f"{entry.source}, {entry.name}: {entry.title}", "", table, *over, *result.remarks]
 
 
-def _ours(row: Row) -> tuple[str, str]:
+def _ours(row: ReproducedRow) -> tuple[str, str]:
     """Mean and sigma, to the digits that the sigma leaves, or that were published."""
     if row.sigma is None:
         return ("never" if row.mean != row.mean else f"{row.mean:.6g}"), ""

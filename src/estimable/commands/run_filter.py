@@ -15,7 +15,7 @@ from .judging import estimate_between_changes
 from .settings import read_settings, settings_in_force
 
 
-class Run(NamedTuple):
+class FilterRun(NamedTuple):
     """What ran: the name of the filter, the algorithm, the prior of the state, the record, the estimate; the files that
     the record and the model came from, how the record was read, and the settings that were given.
 
@@ -35,7 +35,7 @@ class Run(NamedTuple):
     judged: Estimate
 
 
-def as_data(run: Run) -> dict[str, Any]:
+def as_data(run: FilterRun) -> dict[str, Any]:
     """What every command that runs a filter says of the run to a machine."""
     result = run.result
     return {
@@ -97,7 +97,7 @@ def run_filter(
     settings: Iterable[str] = (),
     unknown: Iterable[str] = (),
     reading: dict[str, Any] | None = None,
-) -> Run:
+) -> FilterRun:
     """Read a model file and a record, and run the filter `name` of the catalogue (None: `gain_filter`).
 
     `settings`: texts name=value. `unknown`: inputs that nobody measured. `reading`: arguments of `read_record`
@@ -126,4 +126,4 @@ def run_filter(
     if name == "change-detection":
         onsets = [change.onset for change in diagnostics.changes(result)]
         judged = estimate_between_changes(algorithm.algorithm, measured, file.prior, onsets)
-    return Run(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)
+    return FilterRun(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)

@@ -8,9 +8,10 @@ import numpy as np
 
 from .. import checks
 from ..design.rho_plan import default_eta
-from ..design.rho_synthesis import RhoSynthesis, rho_synthesis
+from ..design.rho_synthesis import rho_synthesis
 from ..models.files import ModelFile, read_model
 from ..models.nonlinear_model import NonlinearModel
+from ..results import RhoSynthesis
 from .check_report import sampled
 from .numbers import counted
 

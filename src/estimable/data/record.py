@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -46,7 +46,9 @@ class Record:
     lost: str = static(default="zero")
     hold: str = static(default="zero_order")
     units: Any = static(default=())
-    held: Any = field(default=None, init=False)  # (m,) what the actuator held before row 0, where rows were cut off
+    held: Annotated[Any, "m"] = field(
+        default=None, init=False
+    )  # what the actuator held before row 0, where rows were cut off
 
     def __post_init__(self):
         faults = checks.Faults()

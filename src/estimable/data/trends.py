@@ -1,22 +1,23 @@
 """Levels and straight drifts of the signals of a record: found by least squares, taken away in the open."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from .. import checks
-from ..frozen import replace
+from ..frozen import replace, saved
 from .record import Record
 
 DEGREES = (0, 1)
 
 
+@saved
 class Trend(NamedTuple):
     """What is taken away from each channel: inputs (2, m) and outputs (2, p), their value at row 0 and their change a row."""
 
-    inputs: np.ndarray
-    outputs: np.ndarray
+    inputs: Annotated[np.ndarray, "2 m"]
+    outputs: Annotated[np.ndarray, "2 p"]
 
     @staticmethod
     def of(records: Sequence[Record], degree: int = 0) -> "Trend":

@@ -12,69 +12,16 @@ from .. import checks
 from ..analysis.observability import observability, reachability
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen, static
 from ..models.constant import check_constant, check_noise
 from ..models.discretisation import over
-from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from .gains import FeedbackGain, KalmanGain, kalman_gain, lqr_gain
+from ..results import DisturbanceAccommodation, FeedbackGain
+from .gains import kalman_gain, lqr_gain
 from .waveforms import Waveform
 
 MODES = ("absorption", "minimisation", "utilisation")
 SAME = 1e-12  # of the fastest: how near two eigenvalues are one
 OUTSIDE = 1e-9  # of F H: what may be left outside the range of B and still be rounding
-
-
-@frozen
-class DisturbanceAccommodation:
-    """What `disturbance_accommodation` returns.
-
-    `model`: the composite of plant and waveform, states (x, z): what `Kalman` takes. `feedback` (m, n + q): what `StateFeedback`
-    takes, u = -feedback (x^, z^); the part of x alone is that of `lqr_gain`. `filter`: the stationary gains of the composite,
-    as of `kalman_gain`. `steady` (n, q): in the end x = steady z. `left` (r, q): what of z then stays in the freed outputs.
-    `poles` (n,) of A - B K.
-    """
-
-    model: StateSpace
-    feedback: Any
-    filter: KalmanGain
-    steady: Any
-    left: Any
-    poles: Any
-    mode: str = static()
-
-    @property
-    def order(self) -> int:
-        """The number of states of the waveform."""
-        return self.steady.shape[1]
-
-    def prior(self, of_state: Prior, covariance: Numbers | None = None) -> Prior:
-        """The prior of the composite: that of the state, and z zero on average with this `covariance` (q, q), or one variance.
-
-        None: nothing is known of z (diffuse).
-        """
-        faults, q = checks.Faults(), self.order
-        n = self.model.n - q
-        if faults.instance("of_state", of_state, Prior) and of_state.size != n:
-            faults.add(f"`of_state` must be a prior of n = {n} states: the plant has so many. Got {of_state.size}.")
-        faults.learn("q", q, f"the waveform has {checks.counted(q, 'state')}")
-        given = covariance * np.eye(q) if np.ndim(covariance) == 0 and covariance is not None else covariance
-        V = np.zeros((q, q)) if given is None else faults.covariance("covariance", given, "q q")
-        faults.finish()
-        known = (
-            []
-            if of_state.diffuse is None
-            else [np.vstack([of_state.diffuse, np.zeros((q, of_state.diffuse.shape[1]))])]
-        )
-        unknown = [np.vstack([np.zeros((n, q)), np.eye(q)])] if covariance is None else []
-        P = np.block([[of_state.covariance, np.zeros((n, q))], [np.zeros((q, n)), V]])
-        diffuse = np.hstack(known + unknown) if known + unknown else None
-        return Prior(np.append(of_state.mean, np.zeros(q)), P, diffuse=diffuse)
-
-    def __repr__(self) -> str:
-        size = np.linalg.norm(self.left, 2)
-        left = "nothing is left of it in the outputs" if size == 0 else f"of it {size:.3g} is left in the outputs"
-        return f"DisturbanceAccommodation({self.mode} of {checks.counted(self.order, 'waveform state')}: {left})"
 
 
 class _Plan(NamedTuple):

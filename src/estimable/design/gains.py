@@ -7,39 +7,13 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen
 from ..kernels.joseph import stationary
 from ..kernels.riccati import UNSETTLED, care, dare
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
+from ..results import FeedbackGain, KalmanGain
 
 LIMIT = 3e-14  # of the fastest pole: nearer than this to the limit of stability, rounding decides
-
-
-@frozen
-class KalmanGain:
-    """The stationary Kalman filter of a model; continuous models have one gain, hence `filter` is `predictor`.
-
-    `filter` (n, p): x[k|k] = x[k|k-1] + filter e; `predictor` (n, p): x[k+1|k] = A x[k|k-1] + predictor e.
-    `covariance` (n, n) of x[k|k], `predicted_covariance` of x[k|k-1], `innovation_covariance` (p, p) of e; `poles` (n,)
-    of A - predictor C.
-    """
-
-    filter: Any
-    predictor: Any
-    covariance: Any
-    predicted_covariance: Any
-    innovation_covariance: Any
-    poles: Any
-
-
-@frozen
-class FeedbackGain:
-    """The optimal feedback u = -`feedback` x, (m, n); its cost from x0 is x0' `cost` x0; `poles` (n,) of A - B feedback."""
-
-    feedback: Any
-    cost: Any
-    poles: Any
 
 
 def kalman_gain(model: StateSpace) -> KalmanGain:

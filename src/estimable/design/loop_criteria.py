@@ -13,13 +13,8 @@ from ..kernels import courses as kernel
 from ..kernels.decay import nearest_instability
 from ..kernels.riccati import clyap, dlyap
 from ..models.state_space import StateSpace
+from ..results.designs import BEST
 
-BEST = {
-    "response_time": "smallest", "rho": "largest", "sigma": "largest", "external": "smallest", "peak_gain": "smallest",
-    "dispersion": "smallest", "control": "smallest", "static_error": "smallest", "resonance": "smallest",
-    "magnification": "smallest",
-}  # fmt: skip
-CRITERIA = tuple(BEST)
 ROOM = 4_000_000  # numbers, of the powers of all loops that are followed together
 RESONANCE = 1e-6  # relative, to which a peak is searched
 
@@ -52,7 +47,7 @@ def evaluate(
         settled * step, ρ, 1 / total, 1 / ρ, rows.max(axis=1), dispersion, control, static, peak,
         peak / static,
     )  # fmt: skip
-    return dict(zip(CRITERIA, found, strict=True)), noise
+    return dict(zip(BEST, found, strict=True)), noise
 
 
 def _over_time(A: np.ndarray, continuous: bool) -> tuple[Any, ...]:

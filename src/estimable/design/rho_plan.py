@@ -11,9 +11,9 @@ from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..models.constant import check_constant
 from ..models.state_space import StateSpace
+from ..results.designs import BEST
 from .families import DesignFamily, joint
 from .gains import kalman_gain
-from .loop_criteria import CRITERIA
 
 NUMBER = 200  # of designs
 SLOWEST, TOP = 1 / 30, 300.0  # times the plant's own speed, between which η goes
@@ -101,9 +101,9 @@ def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
         faults.add(f"`weights` must be a mapping {{criterion: weight}}. Got {checks.short(given)}.")
         return {}
     for name in given:
-        if name not in CRITERIA:
-            near = checks.suggestion(name, CRITERIA)
-            faults.add(f"`weights`: there is no criterion {name!r}. There are {checks.listed(CRITERIA)}.{near}")
+        if name not in BEST:
+            near = checks.suggestion(name, BEST)
+            faults.add(f"`weights`: there is no criterion {name!r}. There are {checks.listed(BEST)}.{near}")
     read = {name: faults.number(f"weights[{name!r}]", value, lower=0.0) for name, value in given.items()}
     if all(value == 0 for value in read.values()):
         faults.add("`weights` must hold a weight that is not zero.")

@@ -1,94 +1,19 @@
 """Feedback and filter gains by one number, chosen where the loop bears most, or by what it costs."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..analysis.rho import RhoMargin, rho_margin
+from ..analysis.rho import rho_margin
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen, static
 from ..kernels.riccati import care, dare
-from ..models.discretisation import over
 from ..models.state_space import StateSpace
+from ..results.designs import RhoSynthesis, times_worse
 from . import loop_criteria
 from .families import DesignFamily
-from .loop_criteria import BEST
 from .rho_plan import Plan, read_plan
-
-
-class Optimum(NamedTuple):
-    """Where a criterion is best: the number of the design, its bandwidth, and the criterion's value there."""
-
-    design: int
-    bandwidth: float
-    value: float
-
-
-@frozen
-class RhoSynthesis:
-    """What `rho_synthesis` returns: N designs, and the one that was chosen.
-
-    `eta` (N,); `bandwidth` (N,) rad/s, infinite where a sampled loop has none; `criteria`: each criterion's name and its values
-    (N,); `composite` (N,): the weighted geometric mean of how many times worse than its own best each criterion is, 1 at least;
-    `weights` of the criteria; `chosen`: the number of the design. Of it: `feedback` (m, n), `filter` (n, p), `closed_loop`
-    (2n, 2n) of (x, x - x^), and its `margin`. `scaling` (n,): the units of the states in the norms; `noise`: which noise
-    `dispersion` and `control` are of.
-    """
-
-    eta: Any
-    bandwidth: Any
-    criteria: Any
-    composite: Any
-    chosen: int = static()
-    feedback: Any
-    filter: Any
-    closed_loop: Any
-    margin: RhoMargin
-    weights: Any
-    scaling: Any
-    noise: str = static()
-    model: StateSpace
-
-    @property
-    def optima(self) -> dict[str, Optimum]:
-        """Where each criterion, and the composite, is best."""
-        found = {name: _best(name, values) for name, values in self.criteria.items()}
-        found["composite"] = int(np.argmin(self.composite))
-        series = {**self.criteria, "composite": self.composite}
-        return {name: Optimum(i, float(self.bandwidth[i]), float(series[name][i])) for name, i in found.items()}
-
-    def times_worse(self, name: str) -> Any:
-        """How many times worse than its own best a criterion is at each design, (N,): 1 at its optimum."""
-        return _times_worse(name, self.criteria[name])
-
-    def filter_of_sample(self, dt: float) -> Any:
-        """Of a continuous design, the gain (n, p) of a sample that lasts `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
-
-        The innovation then acts through `filter` until the next sample: it is the integral of e^(-As) filter over a step.
-        """
-        if not self.model.is_continuous:
-            checks.refuse("`filter` is of a sample already: this design is discrete.")
-        faults = checks.Faults()
-        dt = faults.number("dt", dt, above=0.0, unit="seconds")
-        faults.finish()
-        eye = np.eye(self.model.n)
-        return over(-self.model.A, eye, 0 * eye, dt, hold="zero_order")[1] @ self.filter
-
-    def plot(self) -> Any:
-        """All criteria over the bandwidth, each relative to its best, with the optima marked: a plotly figure."""
-        from ..figures.tuning_plots import plot_tuning
-
-        return plot_tuning(self)
-
-    def __repr__(self) -> str:
-        i = self.chosen
-        return (
-            f"RhoSynthesis({len(self.eta)} designs; chosen eta {self.eta[i]:.4g}, bandwidth {self.bandwidth[i]:.4g} rad/s, "
-            f"rho {self.margin.margin:.4g})"
-        )
 
 
 def rho_synthesis(
@@ -198,15 +123,5 @@ def _relative(scaling: np.ndarray) -> Any:
 
 def _composite(criteria: dict[str, Any], weights: dict[str, float]) -> Any:
     """The weighted geometric mean of how many times worse than its best each criterion is."""
-    logs = [weight * np.log(_times_worse(name, criteria[name])) for name, weight in weights.items() if weight > 0]
+    logs = [weight * np.log(times_worse(name, criteria[name])) for name, weight in weights.items() if weight > 0]
     return np.exp(sum(logs) / sum(weights.values()))
-
-
-def _times_worse(name: str, values: np.ndarray) -> Any:
-    """How many times worse than its best a criterion is: 1 at its optimum."""
-    best = values[_best(name, values)]
-    return best / values if BEST[name] == "largest" else values / best
-
-
-def _best(name: str, values: np.ndarray) -> int:
-    return int((np.nanargmax if BEST[name] == "largest" else np.nanargmin)(values))

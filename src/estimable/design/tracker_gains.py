@@ -6,9 +6,9 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from ..frozen import frozen, static
 from ..kernels import tracker_error as kernel
 from ..models.state_space import StateSpace
+from ..results import TrackerChoices
 from .gains import kalman_gain
 
 CHOICES = ("least_worst", "kalata", "benedict_bordner", "critically_damped")
@@ -111,29 +111,6 @@ def _numbers(
             faults.add(f"`{name}` has no meaning for {choice!r}.")
     faults.finish()
     return given["index"], given["alpha"]
-
-
-@frozen
-class TrackerChoices:
-    """What `alpha_beta_choices` returns, a row for each choice of gains: `names`, `alpha`, `beta` (k,), `covariance` (k, 2, 2) of
-    (position, velocity); `radius` (k,): modulus of the larger pole of the error; `price` (k, 2): variances over the Kalman
-    filter's."""
-
-    alpha: Any
-    beta: Any
-    covariance: Any
-    radius: Any
-    price: Any
-    names: tuple[str, ...] = static()
-
-    def to_pandas(self):
-        """A DataFrame, one row a choice."""
-        import pandas as pd
-
-        σ = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-        columns = {"alpha": self.alpha, "beta": self.beta, "sigma_position": σ[:, 0], "sigma_velocity": σ[:, 1],
-                   "radius": self.radius, "price_position": self.price[:, 0], "price_velocity": self.price[:, 1]}  # fmt: skip
-        return pd.DataFrame(columns, index=list(self.names))
 
 
 def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> TrackerChoices:

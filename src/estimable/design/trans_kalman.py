@@ -5,74 +5,16 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..analysis.rho import RhoMargin, rho_margin
 from ..annotations import Numbers
 from ..errors import AssumptionError
-from ..frozen import frozen, replace, static
+from ..frozen import replace
 from ..kernels import minimax_gain as kernel
 from ..kernels.joseph import stationary
 from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
+from ..results import TransKalman
 
 CRITERIA = ("relative_regret", "regret", "cost")
-
-
-@frozen
-class TransKalman:
-    """What `trans_kalman` returns. V corners of the set of noises; the cost of a gain K at one is tr W P(K).
-
-    `filter` (n, p): x[k|k] = x[k|k-1] + filter e, for `FixedGain(model, design.filter)`. `covariance` (V, n, n) of its error, and
-    `cost` (V,), at each corner; `optimal` (V,): the cost of the Kalman filter that knows the corner; `guessed` (V, V): at [i, j]
-    that of the Kalman filter tuned for corner i where corner j is true.
-
-    The certificate: `worst` is the largest charge by the criterion, over the whole set; `bound`: no constant gain has less (of a
-    sparse one: no gain, sparse or not). `shares` (V,) of the least favourable mixture of the corners, and `least_favourable`, the
-    model with that noise, of which `filter` is the Kalman gain; None of a sparse gain. `poles` (n,) of the error.
-    """
-
-    filter: Any
-    covariance: Any
-    cost: Any
-    optimal: Any
-    guessed: Any
-    worst: float
-    bound: float
-    shares: Any
-    least_favourable: StateSpace | None
-    poles: Any
-    model: StateSpace
-    criterion: str = static()
-
-    @property
-    def regret(self) -> Any:
-        """What the gain costs more than the Kalman filter that knows, (V,); never below 0."""
-        return self.cost - self.optimal
-
-    @property
-    def relative_regret(self) -> Any:
-        """The same as a part of what that filter costs, (V,)."""
-        return self.regret / self.optimal
-
-    def margin(self, scaling: Numbers | None = None) -> RhoMargin:
-        """How much unmodelled coupling the error bears; `scaling` as in `rho_margin`."""
-        A, C = self.model.A, self.model.C
-        return rho_margin(A - self.filter @ C @ A, dt=self.model.dt, scaling=scaling)
-
-    def to_pandas(self):
-        """A DataFrame: a row for each filter (this one, and the Kalman filter of each corner), a column for each true corner:
-        cost over that of the filter that knows; last the worst of the row."""
-        import pandas as pd
-
-        rows = np.vstack([self.cost, self.guessed]) / self.optimal
-        corners = [str(i) for i in range(len(self.cost))]
-        names = ["trans-Kalman", *(f"Kalman of {i}" for i in corners)]
-        return pd.DataFrame(rows, index=names, columns=corners).assign(worst=rows.max(axis=1))
-
-    def __repr__(self) -> str:
-        return (
-            f"TransKalman({self.criterion} {self.worst:.4g} at worst, {self.bound:.4g} at least; {len(self.cost)} corners; "
-            f"largest pole {np.abs(self.poles).max():.4g})"
-        )
 
 
 def trans_kalman(

@@ -5,9 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..frozen import saved
 from ..results import Estimate
 
 
+@saved
 class DetectedChange(NamedTuple):
     """That a gain jumped: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
     the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record;

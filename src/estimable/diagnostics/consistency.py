@@ -6,11 +6,13 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
+from ..frozen import saved
 
 GROSS = 30.0  # times the expected: no tuning of Q and R explains that
 KNOWN = 1e-10  # eigenvalue of a correlation matrix below which a combination counts as known exactly
 
 
+@saved
 class Consistency(NamedTuple):
     """The mean of a normalised square, what a right model gives, its band, and how many degrees of freedom it has."""
 

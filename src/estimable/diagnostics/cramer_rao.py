@@ -8,12 +8,14 @@ from .. import checks
 from ..annotations import Numbers
 from ..data.record import Record
 from ..errors import AssumptionError
+from ..frozen import saved
 from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 
 UNTOLD = 1e-9  # eigenvalue of the scaled information, of its largest, below which a direction counts as not told of
 
 
+@saved
 class Efficiency(NamedTuple):
     """Mean squared errors of estimates over the Cramér-Rao bounds of their records: `ratio` 1 is the best.
 

@@ -6,11 +6,13 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..frozen import saved
 from ..results import Estimate
 from .consistency import Consistency, nis
 from .innovations import LAGS, Correlations, cross_correlation, standardised, whiteness
 
 
+@saved
 class InnovationChecks(NamedTuple):
     """Verdicts on a result: of all outputs together (`nis`), of each output, and of each output against each input.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
+from ..frozen import saved
 
 LAGS = 20
 FEWEST = 8  # pairs of samples from which a correlation is a number worth judging
@@ -16,6 +17,7 @@ COLLINEAR = 1e-3  # of the largest: directions in which the input hardly moves t
 CANCELS = 0.5  # a shift in time leaves as much of one sign as of the other, a wrong gain mostly one
 
 
+@saved
 class Correlations(NamedTuple):
     """Correlations of standardised innovations by lag, their band, and the verdict.
 

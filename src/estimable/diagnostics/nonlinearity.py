@@ -1,6 +1,6 @@
 """How curved a model is over what is not known: whether the extended filter is enough."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Array
 from ..data.record import Record
+from ..frozen import saved
 from ..kernels import expansion, flow
 from ..kernels.small import factor, product, triangularise
 from ..models.nonlinear_model import NonlinearModel
@@ -19,6 +20,7 @@ WORTH = 0.1  # of a standard deviation: what the bias of the mean must reach for
 STRONG = 0.3  # of a standard deviation: where a third-order term changes the gain itself
 
 
+@saved
 class Nonlinearity(NamedTuple):
     """Row by row, in standard deviations of the same quantity: what the straight line leaves out.
 
@@ -26,11 +28,11 @@ class Nonlinearity(NamedTuple):
     `third_order` (T - 1, p): what third derivatives of h would change of its slope (the cubic estimator's term).
     """
 
-    state_bias: np.ndarray
-    output_bias: np.ndarray
-    third_order: np.ndarray
-    states: tuple[str, ...]
-    outputs: tuple[str, ...]
+    state_bias: Annotated[np.ndarray, "T n"]
+    output_bias: Annotated[np.ndarray, "T p"]
+    third_order: Annotated[np.ndarray, "T p"]
+    states: Annotated[tuple[str, ...], "n"]
+    outputs: Annotated[tuple[str, ...], "p"]
 
     @property
     def sentence(self) -> str:

@@ -1,11 +1,12 @@
 """Poles, zeros and responses of a fitted model, each with what the fit's covariance makes of it."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
+from ..frozen import saved
 from ..kernels import tangents as kernel
 from ..kernels.tangents import Dynamics
 from ..models.state_space import StateSpace
@@ -18,32 +19,36 @@ DECADES = 1.5  # below the slowest pole, where a frequency response begins
 POINTS = 200
 
 
+@saved
 class Roots(NamedTuple):
     """Poles or zeros: `values` (k,) in z, the covariance (k, 2, 2) of each one's real and imaginary part, NaN where not known."""
 
-    values: np.ndarray
-    covariance: np.ndarray
+    values: Annotated[np.ndarray, "k"]
+    covariance: Annotated[np.ndarray, "k 2 2", "symmetric"]
 
 
+@saved
 class Response(NamedTuple):
     """A response at `at` (K,): `values` (K, p, m) and their standard deviations `sigma` (K, p, m), NaN where not known."""
 
-    at: np.ndarray
-    values: np.ndarray
-    sigma: np.ndarray
+    at: Annotated[np.ndarray, "K"]
+    values: Annotated[np.ndarray, "K p m"]
+    sigma: Annotated[np.ndarray, "K p m"]
 
 
+@saved
 class FrequencyResponse(NamedTuple):
     """`frequencies` (K,) in hertz, `values` (K, p, m) complex, and standard deviations of the logarithm of the modulus and of
     the phase in radians, (K, p, m); NaN where not known.
     """
 
-    frequencies: np.ndarray
-    values: np.ndarray
-    log_modulus_sigma: np.ndarray
-    phase_sigma: np.ndarray
+    frequencies: Annotated[np.ndarray, "K"]
+    values: Annotated[np.ndarray, "K p m"]
+    log_modulus_sigma: Annotated[np.ndarray, "K p m"]
+    phase_sigma: Annotated[np.ndarray, "K p m"]
 
 
+@saved
 class Spread(NamedTuple):
     """The matrices of a fitted model, and their tangents (r, ..); r = 0 where the fit does not tell how sure it is."""
 

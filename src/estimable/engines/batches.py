@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -35,10 +35,20 @@ def words(leaves: list) -> list:
     return [(leaf.astype(int).view(float) if leaf.dtype.kind in "iu" else leaf, axis) for leaf, axis in leaves]
 
 
-def on_all_processors(work: Any, items: Sequence[int]) -> None:
-    """Each item once, in threads: machine code and copies release Python's lock."""
-    if len(items) == 1:
-        work(items[0])
+def on_all_processors(work: Callable[[int], Any], items: Sequence[int]) -> None:
+    """Each item once, in threads, of which this is one: machine code and copies release Python's lock."""
+    left = iter(items)
+
+    def take() -> None:
+        for item in left:
+            work(item)
+
+    others = min(len(items), os.cpu_count() or 1) - 1
+    if others < 1:
+        take()
         return
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(work, items))  # raises what a thread raised
+    with ThreadPoolExecutor(others) as pool:
+        taken = [pool.submit(take) for _ in range(others)]
+        take()
+        for other in taken:
+            other.result()  # raises what a thread raised

@@ -11,16 +11,14 @@ from ..errors import EstimableError
 from . import xla
 from .program.primitives import UnsupportedError
 
-ENGINES = ("auto", "lanes", "native", "xla")
+ENGINES = ("auto", "native", "xla")
 log = logging.getLogger("estimable.engines")
 _said: set[tuple[str, str]] = set()
 
 
-def check(engine: str, faults: checks.Faults, *, bank: bool = False) -> None:
-    """`engine` is one, and one that a driver of single records or of banks can take."""
+def check(engine: str, faults: checks.Faults) -> None:
+    """`engine` is one."""
     faults.choice("engine", engine, ENGINES)
-    if engine == "lanes" and not bank:
-        faults.add('`engine` = "lanes" runs the records of a bank side by side: here use "auto", "native" or "xla".')
 
 
 def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any) -> tuple[str, xla.Run]:
@@ -30,27 +28,20 @@ def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, 
     at debug level, or as a warning where the engine failed. Raises `InputError` where the engine that was asked for cannot run
     the step.
     """
-    automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
-    engines = automatic if engine == "auto" else (engine,)
-    return _first_able(engines, "scan", algorithm, prior, samples, intervals, **options)
+    return _first_able(engine, "scan", algorithm, prior, samples, intervals, **options)
 
 
 def scan_bank(
     engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any
 ) -> tuple[str, xla.Run]:
-    """Many runs; `axes` says which of (algorithm, rows, prior) have a leading batch axis. See `scan`.
-
-    "auto" takes lanes where there is no machine code: on another device, or without LLVM.
-    """
-    automatic = ("native", "lanes", "xla") if jax.default_backend() == "cpu" else ("lanes", "xla")
-    engines = automatic if engine == "auto" else (engine,)
-    return _first_able(engines, "scan_bank", algorithm, prior, samples, intervals, **options)
+    """Many runs; `axes` says which of (algorithm, rows, prior) have a leading batch axis. See `scan`."""
+    return _first_able(engine, "scan_bank", algorithm, prior, samples, intervals, **options)
 
 
-def _first_able(
-    engines: tuple[str, ...], verb: str, algorithm: Any, *arguments: Any, **options: Any
-) -> tuple[str, xla.Run]:
+def _first_able(engine: str, verb: str, algorithm: Any, *arguments: Any, **options: Any) -> tuple[str, xla.Run]:
     """The first of the engines that can run the step, and what it left."""
+    automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
+    engines = automatic if engine == "auto" else (engine,)
     name, reason = type(algorithm).__name__, ""
     for engine in engines:
         run = getattr(import_module(f"{__package__}.{engine}"), verb)

@@ -22,7 +22,7 @@ LINE = 64  # bytes of the cache that are fetched together
 class LargeStep:
     """A compiled step. Runs of a bank follow one another on each processor."""
 
-    def __init__(self, program: Traced, keep: str, repeats: bool):
+    def __init__(self, program: Traced, keep: str, seek_steady: bool):
         row, states = program.row, program.states
         outputs = named(row.outputs, states)
         said = outputs.log_likelihood, outputs.outcome
@@ -31,7 +31,7 @@ class LargeStep:
         self.kept, self.keep = program.kept, keep
         self.each, self.last = ([row.operations[name] for name in names] for names in (each, last))
         self.rows = [kind for _, kind in row.types[program.fixed + states :]]
-        self.loop = ArrayLoop(row, program.start, program.fixed, states, len(each), repeats)
+        self.loop = ArrayLoop(row, program.start, program.fixed, states, len(each), seek_steady)
         self.compiled = Compiled(self.loop)
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
@@ -60,20 +60,22 @@ class LargeStep:
         return Run(shaped(kept, self.kept), log_likelihoods.sum(axis=1), codes, failed_at, None)
 
 
-def large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: bool) -> LargeStep:
+def large_step(structure: Any, shapes: tuple, keep: str, select: Any, seek_steady: bool) -> LargeStep:
     """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
-    step = _large_step(structure, shapes, keep, select, repeats)
+    step = _large_step(structure, shapes, keep, select, seek_steady)
     if isinstance(step, UnsupportedError):
         raise UnsupportedError(*step.args)
     return step
 
 
 @lru_cache(256)
-def _large_step(structure: Any, shapes: tuple, keep: str, select: Any, repeats: bool) -> LargeStep | UnsupportedError:
+def _large_step(
+    structure: Any, shapes: tuple, keep: str, select: Any, seek_steady: bool
+) -> LargeStep | UnsupportedError:
     """The step, or why there is none: neither is worked out twice."""
     program = once(attempt, structure, shapes, keep, select)
     try:
-        return program if isinstance(program, UnsupportedError) else LargeStep(program, keep, repeats)
+        return program if isinstance(program, UnsupportedError) else LargeStep(program, keep, seek_steady)
     except UnsupportedError as reason:
         return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 

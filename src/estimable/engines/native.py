@@ -1,8 +1,6 @@
 """Steps as machine code on a CPU: small models as a straight line of scalars, larger ones as operations on arrays."""
 
-import math
 import os
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -14,13 +12,14 @@ from .large import large_step
 from .llvm.compilation import Compiled
 from .llvm.scalar_loop import Array, ScalarLoop
 from .lowering import Written, batch, entries_read, example, write
-from .program.primitives import BOOL, FLOAT, INTEGER, UnsupportedError
+from .program.primitives import BOOL, UnsupportedError
+from .program.totals import COUNTS, totalled
 from .time_varying import laid_out
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
 FEW = 64  # rows, in which nothing settles for long
-CACHE = 2**19  # bytes that a processor has near
+SHARES = 4  # of the runs for each processor, so that none waits long for the others
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
 
@@ -47,117 +46,80 @@ def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes:
 class NativeStep:
     """A compiled step: which scalars are read from where, and where they are written.
 
-    One run reads and writes the arrays where they lie; runs side by side are laid out first, `lanes` words to a scalar.
+    Runs read and write the arrays where they lie, one by one or `lanes` words side by side.
     """
+
+    apart = True  # runs side by side have arrays of their own
 
     def __init__(self, written: Written, keep: str, lanes: int, seek_steady: bool):
         self.start, self.keep, self.lanes, self.kept = _Start(written.start), keep, lanes, written.kept
-        program = written.row
         outputs = written.outputs
-        kept, said = _flat(outputs.kept), _flat((outputs.log_likelihood, outputs.outcome))
-        if [program.operations[name].type for (name,) in said] != [FLOAT, INTEGER]:
-            raise UnsupportedError("a log-likelihood that is no float, or an outcome that is no integer")
-        self.shapes = jax.tree_util.tree_leaves(written.kept)
-        each = [Array(*a) for a in zip(kept, (_kind(leaf.dtype) for leaf in self.shapes), strict=True)]
-        each, told = each if keep != "last" else [], [Array(said[0]), Array(said[1], "i64")]
-        self.each = [*each, *(array for array in told if array not in each)]
-        self.told = [self.each.index(array) for array in told]
-        self.at = np.cumsum([0, *(len(array.names) for array in self.each)])  # columns of each array side by side
+        program, *totals = totalled(written.row, int(outputs.log_likelihood), int(outputs.outcome))
+        kept = _flat(outputs.kept)
+        kinds = [_kind(leaf.dtype) for leaf in jax.tree_util.tree_leaves(written.kept)]
+        self.each = [Array(*array) for array in zip(kept, kinds, strict=True)] if keep != "last" else []
         last = tuple(name for names in kept for name in names) if keep == "last" else ()
         self.last, self.alive = len(last), [entry.place for entry in written.carried]
         self.fixed, fixed_names = entries_read(program.inputs[: written.fixed])
         now, after = (tuple(getattr(entry, name) for entry in written.carried) for name in ("now", "after"))
         row, each = self._layout(program, program.inputs[written.fixed + written.states :])
-        self.compiled = Compiled(ScalarLoop(program, fixed_names, now, row, after, each, last, seek_steady), lanes)
+        now, after = (*now, *totals[0]), (*after, *totals[1])
+        apart = self.apart and lanes > 1
+        loop = ScalarLoop(program, fixed_names, now, row, after, each, last, seek_steady, apart, COUNTS)
+        self.compiled = Compiled(loop, lanes)
 
     def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-        """The arrays of a row as they are, or those of several runs: one that is read and one that is written."""
-        self.columns, names = entries_read(inputs)
-        if self.lanes > 1:
-            return (Array(names),), (Array(tuple(name for array in self.each for name in array.names)),)
-        self.rows = sorted({i for i, _ in self.columns})
+        """The arrays that are read and written of a row, as they lie in memory."""
+        self.rows = sorted({i for i, _ in entries_read(inputs)[0]})
         read = [_flat(inputs)[i] for i in self.rows]
         types = [program.operations[max(names)].type for names in read]
         row = (Array(names, "i8" if type_ == BOOL else "double") for names, type_ in zip(read, types, strict=True))
         return tuple(row), tuple(self.each)
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
-        """Run all, `lanes` at a time side by side, the groups on all processors."""
+        """Run all, `lanes` at a time side by side, on all processors."""
         leaves = [leaf[None] if axis is None else leaf for leaf, axis in rows]
         T = leaves[0].shape[1]
-        starts, constants = self.start.run(size, fixed)[:, self.alive], columns(fixed, self.fixed, size)
+        constants, carry = side_by_side(columns(fixed, self.fixed, size), self.lanes), self.begin(size, fixed)
         each = [np.empty((size, T, len(array.names)), DTYPES[array.kind]) for array in self.each]
-        last = np.empty((size, self.last))
-        go = self._alone if self.lanes == 1 else self._side_by_side
-        together = self.lanes * self._groups(T, size) if self.lanes > 1 else 1
-        memory = each if self.lanes == 1 else [array.view(float) if array.dtype == int else array for array in each]
-        on_all_processors(go(T, leaves, constants, starts, memory, last), range(0, size, together))
-        log_likelihoods, outcomes = (each[i][..., 0] for i in self.told)
-        failed_at = np.argmax(outcomes != 0, axis=1)
-        kept = each[: len(self.shapes)] if self.keep != "last" else np.split(last, sizes(self.kept)[:-1], axis=-1)
-        return Run(
-            shaped(kept, self.kept), log_likelihoods.sum(axis=1), outcomes[np.arange(size), failed_at], failed_at, None
+        last = np.empty((len(carry), self.last, self.lanes))
+        self._run(T, size, [constants, carry, last], [*(_contiguous(leaves[i]) for i in self.rows), *each])
+        kept = each if self.keep != "last" else np.split(one_by_one(last, size), sizes(self.kept)[:-1], axis=-1)
+        return Run(shaped(kept, self.kept), *self.end(carry, size), None)
+
+    def begin(self, size: int, fixed: list) -> np.ndarray:
+        """What the runs carry into their first row, in groups side by side: the state, and the totals."""
+        carry = np.zeros((size, len(self.alive) + COUNTS))
+        carry[:, : len(self.alive)] = self.start.run(size, fixed)[:, self.alive]
+        return side_by_side(carry, self.lanes)
+
+    def end(self, carry: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The log-likelihood of each run, the code of its first failure, and the row of it (0 where there is none)."""
+        total, _, *counts = one_by_one(carry[:, len(self.alive) :], size).T
+        code, before = (np.ascontiguousarray(words).view(int) for words in counts)
+        return total.copy(), code, np.where(code != 0, before, 0)
+
+    def _run(self, T: int, size: int, groups: list[np.ndarray], rows: list[np.ndarray]) -> None:
+        """Run all; `rows` have an axis of runs, of length one where all share them."""
+        if self.lanes == 1:
+            self.compiled(T, *(array[0] for array in (*groups, *rows)))
+            return
+        steps = np.array([array.strides[0] if len(array) > 1 else 0 for array in rows])
+        places = [array.ctypes.data for array in (steps, *groups, *rows)]
+        count = len(groups[0])
+        at_once = -(-count // (SHARES * (os.cpu_count() or 1)))
+        on_all_processors(
+            lambda begin: self.compiled.address(T, begin, min(begin + at_once, count), size - 1, *places),
+            range(0, count, at_once),
         )
-
-    def _alone(self, T: int, leaves: list, constants, starts, each: list, last) -> Callable[[int], None]:
-        """A function that runs one run."""
-        read = [_contiguous(leaves[i]) for i in self.rows]
-
-        def run(i: int) -> None:
-            row = [leaf[i if len(leaf) > 1 else 0] for leaf in read]
-            self.compiled(T, constants[i], starts[i].copy(), last[i], *row, *(array[i] for array in each))
-
-        return run
-
-    def _side_by_side(self, T: int, leaves: list, constants, starts, each: list, last) -> Callable[[int], None]:
-        """A function that runs several groups of `lanes` runs from one run on, laid out together."""
-        flat = [leaf.reshape(*leaf.shape[:2], math.prod(leaf.shape[2:])) for leaf in leaves]
-        count = self._groups(T, len(starts))
-
-        def run(first: int) -> None:
-            runs, real = self.group(first, len(starts), count)
-            row, wrote, end = (
-                np.empty((count, *shape, self.lanes))
-                for shape in ((T, len(self.columns)), (T, self.at[-1]), (self.last,))
-            )
-            for column, (i, j) in enumerate(self.columns):
-                row[:, :, column] = self._apart(flat[i][runs, :, j]) if len(flat[i]) > 1 else flat[i][0, :, j, None]
-            fixed, carry = (np.ascontiguousarray(self._apart(array[runs])) for array in (constants, starts))
-            places = [(array.ctypes.data, array.strides[0]) for array in (fixed, carry, end, row, wrote)]
-            for group in range(count):
-                self.compiled.address(T, *(place + group * step for place, step in places))
-            last[first : first + real] = self._together(end)[:real]
-            for array, a, b in zip(each, self.at[:-1], self.at[1:], strict=True):
-                for column in range(a, b):  # one at a time: NumPy then copies along the rows
-                    array[first : first + real, :, column - a] = self._together(wrote[:, :, column])[:real]
-
-        return run
-
-    def _apart(self, runs: np.ndarray) -> np.ndarray:
-        """(runs, entries) as (groups, entries, lanes)."""
-        return runs.reshape(len(runs) // self.lanes, self.lanes, runs.shape[1]).swapaxes(1, 2)
-
-    def _together(self, groups: np.ndarray) -> np.ndarray:
-        """(groups, entries, lanes) as (runs, entries)."""
-        return groups.swapaxes(1, 2).reshape(len(groups) * self.lanes, groups.shape[1])
-
-    def _groups(self, T: int, size: int) -> int:
-        """How many groups are laid out together: what stays in a processor's cache, and work for all processors."""
-        bytes_each = 8 * self.lanes * T * (len(self.columns) + self.at[-1])
-        return max(1, min(CACHE // bytes_each, -(-size // (self.lanes * (os.cpu_count() or 1)))))
-
-    def group(self, first: int, size: int, count: int = 1) -> tuple[Any, int]:
-        """The runs of `count` groups from `first` on, and how many are real: the last group repeats the last run."""
-        lanes = count * self.lanes
-        real = min(lanes, size - first)
-        runs = np.minimum(np.arange(first, first + lanes), size - 1)
-        return (slice(first, first + real) if real == lanes else runs), real
 
 
 @lru_cache(256)
-def compiled_step(written: Written, keep: str, lanes: int, seek_steady: bool = False) -> NativeStep:
+def compiled_step(
+    written: Written, keep: str, lanes: int, seek_steady: bool = False, kind: type[NativeStep] = NativeStep
+) -> Any:
     """The compiled step: nothing is compiled twice."""
-    return NativeStep(written, keep, lanes, seek_steady)
+    return kind(written, keep, lanes, seek_steady)
 
 
 def _seldom_changes(rows: list) -> bool:
@@ -211,3 +173,16 @@ def columns(leaves: list, places: list, size: int) -> np.ndarray:
         leaf, axis = leaves[i]
         out[:, column] = leaf.ravel()[j] if axis is None else leaf.reshape(size, -1)[:, j]
     return out
+
+
+def side_by_side(runs: np.ndarray, lanes: int) -> np.ndarray:
+    """(runs, entries) as (groups, entries, lanes); the last group repeats the last run."""
+    count = -(-len(runs) // lanes)
+    padded = runs if len(runs) == count * lanes else runs[np.minimum(np.arange(count * lanes), len(runs) - 1)]
+    return np.ascontiguousarray(padded.reshape(count, lanes, runs.shape[1]).swapaxes(1, 2))
+
+
+def one_by_one(groups: np.ndarray, size: int) -> np.ndarray:
+    """(groups, entries, lanes) as (runs, entries)."""
+    count, entries, lanes = groups.shape
+    return groups.swapaxes(1, 2).reshape(count * lanes, entries)[:size]

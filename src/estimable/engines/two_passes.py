@@ -10,8 +10,9 @@ import jax
 import numpy as np
 
 from .batches import on_all_processors, shaped, sizes, words
-from .lowering import batch, write
-from .native import LANES, NativeStep, columns, compiled_step
+from .llvm.scalar_loop import Array
+from .lowering import batch, entries_read, write
+from .native import LANES, NativeStep, columns, compiled_step, side_by_side
 from .xla import Run
 
 
@@ -34,32 +35,26 @@ def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: 
     kept, passed = written.kept
     example = jax.tree_util.tree_map(lambda leaf: np.zeros((1, 1, *leaf.shape), leaf.dtype), passed)
     back = write(backward.algorithm, backward.prior, example[0], example[1], axes=axes, keep="all", select=_as_it_is)
-    ahead, behind = compiled_step(written, "all", LANES), compiled_step(back, "all", LANES)
+    ahead, behind = (compiled_step(one, "all", LANES, kind=_Together) for one in (written, back))
     size, *parts = batch(forward.algorithm, forward.prior, rows, intervals, axes)
     fixed, leaves = map(words, parts)
     memory = _Memory(ahead, behind, rows, leaves, _width(kept), begin)
     T = leaves[0][0].shape[1]
     own = words(batch(backward.algorithm, backward.prior, example[0], example[1], axes)[1])
-    starts, constants = ahead.start.run(size, fixed)[:, ahead.alive], columns(fixed, ahead.fixed, size)
-    turned = behind.start.run(1, own)[:, behind.alive], columns(own, behind.fixed, 1)
-    start, still = (np.repeat(array.T, LANES, axis=1) for array in turned)
-    each, codes = np.empty((size, T, _width(kept))), np.empty((size, T), int)
+    constants, carry = side_by_side(columns(fixed, ahead.fixed, size), LANES), ahead.begin(size, fixed)
+    still, start = side_by_side(columns(own, behind.fixed, 1), LANES)[0], behind.begin(1, own)[0]
+    each = np.empty((size, T, _width(kept)))
 
-    def side_by_side(first: int) -> None:
-        runs, real = ahead.group(first, size)
-        wrote = memory.run(runs, T, length, (constants[runs].T.copy(), starts[runs].T.copy()), (still, start))
+    def run(group: int) -> None:
+        first = group * LANES
+        real = min(LANES, size - first)
+        runs = np.minimum(np.arange(first, first + LANES), size - 1)
+        wrote = memory.run(runs, T, length, (constants[group], carry[group]), (still, start))
         each[first : first + real] = wrote[:, : each.shape[2]].transpose(2, 0, 1)[:real]
-        codes[first : first + real] = np.ascontiguousarray(wrote[:, ahead.at[ahead.told[1]]]).view(int).T[:real]
 
-    on_all_processors(side_by_side, range(0, size, LANES))
-    failed_at = np.argmax(codes != 0, axis=1)
-    return Run(
-        shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept),
-        None,
-        codes[np.arange(size), failed_at],
-        failed_at,
-        None,
-    )
+    on_all_processors(run, range(len(carry)))
+    _, code, failed_at = ahead.end(carry, size)
+    return Run(shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept), None, code, failed_at, None)
 
 
 def _as_it_is(told: Any, keep: str) -> Any:
@@ -75,10 +70,21 @@ def _offsets(shapes: list) -> np.ndarray:
     return np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
 
 
+class _Together(NativeStep):
+    """A step whose runs side by side lie together, `LANES` words to a scalar: one array is read and one is written."""
+
+    apart = False
+
+    def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        self.columns, names = entries_read(inputs)
+        self.at = np.cumsum([0, *(len(array.names) for array in self.each)])  # columns of each array side by side
+        return (Array(names),), (Array(tuple(name for array in self.each for name in array.names)),)
+
+
 class _Memory:
     """Which column of one step is which of the other."""
 
-    def __init__(self, ahead: NativeStep, behind: NativeStep, rows: Any, leaves: list, kept: int, begin: Any):
+    def __init__(self, ahead: _Together, behind: _Together, rows: Any, leaves: list, kept: int, begin: Any):
         self.ahead, self.behind = ahead, behind
         self.leaves = [leaf.reshape(*leaf.shape[:2], -1) for leaf, _ in leaves]
         passed = _offsets([leaf.shape for leaf in jax.tree_util.tree_leaves(ahead.kept[1])])

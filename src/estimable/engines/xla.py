@@ -30,7 +30,8 @@ def scan(algorithm: Stepping, prior, samples, intervals, *, keep: str, select: S
     T = samples.seen.shape[0]
 
     def go(carry, row):
-        left = step(algorithm, row[0], carry[0], *row[1:], keep, select)
+        k, sample, interval = row
+        left = step(algorithm, k, carry[0], sample, interval, keep, select)
         said = left.log_likelihood, left.outcome
         return ((left.state, left.kept), (None, said)) if keep == "last" else ((left.state, None), (left.kept, said))
 

@@ -11,8 +11,7 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
-from ..results import Info, Interval, Names, Sample
-from .stack import Stacked
+from ..results import Info, Interval, Names, Sample, Stacked
 
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
 
@@ -31,7 +30,7 @@ def select(info: Info, keep: str) -> Info:
     """What is kept of an info."""
     if keep in ("all", "last"):
         return info
-    return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ("outcome",))})
+    return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ())})
 
 
 def model_of(algorithm: Algorithm[Any]) -> Any:
@@ -64,7 +63,7 @@ def bind(
     algorithm.check_record(len(record), faults)
     faults.finish()
     u, arrived = _fates(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
-    u, arrived = np.take(u, inputs, axis=-1), None if arrived is None else arrived[..., inputs]
+    u, arrived = _columns_of(u, inputs), None if arrived is None else _columns_of(arrived, inputs)
     check_known(u, names.inputs, faults)
     faults.finish()
     if isinstance(model, NonlinearModel) and prior is not None:
@@ -72,11 +71,11 @@ def bind(
         faults.finish()
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
-    y = np.take(rows.y, outputs, axis=-1)
+    y = _columns_of(rows.y, outputs)
     seen = ~np.isnan(y)
-    samples = Sample(np.where(seen, y, 0.0), seen, u, arrived)
+    samples = Sample(y if seen.all() else np.where(seen, y, 0.0), seen, u, arrived)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
-    intervals = Interval(u, u_end, None, np.broadcast_to(lengths, y.shape[:-1]).astype(float))
+    intervals = Interval(u, u_end, None, np.broadcast_to(lengths.astype(float), y.shape[:-1]))
     ready = (algorithms or algorithm).sampled(clock)
     if prior is not None and prior.diffuse is None and samples.seen.all():
         ready = ready.where_all_is_seen
@@ -129,7 +128,13 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
     return match(names, any(default), given, what, faults)
 
 
+def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
+    """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
+    return array if some == list(range(array.shape[-1])) else np.take(array, some, axis=-1)
+
+
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
+    """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
     """The prior must describe the model's states."""
     if prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")

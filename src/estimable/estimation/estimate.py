@@ -18,11 +18,11 @@ from .binding import bind, select
 ON_FAILURE = ("raise", "keep")
 
 
-def check_options(on_failure: str, engine: str, keep: str, *, bank: bool = False) -> None:
+def check_options(on_failure: str, engine: str, keep: str) -> None:
     """The options that the estimating drivers share."""
     faults = checks.Faults()
     faults.choice("on_failure", on_failure, ON_FAILURE)
-    choice.check(engine, faults, bank=bank)
+    choice.check(engine, faults)
     faults.choice("keep", keep, xla.KEEP)
     faults.finish()
 

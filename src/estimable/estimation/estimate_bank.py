@@ -11,11 +11,11 @@ from ..data.record import UNIFORM, Record
 from ..errors import RunError
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import EstimateBank, Outcome
+from ..results import EstimateBank, Outcome, Stacked
 from . import windows
 from .binding import Bound, bind, select
 from .estimate import check_options
-from .stack import Stacked, stack
+from .stack import stack
 
 
 def estimate_bank(
@@ -30,8 +30,7 @@ def estimate_bank(
     """Run a bank of estimators: each of `algorithms`, `records` and `prior` is one, shared, or several (`stack`, or a list).
 
     Everything stacked has the same size B, and so has the result's leading axis. Records of a bank have equal times.
-    Options as in `estimate`, which run i of a bank equals to rounding, and one engine more: "lanes" (the same straight line of
-    scalars as "native", compiled by XLA), which "auto" takes on a GPU, and on a CPU without LLVM.
+    Options as in `estimate`, which run i of a bank equals to rounding.
 
     Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
 
@@ -40,7 +39,7 @@ def estimate_bank(
     >>> estimate_bank(Kalman(model), records, prior=Prior([0.0], [[1.0]])).mean.ravel().tolist()
     [1.0, 2.0]
     """
-    check_options(on_failure, engine, keep, bank=True)
+    check_options(on_failure, engine, keep)
     parts = [stack(part) if isinstance(part, list | tuple) else part for part in (algorithms, records, prior)]
     bound = _bind(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)

@@ -15,11 +15,11 @@ from ..errors import AssumptionError
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..filters.unknown_input import UnknownInput
-from ..frozen import frozen, replace, static
+from ..frozen import replace
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import Interval, Sample
-from .binding import bind, model_of, select
+from ..results import Interval, NoiseFit, Sample
+from .binding import bind, select
 from .noise_parameters import Part, noise_of, parts
 
 STEP = 1e-4  # of a logarithm, for the differences of gradients: their error is then 1e-8 of the information
@@ -28,41 +28,6 @@ FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24
 SMALL = -4.0  # where it is looked whether a variance might as well be zero
 NO_WORSE = 1e-3  # of the log-likelihood
 ITERATIONS = 200
-
-
-@frozen
-class NoiseFit:
-    """What `fit_noise` returns: the `algorithm` with its noises tuned, and the `parameters` (d,) called `names`.
-
-    `covariance` (d, d) is the inverse of the observed information, in the units of the parameters; `at_zero` names the
-    variances that the likelihood takes to zero: their errors are one-sided and not in `covariance` (zero there).
-    """
-
-    algorithm: Any
-    parameters: Any
-    covariance: Any
-    log_likelihood: float
-    names: tuple[str, ...] = static()
-    at_zero: tuple[str, ...] = static(default=())
-    iterations: int = static(default=0)
-
-    @property
-    def model(self) -> Any:
-        """The model inside the algorithm."""
-        return model_of(self.algorithm)
-
-    @property
-    def sigma(self) -> np.ndarray:
-        """Standard deviations of the parameters, (d,)."""
-        return np.sqrt(np.diagonal(self.covariance))
-
-    def __repr__(self) -> str:
-        values = zip(self.names, self.parameters, self.sigma, strict=True)
-        told = (
-            f"{name} = 0, the likelihood's limit" if name in self.at_zero else f"{name} = {x:.4g} ± {s:.3g}"
-            for name, x, s in values
-        )  # fmt: skip
-        return f"NoiseFit({', '.join(told)})"
 
 
 def fit_noise(

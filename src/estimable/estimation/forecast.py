@@ -110,7 +110,7 @@ def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
 @jax.jit
 def _measured(algorithm: Any, samples: Sample, intervals: Interval, x: Array):
     def row(sample: Sample, interval: Interval, x: Array):
-        measured = algorithm.at(0).instant(sample, interval).measured
-        return measured.C @ x + measured.d
+        measurement = algorithm.at(0).instant(sample, interval).measurement
+        return measurement.C @ x + measurement.d
 
     return jax.vmap(row)(samples, intervals, x)

@@ -20,6 +20,7 @@ from ..protocols import Algorithm
 from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
+from .resuming import check_state
 
 
 @jax.jit
@@ -53,6 +54,7 @@ class Progress:
 
     def resumed(self) -> "Online":
         """The run that goes on from here."""
+        check_state(self)
         return Online(self)
 
 
@@ -233,7 +235,7 @@ class Online:
 
     def save(self, path: str | Path) -> None:
         """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
-        from ..store import save
+        from ..store.save import save
 
         save(path, self)
 

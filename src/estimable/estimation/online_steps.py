@@ -43,7 +43,7 @@ def _predict(fixed, state, u: Array, u_end, row: Tree):
 FUNCTIONS = {"correct": _correct, "predict": _predict}
 
 
-class Told(Info):
+class InfoInMemory(Info):
     """An `Info` in memory of its own; a field is read when it is asked for."""
 
     __slots__ = ("_fields", "_memory")
@@ -65,9 +65,9 @@ class Told(Info):
 
 
 for _name in Info.__dataclass_fields__:
-    setattr(Told, _name, property(lambda told, name=_name: told._fields[name](told._memory)))
+    setattr(InfoInMemory, _name, property(lambda told, name=_name: told._fields[name](told._memory)))
 jax.tree_util.register_pytree_node(
-    Told, lambda told: jax.tree_util.tree_flatten(told.whole()), jax.tree_util.tree_unflatten
+    InfoInMemory, lambda told: jax.tree_util.tree_flatten(told.whole()), jax.tree_util.tree_unflatten
 )
 
 
@@ -111,7 +111,7 @@ class Quick:
         if code == 0:
             self.here = step.there
             self.corrected = True
-            self.info = Told(step.fields, step.told.tobytes())
+            self.info = InfoInMemory(step.fields, step.told.tobytes())
         return code
 
     def predict(self, u: Any, u_end: Any, dt: float | None) -> int | None:

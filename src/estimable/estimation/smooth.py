@@ -62,7 +62,7 @@ def smooth(
     _, forward = choice.scan(
         engine, _Forward(bound.algorithm), prior, bound.samples, bound.intervals, keep="all", select=_predicted
     )
-    rows = _Rows(bound.samples, bound.intervals, forward.info)
+    rows = _PredictedRows(bound.samples, bound.intervals, forward.info)
     last = len(record) - 1
     if lag is None:
         engine, info, code, at = _backwards(bound, rows, last, engine)
@@ -136,7 +136,7 @@ def _predicted(passed: _Passed, keep: str) -> Belief:
 
 
 @frozen
-class _Rows:
+class _PredictedRows:
     """Each row as the backward pass needs it."""
 
     sample: Sample
@@ -162,7 +162,7 @@ class _Backward:
     def init(self, first_mean: Array) -> Evidence:
         return nothing(first_mean.shape[0])
 
-    def correct(self, state: Evidence, sample: _Rows) -> tuple[Evidence, Info]:
+    def correct(self, state: Evidence, sample: _PredictedRows) -> tuple[Evidence, Info]:
         joint = _gather(state, self.algorithm.instant(sample.sample, sample.interval), sample.sample)
         return about_state(joint, state.z.shape[0]), _tell(self.algorithm, sample.predicted, joint)
 
@@ -171,7 +171,7 @@ class _Backward:
 
 
 def _gather(later: Evidence, instant: Instant, sample: Sample) -> Evidence:
-    return earlier(later, instant.moved, instant.measured, sample.y, sample.seen)
+    return earlier(later, instant, sample.y, sample.seen)
 
 
 def _tell(algorithm: Smoothable[Any], predicted: Belief, said: Evidence) -> Info:
@@ -183,7 +183,7 @@ def _whole(info: Info, keep: str) -> Info:
     return info
 
 
-def _backwards(bound: Bound, rows: _Rows, last: int, engine: str):
+def _backwards(bound: Bound, rows: _PredictedRows, last: int, engine: str):
     """Fixed interval: the engine that ran, the info of every row, the first failure and its row."""
     turned = jax.tree_util.tree_map(lambda leaf: leaf[::-1], rows)
     algorithm = _Backward(bound.algorithm, np.asarray(last))
@@ -194,7 +194,7 @@ def _backwards(bound: Bound, rows: _Rows, last: int, engine: str):
 
 
 @jax.jit
-def _lagged(algorithm: Smoothable[Any], rows: _Rows, lag: int) -> Info:
+def _lagged(algorithm: Smoothable[Any], rows: _PredictedRows, lag: int) -> Info:
     """Fixed lag: from row k + lag back to row k, for every k."""
     T, n = rows.predicted.mean.shape
 

@@ -8,21 +8,8 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, static, static_fields
-
-
-@frozen
-class Stacked:
-    """`size` things of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
-
-    items: Any
-    size: int = static()
-
-    def __repr__(self) -> str:
-        return f"Stacked({self.size} of {type(self.items).__name__})"
-
-    def __len__(self) -> int:
-        return self.size
+from ..frozen import static_fields
+from ..results import Stacked
 
 
 def stack(items: Sequence[Any]) -> Stacked:

@@ -35,12 +35,6 @@ def fits(algorithm: Algorithm[Any]) -> bool:
     return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
 
 
-def is_short(algorithm: Algorithm[Any]) -> bool:
-    """Whether the lines of both passes are short enough for lanes: at most 2,500 operations."""
-    states, unknown, outputs = _sizes(algorithm)
-    return states <= 2 and unknown <= 3 and outputs <= 2
-
-
 def _sizes(algorithm: Algorithm[Any]) -> tuple[int, int, int]:
     """States, states and gains, outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
@@ -68,7 +62,7 @@ def scan_bank(
     place = np.broadcast_to(
         (np.arange(T) + 2) % length - 1, samples.seen.shape[:2]
     )  # a block begins at the first full row
-    rows = Row(samples, intervals, place)
+    rows = WindowRow(samples, intervals, place)
     turned = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], rows)
     _, run = choice.scan_bank(
         engine, _Ends(algorithm), prior, turned, turned.interval, axes=axes, keep="all", select=_belief
@@ -83,7 +77,7 @@ def scan_bank(
 
 
 @frozen
-class Row:
+class WindowRow:
     """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
 
     sample: Sample
@@ -98,7 +92,7 @@ class Row:
 
 
 @frozen
-class Told:
+class PassInfo:
     """What a pass tells of a row, for an engine."""
 
     kept: Any
@@ -107,7 +101,7 @@ class Told:
     log_likelihood: Any = None
 
 
-def _belief(told: Told, keep: str) -> Belief:
+def _belief(told: PassInfo, keep: str) -> Belief:
     return short(told.kept)
 
 
@@ -116,16 +110,14 @@ def short(belief: Belief) -> Belief:
     return replace(belief, size=None, log_scale=None)
 
 
-def _said(told: Told, keep: str) -> tuple[Info, Any]:
+def _said(told: PassInfo, keep: str) -> tuple[Info, Any]:
     return keep_of(told.kept, keep), told.again
 
 
-def step_of(algorithm: Kalman | UnknownGain, row: Row) -> stretch.Stretch:
+def step_of(algorithm: Kalman | UnknownGain, row: WindowRow) -> stretch.Stretch:
     """This sample, and the way to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
-    (F, c, _, W, _), (C, d, _, V) = instant.moved, instant.measured
-    i = np.arange(C.shape[0])
-    return stretch.of_sample(F, c, W, C, V[i, i], sample.y - d, sample.seen)
+    return stretch.of_sample(instant.transition, instant.measurement, sample.y, sample.seen)
 
 
 def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
@@ -135,8 +127,7 @@ def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
 
 def through(belief: Belief, gathered: stretch.Stretch) -> Belief:
     """The belief after a stretch."""
-    b = belief
-    return Belief(*stretch.through(b.mean, b.factor, b.diffuse, b.size, b.log_scale, gathered))
+    return Belief(*stretch.through(belief.gaussian, gathered))
 
 
 def either(first: Array, a: Tree, b: Tree) -> Any:
@@ -184,12 +175,12 @@ class Backwards:
 class _Ends(Backwards):
     """Backwards: the belief at the start of the next block, of the window that begins at each row."""
 
-    def correct(self, state: tuple, sample: Row) -> tuple[tuple, Told]:
+    def correct(self, state: tuple, sample: WindowRow) -> tuple[tuple, PassInfo]:
         """Put a row before those gathered; a window that is a block has nothing before it."""
         fresh, gathered = state
         gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
         begin = either(sample.place == 0, fresh, through(fresh, gathered))
-        return (fresh, gathered), Told(begin, False, 0)
+        return (fresh, gathered), PassInfo(begin, False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
         """Nothing moves."""
@@ -210,11 +201,11 @@ class _Beginnings:
         """Nothing is gathered."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 
-    def correct(self, state: stretch.Stretch, sample: Row) -> tuple[stretch.Stretch, Told]:
+    def correct(self, state: stretch.Stretch, sample: WindowRow) -> tuple[stretch.Stretch, PassInfo]:
         """Go through what the block has told so far, and learn from the last sample as the filter does."""
         gathered = or_empty(sample.place == 0, state)
         info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)
-        return stretch.joined(gathered, step_of(self.algorithm, sample)), Told(info, again, 0)
+        return stretch.joined(gathered, step_of(self.algorithm, sample)), PassInfo(info, again, 0)
 
     def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
         """The stretch has moved already."""

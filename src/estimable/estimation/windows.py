@@ -7,7 +7,6 @@ import numpy as np
 
 from ..annotations import Tree
 from ..engines import choice, xla
-from ..engines.native import on_all_processors
 from ..engines.step import Select
 from ..filters.bounded import Bounded
 from ..filters.moving_window import MovingWindow
@@ -19,7 +18,6 @@ from ..results import Info, Interval, Sample
 from . import window_scan
 from .binding import select as keep_of
 
-MANY = 1_000  # runs from which lanes scan windows too: it takes a quarter of the time, and 10 s more to compile
 NUMBERS = 2_000_000  # of rows that are laid out at a time: windows overlap, so a record is copied `length` times
 
 
@@ -122,9 +120,8 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
     own, first = window.priors(prior[0])
     own_axis = prior[1] if window.state_prior is None else a
     early = [jax.tree_util.tree_map(lambda leaf: leaf[:, : max(length - 1, 1)], part) for part in rows]
-    ran, run = choice.scan_bank(engine, window.algorithm, first, *early, axes=(a, 0, prior[1]), keep="all", select=kept)
-    worth = ran != "lanes" or (runs >= MANY and window_scan.is_short(window.algorithm))
-    scanned = length > 2 and worth and window_scan.fits(window.algorithm)
+    _, run = choice.scan_bank(engine, window.algorithm, first, *early, axes=(a, 0, prior[1]), keep="all", select=kept)
+    scanned = length > 2 and window_scan.fits(window.algorithm)
     at_once = (
         -(-runs // -(-runs // window_scan.AT_ONCE)) if scanned else runs
     )  # the same number in each part, or almost
@@ -132,21 +129,14 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
     infos = jax.tree_util.tree_map(lambda leaf: np.empty((runs, T, *leaf.shape[2:]), leaf.dtype), run.info)
     _write(infos, np.s_[:, : max(length - 1, 1)], run.info)
 
-    def run_part(start: int) -> str:
-        some = slice(start, start + at_once)
-        cut = [jax.tree_util.tree_map(lambda leaf: leaf[some], part) for part in rows]
-        algorithm, begin = _cut(window.algorithm, a, some), _cut(own, own_axis, some)
-        ran, full = _full(engine, length, algorithm, begin, cut, (a, 0, own_axis), kept, scanned)
+    ran = engine
+    for start in range(0, runs, at_once):
+        begin = min(start, runs - at_once)
+        some = slice(begin, begin + at_once)
+        cut = [jax.tree_util.tree_map(lambda leaf, some=some: leaf[some], part) for part in rows]
+        algorithm, own_of_some = _cut(window.algorithm, a, some), _cut(own, own_axis, some)
+        ran, full = _full(engine, length, algorithm, own_of_some, cut, (a, 0, own_axis), kept, scanned)
         _write(infos, np.s_[some, length - 1 :], full)
-        return ran
-
-    start, *others = (min(start, runs - at_once) for start in range(0, runs, at_once))
-    ran = run_part(start)  # alone: it compiles what the others run
-    if ran == "lanes":
-        on_all_processors(run_part, others)
-    else:  # machine code takes all processors by itself
-        for start in others:
-            run_part(start)
     return ran, infos
 
 

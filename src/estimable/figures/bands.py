@@ -1,10 +1,9 @@
 """What is drawn of a result: each quantity with its standard deviation, which is infinite where nothing is known."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..results import Kept
 from ..tables import at_its_instant, diffuse_of, standard_deviation
 
 MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
@@ -50,7 +49,7 @@ def cropped(panel: Band) -> tuple[float, float] | None:
     return (float(low), float(high)) if upper.max() - lower.min() > MOST_FLAT * (high - low) else None
 
 
-def bands(result: Kept) -> list[Band]:
+def bands(result: Any) -> list[Band]:
     """The states, gains and unknown inputs of a result, then its innovations."""
     diffuse, names, delay = diffuse_of(result), result.names, result.names.input_delay
     inputs = [

@@ -7,7 +7,6 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from .. import checks
-from ..results import Shown
 from .bands import Band, bands, cropped
 
 LINES = {
@@ -22,7 +21,7 @@ GAP = 48  # pixels between two rows: a title and air
 EDGES = 130  # pixels above the first row and below the last
 
 
-def plot_estimate(result: Shown) -> go.Figure:
+def plot_estimate(result: Any) -> go.Figure:
     """States, gains and unknown inputs with their 2 sigma bands, innovations with their ±2 sigma bounds, a row each.
 
     What was not kept is left out; where nothing is known of a quantity (a diffuse prior) its line has a gap. A result
@@ -48,7 +47,7 @@ def plot_estimate(result: Shown) -> go.Figure:
     return _laid_out(figure, height)
 
 
-def _time(result: Shown, rows: int) -> tuple[np.ndarray, str]:
+def _time(result: Any, rows: int) -> tuple[np.ndarray, str]:
     """The time axis and what it is called."""
     return (np.arange(rows), "sample") if result.t is None else (result.t, "time (s)")
 

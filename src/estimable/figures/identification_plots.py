@@ -1,10 +1,9 @@
 """Figures of identification."""
 
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
-
-from ..results import Excitation
-from ..results.order_selection import OrderSelection
 
 LINE, LIMIT = "#0072B2", "#D55E00"
 CRITERIA = (
@@ -13,7 +12,7 @@ CRITERIA = (
 )  # fmt: skip
 
 
-def plot_excitation(found: Excitation) -> go.Figure:
+def plot_excitation(found: Any) -> go.Figure:
     """The smallest eigenvalue of the scaled information over the samples, on a logarithmic axis; its limit dashed."""
     figure = go.Figure()
     told = found.eigenvalues > 0
@@ -28,7 +27,7 @@ def plot_excitation(found: Excitation) -> go.Figure:
     return figure
 
 
-def plot_orders(found: OrderSelection) -> go.Figure:
+def plot_orders(found: Any) -> go.Figure:
     """How far each criterion lies above its best, by order; what is recommended dashed."""
     figure, tops = go.Figure(), [10.0]
     for name, word, colour, dash in CRITERIA:

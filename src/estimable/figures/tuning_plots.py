@@ -4,8 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from ..design.rho_synthesis import RhoSynthesis
-
 KINDS = (  # of disturbances, and the criteria that judge each
     ("An impulse", ("response_time",)),
     ("What is not modelled", ("rho", "sigma")),
@@ -42,7 +40,7 @@ def speed(bandwidth: float) -> str:
     return f"{bandwidth:.3g} rad/s" if np.isfinite(bandwidth) else "no bandwidth"
 
 
-def series(found: RhoSynthesis) -> list[tuple[str, str, str, str, Any, Any]]:
+def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
     """Of each criterion: name, words, colour, dash, values, and how many times worse than its best they are; the composite
     last, where it is of more than one. `external` is left out: relative to its best, it is `rho`."""
     rows = []
@@ -56,7 +54,7 @@ def series(found: RhoSynthesis) -> list[tuple[str, str, str, str, Any, Any]]:
     return rows
 
 
-def plot_tuning(found: RhoSynthesis) -> Any:
+def plot_tuning(found: Any) -> Any:
     """How many times worse than its own best each criterion is, over the bandwidth; its optimum is a mark, the choice a line."""
     import plotly.graph_objects as go
 

@@ -3,25 +3,25 @@
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 
 from ..annotations import Array
 from ..frozen import frozen
-from ..kernels import independent, kalman, smoothing
+from ..kernels import all_outputs, independent, kalman
 from ..kernels.joint_gain import block_diagonal
+from ..kernels.kalman import Drift, Gaussian, Measurement, Posterior, Transition
 from ..kernels.small import factor, gram, settled
+from ..kernels.smoothing import Evidence
 from ..models.prior import Prior, diffuse_columns
-from ..models.sampled import SampledModel
 from ..results import Sample
 
 
 @frozen
 class Belief:
-    """Mean (n,), a factor of the covariance (n, k), and a basis (n, r) of what nothing is known of.
+    """Mean (n,), a factor (n, k) of the finite part of the covariance, and the directions (n, r) of infinite variance.
 
-    `size` (n,) is that of the terms whose sum the mean is, and tells its rounding; the basis is in truth `diffuse`
-    exp(`log_scale`). After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the process
-    noise, of which the outputs have told something. `before` (n, n) is the factor before `correct`.
+    `size` (n,) is the size of the terms whose sum the mean is: it bounds the rounding of the mean. The directions are
+    `diffuse` exp(`log_scale`). After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the
+    process noise given the outputs. `before` (n, n) is the factor before `correct`.
     """
 
     mean: Any
@@ -37,6 +37,16 @@ class Belief:
     def covariance(self):
         """The finite part of the covariance, (n, n)."""
         return gram(self.factor)
+
+    @property
+    def gaussian(self) -> Gaussian:
+        """The belief about the state, for the kernels."""
+        return Gaussian(self.mean, self.factor, self.diffuse, self.size, self.log_scale)
+
+    @property
+    def drift(self) -> Drift | None:
+        """The belief about the process noise, for the kernels; None where the outputs carried no information about it."""
+        return None if self.drift_mean is None else Drift(self.drift_mean, self.drift_factor)
 
 
 def believe(prior: Prior, origin: Array | float = 0.0) -> Belief:
@@ -58,45 +68,41 @@ def side_by_side(a: Belief, b: Belief) -> Belief:
 
 
 def correct(
-    belief: Belief, model: SampledModel, C: Array, d: Array, Ω: Array | None, sample: Sample
-) -> tuple[Belief, kalman.Posterior]:
-    """Condition on what was seen of y = C x + d + v; Ω is the part of the process noise that v tells of, or None."""
-    if belief.drift_mean is not None:
+    belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool
+) -> tuple[Belief, Posterior]:
+    """Condition on the outputs that were seen; `independently` as in `posterior`."""
+    if belief.drift is not None:
         raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
-    b, post = belief, posterior(belief, C, d, model.V, Ω, sample, independently=model.independent)
-    before = b.factor if b.before is None else b.before
-    return Belief(post.m, post.Z, post.X, b.size, b.log_scale, post.drift, post.Z_drift, before), post
+    post = posterior(belief, measurement, sample, independently=independently)
+    before = belief.factor if belief.before is None else belief.before
+    return Belief(*post.state, *(post.drift or (None, None)), before), post
 
 
-def posterior(
-    b: Belief, C: Array, d: Array, V: Array, Ω: Array | None, sample: Sample, *, independently: bool
-) -> kalman.Posterior:
-    """The belief b conditioned on what was seen; `independently`: V is known to be diagonal, and Ω is None."""
-    if independently and b.diffuse.shape[1] == 0:
-        i = np.arange(C.shape[0])
-        return independent.correct(b.mean, b.factor, C, d, V[i, i], sample.y, sample.seen, b.size)
-    return kalman.correct(b.mean, b.factor, b.diffuse, C, d, V, Ω, sample.y, sample.seen, b.size, b.log_scale)
+def posterior(belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool) -> Posterior:
+    """The belief given the outputs that were seen; `independently`: V is known to be diagonal, and Ω is None."""
+    update = kalman.correct
+    if independently and belief.diffuse.shape[1] == 0:
+        p, n = measurement.C.shape
+        update = (all_outputs if all_outputs.is_faster(n, p) else independent).correct
+    return update(belief.gaussian, measurement, sample.y, sample.seen)
 
 
-def predict(belief: Belief, F: Array, c: Array, W: Array, Ω: Array | None) -> Belief:
-    """Move to the next instant; Ω (or None) counts where no `correct` has brought it into the belief."""
-    if Ω is not None and belief.drift_mean is None:
-        W = jnp.concatenate([Ω, W], axis=1)
-    b = belief
-    moved = kalman.predict(b.mean, b.factor, b.diffuse, b.drift_mean, b.drift_factor, F, c, W, b.size, b.log_scale)
-    if b.before is None or b.before.shape != moved.Z.shape:
-        return Belief(*moved)
-    return Belief(*moved._replace(Z=settled(moved.Z, b.before)))
+def predict(belief: Belief, transition: Transition, Ω: Array | None) -> Belief:
+    """Move to the next instant; the cross noise Ω (or None) is process noise where no `correct` has used it."""
+    if Ω is not None and belief.drift is None:
+        transition = transition._replace(W=jnp.concatenate([Ω, transition.W], axis=1))
+    state = kalman.predict(belief.gaussian, transition, belief.drift)
+    if belief.before is None or belief.before.shape != state.Z.shape:
+        return Belief(*state)
+    return Belief(*state._replace(Z=settled(state.Z, belief.before)))
 
 
-def smoothed(predicted: Belief, said: smoothing.Evidence) -> Belief:
-    """The belief about (x, δ) from what was `predicted` of x and what this and later samples have `said` of both."""
-    unknown = said.H.shape[1] - predicted.mean.shape[0]
-    n, zeros = said.H.shape[0], jnp.zeros(unknown)
+def smoothed(predicted: Belief, evidence: Evidence) -> Belief:
+    """The belief about (x, δ) from that `predicted` for x and the data about both from this and later samples."""
+    unknown = evidence.H.shape[1] - predicted.mean.shape[0]
+    n, zeros = evidence.H.shape[0], jnp.zeros(unknown)
     flat = Belief(zeros, jnp.zeros((unknown, unknown)), jnp.eye(unknown), zeros, jnp.zeros(()))
     b = side_by_side(predicted, flat) if unknown else predicted
-    seen = jnp.max(jnp.abs(said.H), axis=1) > 0
-    post = kalman.correct(
-        b.mean, b.factor, b.diffuse, said.H, jnp.zeros(n), said.V, None, said.z, seen, b.size, predicted.log_scale
-    )
-    return Belief(post.m, post.Z, post.X, b.size, predicted.log_scale)
+    seen = jnp.max(jnp.abs(evidence.H), axis=1) > 0
+    prior = b.gaussian._replace(log_scale=predicted.log_scale)
+    return Belief(*kalman.correct(prior, Measurement(evidence.H, jnp.zeros(n), evidence.V), evidence.z, seen).state)

@@ -100,13 +100,10 @@ def correct_by(K: Array, kalman: Kalman, state: Belief, sample: Sample) -> tuple
 
 def _moved(K: Array, kalman: Kalman, state: Belief, sample: Sample, optimal: Belief) -> Belief:
     """The belief after a sample; while something is diffuse, that of the Kalman filter."""
-    model, b = kalman.ready, state
-    assert model is not None
-    d = kalman.known_output(sample)
-    moved = kernel.correct(b.mean, b.factor, b.diffuse, K, model.C, d, model.V, model.Ω, sample.y, sample.seen)
-    after = Belief(moved.m, moved.Z, moved.X, b.size, b.log_scale, moved.drift, moved.Z_drift)
-    if b.diffuse.shape[1] == 0:
+    moved, drift = kernel.correct(state.gaussian, K, kalman.measurement(sample), sample.y, sample.seen)
+    after = Belief(*moved, *(drift or ()))
+    if state.diffuse.shape[1] == 0:
         return after
-    learning = jnp.any(b.diffuse != 0)
+    learning = jnp.any(state.diffuse != 0)
     pairs = ((getattr(optimal, name), getattr(after, name)) for name in Belief.__dataclass_fields__)
     return Belief(*(None if new is None else jnp.where(learning, old, new) for old, new in pairs))

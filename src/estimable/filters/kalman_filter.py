@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, replace
+from ..kernels.kalman import Measurement, Transition
 from ..kernels.small import apply, gram
 from ..kernels.smoothing import Instant
 from ..models.prior import Prior
@@ -77,8 +78,8 @@ class Kalman(Smoothable[Belief]):
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Learn from one sample."""
-        model = self._ready
-        state, post = belief.correct(state, model, model.C, self.known_output(sample), model.Ω, sample)
+        independently = self._ready.independent
+        state, post = belief.correct(state, self.measurement(sample), sample, independently=independently)
         info = replace(
             self.tell(state),
             innovation=post.innovation,
@@ -95,28 +96,22 @@ class Kalman(Smoothable[Belief]):
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        model = self._ready
-        return belief.predict(state, model.A, self._known_change(interval), self._noise(interval), model.Ω)
-
-    def _noise(self, interval: Interval):
-        """The factor of what the next state has of noise, that of the input with it."""
-        return with_input_noise(self._ready.W, self._ready, interval, jnp.ones((1, 1)))
+        return belief.predict(state, self._transition(interval), self._ready.Ω)
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model, for the smoother."""
+        return Instant(self._transition(interval), self.measurement(sample))
+
+    def measurement(self, sample: Sample) -> Measurement:
+        """y = C x + d + V e, where d comes from the known input."""
         model = self._ready
-        moved = (model.A, self._known_change(interval), self._noise(interval), model.Ω)
-        return Instant.of(*moved, model.C, self.known_output(sample), model.V)
+        d = model.point.outputs + apply(model.D, sample.u - model.point.inputs)
+        return Measurement(model.C, d, model.V, model.Ω)
 
-    def known_output(self, sample: Sample):
-        """What the known input adds to the outputs."""
-        point = self._ready.point
-        return point.outputs + apply(self._ready.D, sample.u - point.inputs)
-
-    def _known_change(self, interval: Interval):
-        """What the known input adds to the next state."""
+    def _transition(self, interval: Interval) -> Transition:
+        """x+ = A x + c + W e', where c comes from the known input; noise of the input is part of W."""
         model = self._ready
         c = apply(model.B, interval.u - model.point.inputs)
         if model.B_end is not None:
             c = c + apply(model.B_end, interval.u_end - model.point.inputs)
-        return c
+        return Transition(model.A, c, with_input_noise(model.W, model, interval, jnp.ones((1, 1))))

@@ -8,7 +8,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import replace
-from ..kernels import kalman
+from ..kernels.kalman import Gaussian, Measurement, correct
 from ..kernels.small import solve_lower, triangularise
 from .belief import Belief
 from .unknown_layout import Layout
@@ -27,7 +27,7 @@ def read(given: Numbers, faults: checks.Faults) -> Any:
 
 
 def decide(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
-    """The belief with its oldest input at the likeliest level, where the outputs have told of it, and the probability.
+    """The belief with its oldest input at the likeliest level, where the outputs have determined it, and the probability.
 
     Also the log-density of the decided level, which makes the likelihood that of a known input.
     """
@@ -37,18 +37,26 @@ def decide(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]
     distance = solve_lower(L, (levels - s.mean[at][None, :]).T)
     distance = jnp.sum(distance * distance, axis=0)  # squared, in standard deviations: (q,)
     best = jnp.argmin(distance)
-    told = jnp.sum(s.diffuse[at] ** 2) == 0.0
+    determined = jnp.sum(s.diffuse[at] ** 2) == 0.0
     weight = jnp.exp((jnp.min(distance) - distance) / 2)
-    m, Z, X, size = s.mean, s.factor, s.diffuse, s.size
-    if s.drift_mean is not None:  # the drift too is told of by the decision
-        m, Z = jnp.concatenate([m, s.drift_mean]), jnp.concatenate([Z, s.drift_factor])
-        X, size = jnp.concatenate([X, jnp.zeros_like(X)]), jnp.concatenate([size, jnp.zeros_like(size)])
-    C = jnp.eye(len(m))[at]
-    post = kalman.correct(
-        m, Z, X, C, jnp.zeros(d), jnp.zeros((d, d)), None, levels[best], jnp.broadcast_to(told, (d,)), size, s.log_scale
-    )
-    known = replace(s, mean=post.m[: layout.size], factor=post.Z[: layout.size], diffuse=post.X[: layout.size])
-    if s.drift_mean is not None:
-        known = replace(known, drift_mean=post.m[layout.size :], drift_factor=post.Z[layout.size :])
-    extra = {"level": jnp.where(told, best, -1), "level_probability": jnp.where(told, 1 / jnp.sum(weight), 0.0)}
+    prior = s.gaussian if s.drift is None else _with_drift(s)
+    exactly = Measurement(jnp.eye(len(prior.m))[at], jnp.zeros(d), jnp.zeros((d, d)))
+    post = correct(prior, exactly, levels[best], jnp.broadcast_to(determined, (d,)))
+    m, Z, X, _, _ = post.state
+    known = replace(s, mean=m[: layout.size], factor=Z[: layout.size], diffuse=X[: layout.size])
+    if s.drift is not None:
+        known = replace(known, drift_mean=m[layout.size :], drift_factor=Z[layout.size :])
+    probability = jnp.where(determined, 1 / jnp.sum(weight), 0.0)
+    extra = {"level": jnp.where(determined, best, -1), "level_probability": probability}
     return known, extra, post.log_likelihood
+
+
+def _with_drift(s: Belief) -> Gaussian:
+    """The belief about state and process noise: a decided level is information about both."""
+    return Gaussian(
+        jnp.concatenate([s.mean, s.drift_mean]),
+        jnp.concatenate([s.factor, s.drift_factor]),
+        jnp.concatenate([s.diffuse, jnp.zeros_like(s.diffuse)]),
+        jnp.concatenate([s.size, jnp.zeros_like(s.size)]),
+        s.log_scale,
+    )

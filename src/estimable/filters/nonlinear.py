@@ -9,9 +9,11 @@ import numpy as np
 from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import replace, set_field
-from ..kernels import expansion, flow, kalman
+from ..kernels import expansion, flow
 from ..kernels.joint_gain import block_diagonal
-from ..kernels.kalman import Posterior
+from ..kernels.kalman import Measurement, Posterior, Transition
+from ..kernels.kalman import predict as predict_linear
+from ..kernels.rounding import MEMORY
 from ..kernels.small import factor, factors, gram, triangularise
 from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import Functions, Matrices, plant
@@ -169,8 +171,8 @@ def correct(self: Any, state: Belief, sample: Sample) -> tuple[Belief, Info]:
     line, told = _condition(self, state, sample, state.mean, state.factor)
     post = told
     for _ in range(self.iterations - 1):
-        post = _condition(self, state, sample, post.m, post.Z)[1]
-    after = replace(state, mean=post.m, factor=post.Z, diffuse=post.X)
+        post = _condition(self, state, sample, post.state.m, post.state.Z)[1]
+    after = Belief(*post.state)
     told = told._replace(contradicted=post.contradicted)  # the innovation and its likelihood are the prediction's
     return after, tell_sample(self, after, told, line.bias if self.curved else None)
 
@@ -179,7 +181,7 @@ def condition(self: Any, state: Belief, sample: Sample, about: Belief | None = N
     """The belief about (x, θ) after one sample by the straight line through h at `about` (None: the belief itself)."""
     about = state if about is None else about
     post = _condition(self, state, sample, about.mean, about.factor)[1]
-    return replace(state, mean=post.m, factor=post.Z, diffuse=post.X), post
+    return Belief(*post.state), post
 
 
 def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array):
@@ -188,7 +190,7 @@ def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array)
     line = algorithm.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
     V = noise_of(line, ready.V, algorithm.truncated)
-    return line, posterior(b, line.slope, d, V, None, sample, independently=ready.independent and V is ready.V)
+    return line, posterior(b, Measurement(line.slope, d, V), sample, independently=ready.independent and V is ready.V)
 
 
 def constant(self: Any, walk: Array, persistence: Array) -> Any:
@@ -218,9 +220,8 @@ def predict(self: Any, state: Belief, interval: Interval) -> Belief:
         line, slope, W = _with_noise_input(ready, b, L, interval, f, expand)
         rest = line.rest
     c = line.mean - jnp.sum(slope * b.mean[None, :], axis=1)
-    moved = kalman.predict(b.mean, L, b.diffuse, None, None, slope, c, jnp.concatenate([W, rest, walk], axis=1), b.size,
-                           b.log_scale)  # fmt: skip
-    moved = Belief(*moved)
+    transition = Transition(slope, c, jnp.concatenate([W, rest, walk], axis=1))
+    moved = Belief(*predict_linear(b.gaussian._replace(Z=L), transition))
     return replace(moved, factor=lessened(moved.factor, line.bias)) if self.truncated else moved
 
 
@@ -268,7 +269,7 @@ def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief
     end, reached = flow.integrate(moments, start, interval.dt, ready.substeps)
     Z = triangularise(jnp.concatenate([end.Y[:, :size], factor(end.N), walk], axis=1))
     mean = jnp.where(reached, end.m, jnp.nan)
-    return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
+    return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
 
 
 def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
@@ -288,4 +289,4 @@ def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief
     along, _ = flow.integrate(flow.moment_derivative(f, W, 1), start, interval.dt, ready.substeps)
     c = line.mean - jnp.sum(line.slope * b.mean[None, :], axis=1)
     noise = jnp.concatenate([factor(along.N), line.rest, walk], axis=1)
-    return Belief(*kalman.predict(b.mean, L, b.diffuse, None, None, line.slope, c, noise, b.size, b.log_scale))
+    return Belief(*predict_linear(b.gaussian._replace(Z=L), Transition(line.slope, c, noise)))

@@ -10,7 +10,7 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
-from ..kernels.kalman import Posterior
+from ..kernels.kalman import Measurement, Posterior, Transition
 from ..kernels.small import factors, gram, triangularise
 from ..kernels.smoothing import Instant
 from ..models import gain_blocks
@@ -154,9 +154,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def condition(self, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Posterior]:
         """The belief about (x, θ) after one sample, and all that the sample told; straight, whatever it is expanded about."""
-        model = self._ready.ready
-        H, d = self._observation(sample)
-        return belief.correct(state, model, H, d, self._cross_noise(model), sample)
+        independently = self._ready.ready.independent
+        return belief.correct(state, self._measurement(sample), sample, independently=independently)
 
     def tell(self, state: Belief) -> Info:
         """What a belief about (x, θ) says, in the user's units."""
@@ -177,34 +176,33 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        F, c, W = self._transition(interval, state)
-        return self._forget(belief.predict(state, F, c, W, self._cross_noise(self._ready.ready)))
+        transition = self._transition(interval, state)
+        return self._forget(belief.predict(state, transition, self._cross_noise(self._ready.ready)))
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model of (x, θ), for the smoother; of forgetting there is none."""
         refuse_unknown_input(interval)  # its effect depends on the gain
-        model = self._ready.ready
-        H, d = self._observation(sample)
-        return Instant.of(*self._transition(interval), self._cross_noise(model), H, d, model.V)
+        return Instant(self._transition(interval), self._measurement(sample))
 
-    def _observation(self, sample: Sample):
-        """H and d of y = H (x, θ) + d + v."""
+    def _measurement(self, sample: Sample) -> Measurement:
+        """y = H (x, θ) + d + V e."""
         model = self._ready.ready
         d = joint_gain.effects(model.D, sample.u - model.point.inputs, self.gain.mean.shape[0] + 1)
-        return joint_gain.observation(model.C, d[:, 1:]), model.point.outputs + d[:, 0]
+        H = joint_gain.observation(model.C, d[:, 1:])
+        return Measurement(H, model.point.outputs + d[:, 0], model.V, self._cross_noise(model))
 
-    def _transition(self, interval: Interval, state: Belief | None = None):
-        """F, c and W of the next (x, θ); `state`, what is believed of θ, where inputs are not known."""
+    def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
+        """The next (x, θ); `state` is the belief about θ where inputs are not known."""
         model, p = self._ready.ready, self.gain.mean.shape[0]
         b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
         if model.B_end is not None:
             b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
         noise = model.W if state is None else with_input_noise(model.W, model, interval, _moments(state, p))
         W = joint_gain.block_diagonal(noise, self._ready.walk_factor * jnp.sqrt(interval.dt))
-        return joint_gain.transition(model.A, b[:, 1:]), jnp.concatenate([b[:, 0], jnp.zeros(p)]), W
+        return Transition(joint_gain.transition(model.A, b[:, 1:]), jnp.concatenate([b[:, 0], jnp.zeros(p)]), W)
 
     def _cross_noise(self, model: SampledModel):
-        """Ω of (x, θ): the process noise of θ is told of by no output."""
+        """Ω of (x, θ): the process noise of θ is independent of the noise of the outputs."""
         p = self.gain.mean.shape[0]
         return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
 

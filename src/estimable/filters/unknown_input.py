@@ -12,6 +12,7 @@ from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import diffuse_input as kernel
 from ..kernels.joint_gain import block_diagonal
+from ..kernels.kalman import Measurement, Transition
 from ..kernels.small import apply, factors, gram, product
 from ..kernels.smoothing import Instant
 from ..models.prior import Prior
@@ -143,15 +144,15 @@ class UnknownInput(Smoothable[Any]):
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang_steps.correct(state, model, layout, sample)
-        C, d = _observation(model, layout), _known(model, layout, sample.u)
-        s, post = belief.correct(state, model, C, d, _grown(model.Ω, layout), sample)
+        measurement = _measurement(model, layout, sample.u)
+        s, post = belief.correct(state, measurement, sample, independently=model.independent)
         told, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
             s, told, gained = levels.decide(s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout)
             log_likelihood = log_likelihood + gained
         innovation, innovation_covariance = post.innovation, post.innovation_covariance
         if layout.freedom == "none":
-            innovation, innovation_covariance = post.error, jnp.where(jnp.eye(len(d)) > 0, post.variance, 0.0)
+            innovation, innovation_covariance = post.error, jnp.where(jnp.eye(len(innovation)) > 0, post.variance, 0.0)
         info = ready.tell(s)
         return s, replace(
             info,
@@ -185,17 +186,17 @@ class UnknownInput(Smoothable[Any]):
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang_steps.predict(state, model, layout, interval)
-        F, c, E, W = ready._change(interval)
+        transition, E = ready._transition(interval)
         if layout.freedom != "none":
-            return belief.predict(state, F, c, W, _grown(model.Ω, layout))
+            return belief.predict(state, transition, _grown(model.Ω, layout))
         finite = replace(state, diffuse=state.diffuse[:, :0])
         X, log_scale = E, state.log_scale
         if layout.leftover:
-            X, log_scale = kernel.spread(state.diffuse, F, E, state.log_scale)
-        return replace(belief.predict(finite, F, c, W, _grown(model.Ω, layout)), diffuse=X, log_scale=log_scale)
+            X, log_scale = kernel.spread(state.diffuse, transition.F, E, state.log_scale)
+        return replace(belief.predict(finite, transition, _grown(model.Ω, layout)), diffuse=X, log_scale=log_scale)
 
-    def _change(self, interval: Interval) -> tuple[Any, Any, Any, Any]:
-        """F, c, E and W of s+ = F s + c + E δ + W e: δ is the new input, which is noise, or walks, where that is said."""
+    def _transition(self, interval: Interval) -> tuple[Transition, Any]:
+        """s+ = F s + c + E δ + W e', and E: δ is the new input, part of W where it is noise or walks."""
         layout, model = self.layout, self.ready
         n, d, older = layout.n, layout.d, layout.slots - 1
         B, B_end = pick(model.B, layout.unknown), pick(model.B_end, layout.unknown)
@@ -209,7 +210,7 @@ class UnknownInput(Smoothable[Any]):
         if layout.freedom == "variance":
             W = jnp.concatenate([W, product(E, self.freedom)], axis=1)
         c = jnp.concatenate([_drive(model, layout, interval), jnp.zeros(d * layout.slots)])
-        return F, c, E, W
+        return Transition(F, c, W), E
 
     @property
     def for_smoothing(self) -> Self:
@@ -224,10 +225,8 @@ class UnknownInput(Smoothable[Any]):
         """This row of the model, for the smoother."""
         ready = self._ready
         layout, model = ready.layout, ready.ready
-        F, c, E, W = ready._change(interval)
-        E = E if layout.freedom == "none" else None
-        C, d = _observation(model, layout), _known(model, layout, sample.u)
-        return Instant.of(F, c, W, _grown(model.Ω, layout), C, d, model.V, E=E)
+        transition, E = ready._transition(interval)
+        return Instant(transition, _measurement(model, layout, sample.u), E if layout.freedom == "none" else None)
 
 
 def _covariance(name: str, value: Numbers, faults: checks.Faults) -> Any:
@@ -272,21 +271,18 @@ def _with_inputs(x: Belief, ready: UnknownInput) -> Belief:
     )  # fmt: skip
 
 
-def _observation(model: SampledModel, layout: Layout) -> Any:
-    """C of s: an input that enters y at once is the newest."""
+def _measurement(model: SampledModel, layout: Layout, u: Array) -> Measurement:
+    """y = C s + d + V e, where an input that enters y at once is the newest, and d comes from the known inputs."""
     d, p = layout.d, model.C.shape[0]
     D = pick(model.D, layout.unknown) if layout.now else jnp.zeros((p, d))
-    return jnp.concatenate([model.C, jnp.zeros((p, d * (layout.slots - 1))), D], axis=1)
+    C = jnp.concatenate([model.C, jnp.zeros((p, d * (layout.slots - 1))), D], axis=1)
+    known = model.point.outputs + apply(pick(model.D, layout.known), u - pick(model.point.inputs, layout.known))
+    return Measurement(C, known, model.V, _grown(model.Ω, layout))
 
 
 def _grown(Ω: Array | None, layout: Layout) -> Any:
-    """Ω of s: no output's noise tells of an input."""
+    """Ω of s: the inputs are independent of the noise of the outputs."""
     return None if Ω is None else jnp.concatenate([Ω, jnp.zeros((layout.d * layout.slots, Ω.shape[1]))])
-
-
-def _known(model: SampledModel, layout: Layout, u: Array) -> Any:
-    """What of the outputs the known inputs make."""
-    return model.point.outputs + apply(pick(model.D, layout.known), u - pick(model.point.inputs, layout.known))
 
 
 def _with_input_noise(model: SampledModel, layout: Layout, interval: Interval) -> Any:

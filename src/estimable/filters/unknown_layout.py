@@ -7,14 +7,16 @@ import numpy as np
 
 from .. import checks
 from ..analysis.unknown_input_existence import METHODS as CASES
-from ..analysis.unknown_input_existence import UnknownInputExistence, existence
-from ..frozen import replace
+from ..analysis.unknown_input_existence import existence
+from ..frozen import replace, saved
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..results import UnknownInputExistence
 
 METHODS = ("auto", *CASES, "exact", "fang")
 
 
+@saved
 class Layout(NamedTuple):
     """The state (x, d[-slots + 1], .., d[0]): n states and `slots` times d unknown inputs, the oldest first.
 

@@ -8,9 +8,11 @@ import jax.numpy as jnp
 from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, set_field, static
-from ..kernels import flow, kalman
+from ..kernels import flow
 from ..kernels.expansion import from_points, sigma_points
 from ..kernels.joint_gain import block_diagonal
+from ..kernels.kalman import Gaussian, Measurement, correct
+from ..kernels.rounding import MEMORY
 from ..kernels.small import apply, factor, product, triangularise
 from ..models.prior import Prior
 from ..protocols import GainAlgorithm
@@ -80,10 +82,10 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         size, L = b.mean.shape[0], triangularise(b.factor)
         line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(size))
         V = nonlinear.noise_of(line, ready.V, truncated=False)
-        blank = jnp.zeros(size)
-        post = kalman.correct(blank, jnp.eye(size), jnp.zeros((size, 0)), line.slope, line.mean, V, None, sample.y,
-                              sample.seen, blank, b.log_scale)  # fmt: skip
-        after = Belief(b.mean + apply(L, post.m), product(L, post.Z), b.diffuse, b.size, b.log_scale)
+        white = Gaussian(jnp.zeros(size), jnp.eye(size), jnp.zeros((size, 0)), jnp.zeros(size), b.log_scale)
+        post = correct(white, Measurement(line.slope, line.mean, V), sample.y, sample.seen)
+        m, Z = b.mean + apply(L, post.state.m), product(L, post.state.Z)
+        after = Belief(m, Z, b.diffuse, b.size, b.log_scale)
         return after, nonlinear.tell_sample(self, after, post, line.bias)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
@@ -100,7 +102,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         else:
             mean, columns = self._with_noise_input(ready, b, L, interval)
         Z = triangularise(jnp.concatenate([*columns, walk], axis=1))
-        return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), kalman.MEMORY * b.size), b.log_scale)
+        return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
 
     def _with_noise_input(self, ready, b: Belief, L: Array, interval: Interval):
         """Points in (z, e): the noise input is asked at each."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,50 +9,15 @@ from .. import checks
 from ..data.record import Record
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
+from ..results.order_selection import OrderCandidate, OrderRanking
 
 CRITERIA = ("aic", "aicc", "bic")
-
-
-class Candidate(NamedTuple):
-    """One choice of orders: its criteria (smaller is better) and the residuals' variance over the best one's, per output."""
-
-    na: int
-    nb: int
-    delay: int
-    aic: float
-    aicc: float
-    bic: float
-    fit: Fit
-
-
-class Orders(NamedTuple):
-    """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
-
-    candidates: tuple[Candidate, ...]
-    criterion: str
-
-    @property
-    def best(self) -> Candidate:
-        """The candidate with the smallest criterion."""
-        return self.candidates[0]
-
-    @property
-    def sentence(self) -> str:
-        """What was chosen, and by how much, in words."""
-        first = self.best
-        said = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
-        if len(self.candidates) == 1:
-            return f"{said}: the only candidate."
-        second = self.candidates[1]
-        lead = getattr(second, self.criterion) - getattr(first, self.criterion)
-        doubt = ": a small lead, so look at both" if lead < 2 else ""
-        return f"{said}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."
 
 
 def choose_orders(
     record: Record | Sequence[Record], *, na: Iterable[int] = (1, 2, 3), nb: Iterable[int] = (0, 1, 2),
     delay: Iterable[int] = (0, 1), criterion: str = "bic", initial: str = "rest",
-) -> Orders:  # fmt: skip
+) -> OrderRanking:  # fmt: skip
     """The orders of an output-error model by an information criterion, over every choice of `na`, `nb` and `delay`.
 
     Each choice is fitted by `OutputErrorML` to the outputs that were seen; the criteria count those only: with N outputs seen and
@@ -84,17 +48,17 @@ def choose_orders(
         _candidate(records, a, b, steps, initial)
         for a, b, steps in product(ranges["na"], ranges["nb"], ranges["delay"])
     ]
-    return Orders(tuple(sorted(found, key=lambda one: getattr(one, criterion))), criterion)
+    return OrderRanking(tuple(sorted(found, key=lambda one: getattr(one, criterion))), criterion)
 
 
-def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str) -> Candidate:
+def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str) -> OrderCandidate:
     fit = OutputErrorML(na, nb, delay=delay, initial=initial).fit(records)
     N = int(sum(record.seen.sum() for record in records))
     k = len(fit.parameters) + len(records[0].outputs)
     k += len(records) * len(records[0].outputs) * max(na, nb + delay) if initial == "free" else 0
     deviance = -2 * _likelihood(fit)
     correction = 2 * k * (k + 1) / (N - k - 1) if k + 1 < N else np.inf
-    return Candidate(
+    return OrderCandidate(
         na, nb, delay, deviance + 2 * k, deviance + 2 * k + correction, deviance + k * np.log(max(N, 1)), fit
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..errors import EstimableError, InputError
-from ..identifiers.least_squares import LeastSquares, Rows
+from ..identifiers.least_squares import LeastSquares, OutputEquations
 from ..identifiers.subspace import Subspace
 from ..kernels.regression import regress
 from ..results.order_selection import CRITERIA, OrderSelection
@@ -89,7 +89,7 @@ def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> tuple[int
     return delay, deviance + p * 2 * k, corrected, bic, _deviance(N, [_held_out(one) for one in rows])
 
 
-def _complete(records: Sequence[Record], n: int, delay: int) -> list[Rows] | None:
+def _complete(records: Sequence[Record], n: int, delay: int) -> list[OutputEquations] | None:
     try:
         return LeastSquares(n, n - 1, delay=delay).complete_rows(records)
     except InputError:
@@ -106,7 +106,7 @@ def _deviance(N: int, residuals: Sequence[np.ndarray]) -> float:
     return N * sum(float(np.log(max(float(e @ e) / len(e), TINY))) for e in residuals)
 
 
-def _held_out(rows: Rows) -> np.ndarray:
+def _held_out(rows: OutputEquations) -> np.ndarray:
     """The residuals of each fifth, predicted by a fit to the other four."""
     found = []
     for block in np.array_split(np.arange(len(rows.y)), FOLDS):

@@ -19,7 +19,7 @@ from .least_squares import LeastSquares
 from .standing import validation_of
 
 
-class Rows(NamedTuple):
+class JointEquations(NamedTuple):
     """Every equation of all records: Φ (N, d), the same for all outputs, Y (N, p); NaN where something is not known."""
 
     Φ: np.ndarray
@@ -81,15 +81,15 @@ class CoupledLeastSquares(Identifier):
             free if free.shape[1] else None, method=type(self).__name__, extra=extra,
         )  # fmt: skip
 
-    def _rows(self, records: Sequence[Record]) -> Rows:
+    def _rows(self, records: Sequence[Record]) -> JointEquations:
         found, lags = [], range(self.delay, self.delay + self.nb + 1)
         for record in records:
             columns = [-lagged(y, range(1, self.na + 1)) for y in record.y.T]
             columns += [lagged(u, lags) for u in record.applied().T]
             found.append(np.concatenate([*columns, np.ones((len(record), int(self.offset)))], axis=1))
-        return Rows(np.concatenate(found), np.concatenate([record.y for record in records]))
+        return JointEquations(np.concatenate(found), np.concatenate([record.y for record in records]))
 
-    def _regressions(self, rows: Rows, first: Record) -> list[Regression]:
+    def _regressions(self, rows: JointEquations, first: Record) -> list[Regression]:
         faults, found = checks.Faults(), []
         for name, y in zip(first.outputs, rows.Y.T, strict=True):
             complete = ~np.isnan(rows.Φ).any(axis=1) & ~np.isnan(y)
@@ -148,7 +148,7 @@ class CoupledLeastSquares(Identifier):
         return Dynamics(*(np.stack(one) for one in zip(*moves, strict=True)))
 
 
-def _noise(rows: Rows, θ: np.ndarray) -> np.ndarray:
+def _noise(rows: JointEquations, θ: np.ndarray) -> np.ndarray:
     """The covariance of the residuals, over the equations in which all is known; of each output alone where there are none."""
     e = rows.Y - rows.Φ @ θ.T
     complete = e[~np.isnan(e).any(axis=1)]
@@ -158,7 +158,7 @@ def _noise(rows: Rows, θ: np.ndarray) -> np.ndarray:
     return np.diag(np.nansum(e**2, axis=0) / np.maximum((~np.isnan(e)).sum(axis=0) - θ.shape[1], 1))
 
 
-def _covariance(rows: Rows, found: Sequence[Regression], Σ: np.ndarray) -> np.ndarray:
+def _covariance(rows: JointEquations, found: Sequence[Regression], Σ: np.ndarray) -> np.ndarray:
     """Σ_ij (Φ_i'Φ_i)^+ Φ_i'Φ_j (Φ_j'Φ_j)^+ of each pair of outputs, Φ_i'Φ_j over the equations of both."""
     d = rows.Φ.shape[1]
     known = np.logical_and(~np.isnan(rows.Y), ~np.isnan(rows.Φ).any(axis=1, keepdims=True))

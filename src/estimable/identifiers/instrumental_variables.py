@@ -16,7 +16,7 @@ from ..kernels.regression import regress
 from ..models.arx import ARX, arx_names
 from ..protocols import Identifier
 from ..results import Fit
-from .least_squares import LeastSquares, Rows
+from .least_squares import LeastSquares, OutputEquations
 from .realised import check_records
 from .standing import validation_of
 
@@ -92,7 +92,7 @@ class InstrumentalVariables(Identifier):
         Σ = np.asarray(block_diag(*(one.covariance for one in found)))
         return Fit(model, θ.ravel(), Σ, names, validation_of(model, records, [told]), method=type(self).__name__)
 
-    def parameters(self, records: Sequence[Record], rows: Sequence[Rows]) -> list[Weighed]:
+    def parameters(self, records: Sequence[Record], rows: Sequence[OutputEquations]) -> list[Weighed]:
         """Auxiliary model, weights and parameters in turn."""
         θ = np.stack([regress(one.Φ, one.y).θ for one in rows])
         found: list[Weighed] = []
@@ -109,7 +109,7 @@ class InstrumentalVariables(Identifier):
             offset=θ[:, -1] if self.offset else None, dt=float(first.dt or 0.0), inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
 
-    def _instruments(self, records: Sequence[Record], θ: np.ndarray) -> list[Rows]:
+    def _instruments(self, records: Sequence[Record], θ: np.ndarray) -> list[OutputEquations]:
         """The equations of outputs without noise, from a model made stable."""
         model = self._model(records[0], θ, [0.0] * len(θ))
         a = np.stack([np.asarray(stabilise(row)) if self.na else row for row in model.a])
@@ -120,7 +120,7 @@ class InstrumentalVariables(Identifier):
         ]
         return [self.ordinary.rows(still, i) for i in range(len(θ))]
 
-    def _weighed(self, rows: Rows, still: Rows, θ: np.ndarray) -> Weighed:
+    def _weighed(self, rows: OutputEquations, still: OutputEquations, θ: np.ndarray) -> Weighed:
         """(Z'R^-1 Φ)^-1 Z'R^-1 y of one output, R = T(a) T(a)'."""
         Z, a = (
             still.Φ[np.isin(still.at, rows.at)],

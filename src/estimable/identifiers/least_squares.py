@@ -17,7 +17,7 @@ from ..results import Fit
 from .standing import validation_of
 
 
-class Rows(NamedTuple):
+class OutputEquations(NamedTuple):
     """The equations of one output: Φ (N, d), y (N,), and `at` (N,), in steps from row 0 of the first record.
 
     Between records lie as many steps as a row reaches back, so that nothing in two of them is less apart.
@@ -85,13 +85,13 @@ class LeastSquares(Identifier):
     def _regressions(self, records: Sequence[Record]) -> list[Regression]:
         return [regress(one.Φ, one.y) for one in self.complete_rows(records)]
 
-    def complete_rows(self, records: Sequence[Record]) -> list[Rows]:
+    def complete_rows(self, records: Sequence[Record]) -> list[OutputEquations]:
         """The complete equations of each output. Raises `InputError` where one has none."""
         rows = [self.rows(records, i) for i in range(len(records[0].outputs))]
         self._check(rows, records[0])
         return rows
 
-    def rows(self, records: Sequence[Record], i: int) -> Rows:
+    def rows(self, records: Sequence[Record], i: int) -> OutputEquations:
         """The complete equations of output i, in all records."""
         found, start = [], 0
         for record in records:
@@ -100,15 +100,17 @@ class LeastSquares(Identifier):
             start += len(record) + max(self.na, self.nb + self.delay) + 1
         Φ, y, at = (np.concatenate(columns) for columns in zip(*found, strict=True))
         complete = ~np.isnan(y) & ~np.isnan(Φ).any(axis=1)
-        return Rows(Φ[complete], y[complete], at[complete])
+        return OutputEquations(Φ[complete], y[complete], at[complete])
 
-    def _equations(self, record: Record, i: int) -> Rows:
+    def _equations(self, record: Record, i: int) -> OutputEquations:
         """Every equation of output i in one record; NaN where something in it is not known."""
         y, lags = record.y[:, i], range(self.delay, self.delay + self.nb + 1)
         columns = [-lagged(y, range(1, self.na + 1)), *(lagged(u, lags) for u in record.applied().T)]
-        return Rows(np.concatenate([*columns, np.ones((len(y), int(self.offset)))], axis=1), y, np.arange(len(y)))
+        return OutputEquations(
+            np.concatenate([*columns, np.ones((len(y), int(self.offset)))], axis=1), y, np.arange(len(y))
+        )
 
-    def _check(self, rows: Sequence[Rows], first: Record) -> None:
+    def _check(self, rows: Sequence[OutputEquations], first: Record) -> None:
         """Every output must have an equation."""
         faults = checks.Faults()
         for name, one in zip(first.outputs, rows, strict=True):

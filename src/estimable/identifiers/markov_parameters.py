@@ -18,7 +18,7 @@ from ..models.arx import ARX
 from ..protocols import Identifier
 from ..results import Fit
 from .coupled_least_squares import CoupledLeastSquares
-from .least_squares import LeastSquares, Rows
+from .least_squares import LeastSquares, OutputEquations
 from .realised import impulse_names, whole
 from .standing import validation_of
 
@@ -144,7 +144,7 @@ class MarkovParameters(Identifier):
                 f"`noise_covariance` must have a row for each of {checks.counted(p, 'output')}. Got {len(given)}."
             )
 
-    def _regressed(self, rows: Rows, i: int) -> Regression:
+    def _regressed(self, rows: OutputEquations, i: int) -> Regression:
         """One output; what is weighted has noise of variance 1."""
         found = regress(rows.Φ, rows.y)
         if self.weighting == "ordinary":
@@ -156,7 +156,7 @@ class MarkovParameters(Identifier):
             found = self._weighted(rows, r)
         return found
 
-    def _weighted(self, rows: Rows, r: np.ndarray) -> Regression:
+    def _weighted(self, rows: OutputEquations, r: np.ndarray) -> Regression:
         r = np.append(max(r[0] * (1 + 1e-9), np.finfo(float).tiny), r[1:])
         try:
             both = whitened(r, rows.at, np.column_stack([rows.Φ, rows.y]))

@@ -14,7 +14,7 @@ from ..kernels.regression import regress
 from ..models.output_error import OutputError
 from ..protocols import Identifier
 from ..results import Fit
-from .least_squares import LeastSquares, Rows
+from .least_squares import LeastSquares, OutputEquations
 from .realised import check_records
 from .standing import validation_of
 
@@ -96,7 +96,7 @@ class MinimumVariance(Identifier):
             method=type(self).__name__,
         )  # fmt: skip
 
-    def _iterated(self, rows: Rows) -> Weighted:
+    def _iterated(self, rows: OutputEquations) -> Weighted:
         """Weights and parameters in turn."""
         θ, change, variance = regress(rows.Φ, rows.y).θ, np.inf, 0.0
         for _ in range(ROUNDS):
@@ -113,7 +113,7 @@ class MinimumVariance(Identifier):
         a = np.append(1.0, θ[: self.na])
         return whitened(np.correlate(a, a, mode="full")[self.na :], at, X)
 
-    def _covariance(self, rows: Rows, still: Rows, found: Weighted) -> np.ndarray:
+    def _covariance(self, rows: OutputEquations, still: OutputEquations, found: Weighted) -> np.ndarray:
         """Of one output; `still`: the same equations at more rows, of outputs without noise."""
         Φ = self._weigh(found.θ, rows.at, rows.Φ)
         Ψ = self._weigh(found.θ, rows.at, still.Φ[np.isin(still.at, rows.at)])

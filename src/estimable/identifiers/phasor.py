@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..analysis.excitation import excitation_check
 from ..data.record import Record
-from ..frozen import frozen, set_field, static
+from ..frozen import frozen, saved, set_field, static
 from ..kernels import phasors as kernel
 from ..models.output_error import OutputError
 from ..models.polynomials import joined
@@ -24,6 +24,7 @@ FAINT = 1e-6  # of the largest input phasor: an input that does not move at that
 COHERENT = 0.8  # part of the variation of an output that the sinusoids should explain
 
 
+@saved
 class SecondOrder(NamedTuple):
     """ω_n² / (s² + 2 ζ ω_n s + ω_n²): `natural_frequency` in hertz, `damping` ζ."""
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..frozen import saved
 from .shapes import Float
 
 Real = np.ndarray
@@ -39,6 +40,7 @@ def norms(A: Float[Real, "n n"]) -> Float[Real, " k"]:
     return np.concatenate(found)
 
 
+@saved
 class Course(NamedTuple):
     """Norms a (k,) at times t (k,). Between two times at a distance h the norm is at most ε (k - 1,) above the straight line
     between theirs, and at most e^{ωs} times the first one's, s later. In discrete time there is nothing between."""

@@ -1,98 +1,96 @@
-"""The measurement update where the noises of the outputs are independent, with no more columns after it than before.
+"""The measurement update of `kalman` where the noises of the outputs are independent and nothing is diffuse.
 
-Letters as in `kalman`: m and Z, mean and factor of the covariance P = Z Z'; y = C x + d + v, now v_j = r_j e_j. During the
-update P = Z diag(w) Z': one output is one row g = c' Z beside a noise of its own, and the rotations that turn [r, g √w] into
-[√f, 0], last variable first, are known in closed form, without roots, as ratios of sums of squares. A triangular Z stays
-triangular, and the array of `kalman.correct` need not carry e: half the arithmetic, the same thresholds.
+The factor needs no column for the noise of an output, and keeps its width. Model y_j = c_j x + d_j + r_j e_j, belief
+x = m + Z D^½ ξ with D = diag(w), w = 1 before the datum. The array of outputs and states is A = [C Z; Z], with variables
+D^½ ξ; its columns are a_l. With g the row of output j, the outputs are conditioned on one at a time:
 
-References: G. J. Bierman, Factorization Methods for Discrete Sequential Estimation (1977), ch. V; N. A. Carlson, AIAA
-Journal 11 (1973) 1259-1265, for the same rotations with their roots.
+    α_l = r_j² + Σ_{i>=l} w_i g_i²,  f = α_1        α_l: variance from the noise and variables l, l + 1, ..    (1)
+    w_l <- w_l α_{l+1} / α_l                        α_{l+1} = r_j² for the last variable                        (2)
+    a_l <- a_l - (g_l / α_{l+1}) Σ_{i>l} w_i g_i a_i                                                           (3)
+    μ <- μ + k (y_j - μ_j),  k = A D g' / f                                                                    (4)
+
+(2) and (3) are the plane rotations that turn [r_j, g D^½] into [√f, 0], the last variable first, without their roots. A
+triangular Z stays triangular: half the arithmetic of the general update, with the same thresholds.
+
+References: G. J. Bierman, Factorization Methods for Discrete Sequential Estimation (1977), ch. V (factors with weights);
+N. A. Carlson, AIAA Journal 11 (1973) 1259-1265, for the same rotations with their roots.
 """
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .kalman import CONTRADICTION, KNOWN, Posterior, terms
+from .kalman import Gaussian, Measurement, Posterior, innovation_of
+from .rounding import CONTRADICTION, KNOWN, magnitude, terms
 from .shapes import Bool, Float
-from .small import Real, apply, gram, product, repeat, sums_after
+from .small import Real, diagonal, gram, product, repeat, sums_after
 
 
-class _Rows(NamedTuple):
-    factor: Real           # outputs, then states, on white variables
-    weight: Real           # their variances
-    residual: Real         # datum minus mean of an output, minus the increment of the mean of a state
-    variance: Real         # of each output when its turn came, 1 of those that told nothing
-    surprise: Real         # its squared residual then, over that variance
-    error: Real            # its residual then
-    informed: Real         # whether it told something
+class _Weighted(NamedTuple):
+    A: Real                # rows: outputs, states; columns: variables of variance w
+    w: Real
+    residual: Real         # of each row: (y, m) - μ, with the m before the datum
+    error: Real            # y_j - μ_j of each output when its turn came
+    variance: Real         # its f then
+    surprise: Real         # its (y_j - μ_j)² / f
+    informed: Real         # it carried information
 
 
-def correct(
-    m: Float[Real, " n"],
-    Z: Float[Real, "n k"],
-    C: Float[Real, "p n"],
-    d: Float[Real, " p"],
-    r: Float[Real, " p"],
-    y: Float[Real, " p"],
-    seen: Bool[Real, " p"],
-    size: Float[Real, " n"],
-) -> Posterior:
-    """Condition a belief without diffuse part on the entries of y that were seen; r: standard deviations of the noises.
+def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]) -> Posterior:
+    """Condition the belief on the entries of y that were seen, for a diagonal V, no Ω and no diffuse directions.
 
-    `size`: of the terms whose sum m is. Cost: about 2 p k (p + n) multiplications, half of it for a triangular Z.
+    Cost: about 2 p k (p + n) multiplications, half of it for a triangular Z.
     """
-    p, n = C.shape
-    e = jnp.where(seen, y - apply(C, m) - d, 0.0)
-    Y = product(C, Z)
-    magnitude = jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size)          # of the datum and of its prediction
-    known = KNOWN * (terms(C, Z) + r * r + magnitude**2)
-    blank = jnp.zeros(p)
-    residual = jnp.concatenate([e, jnp.zeros(n)])
-    rows = _Rows(jnp.concatenate([Y, Z]), jnp.ones(Z.shape[1]), residual, blank + 1, blank, e, blank > 0)
-    rows = repeat(p, lambda j, a: _take(a, j, r[j], seen[j], known[j]), rows)
-    known_exactly = rows.weight == 0
-    scale = jnp.where(known_exactly, 0.0, jnp.sqrt(jnp.where(known_exactly, 1.0, rows.weight)))
-    density = jnp.log(2 * jnp.pi * rows.variance) + rows.surprise
+    (m, Z, _, size, _), (C, d, V, _) = prior, measurement
+    (p, n), r = C.shape, diagonal(V)
+    innovation, A = innovation_of(y, seen, C, m, d), _joint_factor(C, Z)
+    scale = magnitude(y, C, d, size)
+    known = KNOWN * (terms(C, Z) + r * r + scale**2)                                       # f below it is rounding
+
+    zeros, residual = jnp.zeros(p), jnp.concatenate([innovation, jnp.zeros(n)])
+    before = _Weighted(A, jnp.ones(Z.shape[1]), residual, innovation, zeros + 1, zeros, informed=zeros > 0)
+    after = repeat(p, lambda j, a: _condition_on_row(a, j, r[j], seen[j], known[j]), before)
+
+    exact = after.w == 0
+    root = jnp.where(exact, 0.0, jnp.sqrt(jnp.where(exact, 1.0, after.w)))                 # D^½
+    density = jnp.log(2 * jnp.pi * after.variance) + after.surprise                        # (7) of `kalman`
     return Posterior(
-        m=m - rows.residual[p:],
-        Z=rows.factor[p:] * scale[None, :],
-        X=jnp.zeros((n, 0)),
+        state=prior._replace(m=m - after.residual[p:], Z=after.A[p:] * root[None, :]),
         drift=None,
-        Z_drift=None,
-        innovation=jnp.where(seen, e, jnp.nan),
-        innovation_covariance=gram(Y) + jnp.eye(p) * (r * r)[:, None],
-        log_likelihood=-jnp.sum(jnp.where(rows.informed, density, 0.0)) / 2,
-        error=jnp.where(rows.informed, rows.error, jnp.nan),
-        variance=jnp.where(rows.informed, rows.variance, jnp.nan),
-        contradicted=jnp.any(seen & ~rows.informed & (jnp.abs(rows.error) > CONTRADICTION * magnitude)),
+        innovation=jnp.where(seen, innovation, jnp.nan),
+        innovation_covariance=gram(A[:p]) + jnp.eye(p) * (r * r)[:, None],
+        log_likelihood=-jnp.sum(jnp.where(after.informed, density, 0.0)) / 2,
+        error=jnp.where(after.informed, after.error, jnp.nan),
+        variance=jnp.where(after.informed, after.variance, jnp.nan),
+        contradicted=jnp.any(seen & ~after.informed & (jnp.abs(after.error) > CONTRADICTION * scale)),
     )
 
 
-def _take(a: _Rows, j, r, seen, known) -> _Rows:
-    """Condition every row on row j having its datum.
+def _joint_factor(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, "_ k"]:
+    """A, for w = 1."""
+    return jnp.concatenate([product(C, Z), Z])
 
-    α_l = r² + Σ_{i>=l} w_i g_i² is the variance of the datum as far as the noise and the variables from l on make it:
-    w_l becomes w_l α_{l+1} / α_l, and column l loses g_l / α_{l+1} times what the variables after it say, Σ_{i>l} z_i w_i g_i.
-    """
-    g, at_j = a.factor[j], jnp.arange(a.error.shape[0]) == j
-    v = a.weight * g
-    after = r * r + sums_after(g * v)
-    α = after + g * v
+
+def _condition_on_row(a: _Weighted, j, r, seen, known) -> _Weighted:
+    """Condition every row of the array on row j having its datum, where it was seen."""
+    g, error, at_j = a.A[j], a.residual[j], jnp.arange(a.error.shape[0]) == j
+    wg = a.w * g
+    α_next = r * r + sums_after(g * wg)                                                    # (1), α_{l+1}
+    α = α_next + g * wg                                                                    # (1)
     f = α[0]
     informs = f > jnp.where(seen, known, jnp.inf)
     inverse = 1 / jnp.where(α > 0, α, 1.0)
-    inverse_after = jnp.append(inverse[1:], 1 / jnp.where(r > 0, r * r, 1.0))
-    shrunk = jnp.where(α > 0, after * inverse, 1.0)
-    met = sums_after(a.factor * v[None, :])                                # 0 where α_{l+1} is
+    inverse_next = jnp.append(inverse[1:], 1 / jnp.where(r > 0, r * r, 1.0))
+    shrink = jnp.where(α > 0, α_next * inverse, 1.0)                                       # (2)
+    sums = sums_after(a.A * wg[None, :])                                                   # (3), 0 where α_{l+1} is
     precision = jnp.where(informs, inverse[0], 0.0)
-    gain = (met[:, 0] + a.factor[:, 0] * v[0]) * precision
-    return _Rows(
-        factor=a.factor - met * jnp.where(informs, g * inverse_after, 0.0)[None, :],
-        weight=a.weight * jnp.where(informs, shrunk, 1.0),
-        residual=a.residual - gain * a.residual[j],
+    gain = (sums[:, 0] + a.A[:, 0] * wg[0]) * precision                                    # (4)
+    return _Weighted(
+        A=a.A - sums * jnp.where(informs, g * inverse_next, 0.0)[None, :],                 # (3)
+        w=a.w * jnp.where(informs, shrink, 1.0),                                           # (2)
+        residual=a.residual - gain * error,                                                # (4)
+        error=jnp.where(at_j, error, a.error),
         variance=jnp.where(at_j & informs, f, a.variance),
-        surprise=jnp.where(at_j, a.residual[j] ** 2 * precision, a.surprise),
-        error=jnp.where(at_j, a.residual[j], a.error),
+        surprise=jnp.where(at_j, error**2 * precision, a.surprise),
         informed=a.informed | (at_j & informs),
     )

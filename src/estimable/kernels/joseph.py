@@ -1,52 +1,47 @@
-"""A filter whose gain is given: what its error is after a sample, whatever the gain.
+"""A filter whose gain K is given: its belief after a sample, whatever K is.
 
-Letters: m, Z and X as in `kalman`, the error x - m = Z ξ with ξ unit white, X what nothing is known of; y = C x + d + V e with e
-unit white, and of the process noise the part Ω e. The filter takes m + K (y - C m - d), over the outputs that were seen, hence
-x - m becomes (I - K C) Z ξ - K V e: Joseph's form, P = (I - K C) P (I - K C)' + K R K', true of any K.
+Letters as in `kalman`, e unit white. The mean moves by K times the innovations that were seen:
+
+    m <- m + K (y - C m - d)                                                                           (1)
+    Z <- [(I - K C) Z, -K V]                    on (ξ, e): x - m becomes (I - K C) Z ξ - K V e         (2)
+    X <- (I - K C) X                                                                                   (3)
+
+(2) is Joseph's form, P <- (I - K C) P (I - K C)' + K R K', which holds for every K.
 
 Reference: R. W. Bass (2005); P. D. Joseph, in R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes (1968), ch. XVI.
 """
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 import numpy as np
 
+from .kalman import Drift, Gaussian, Measurement, innovation_of
 from .riccati import dlyap
 from .shapes import Bool, Float
 from .small import Real, apply, product
 
 
-class Moved(NamedTuple):
-    """Mean, factor (n, k + p) and diffuse part after a sample; mean and factor of the drift, None where Ω is."""
-
-    m: Real
-    Z: Real
-    X: Real
-    drift: Real | None
-    Z_drift: Real | None
-
-
 def correct(
-    m: Float[Real, " n"],
-    Z: Float[Real, "n k"],
-    X: Float[Real, "n r"],
-    K: Float[Real, "n p"],
-    C: Float[Real, "p n"],
-    d: Float[Real, " p"],
-    V: Float[Real, "p p"],
-    Ω: Float[Real, "n p"] | None,
-    y: Float[Real, " p"],
-    seen: Bool[Real, " p"],
-) -> Moved:
-    """Move the mean by K times what was seen to differ. Cost: about n p (2 k + p) multiplications."""
+    prior: Gaussian, K: Float[Real, "n p"], measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]
+) -> tuple[Gaussian, Drift | None]:
+    """The belief after the entries of y that were seen. Cost: about n p (2 k + p) multiplications."""
+    (m, Z, X, _, _), (C, d, V, Ω) = prior, measurement
     K = jnp.where(seen[None, :], K, 0.0)
-    e = jnp.where(seen, y - apply(C, m) - d, 0.0)
-    Z_next = jnp.concatenate([Z - product(K, product(C, Z)), -product(K, V)], axis=1)      # on (ξ, e)
-    X_next = X - product(K, product(C, X))
-    if Ω is None:
-        return Moved(m + apply(K, e), Z_next, X_next, None, None)
-    return Moved(m + apply(K, e), Z_next, X_next, jnp.zeros_like(m), jnp.concatenate([jnp.zeros_like(Z), Ω], axis=1))
+    e = innovation_of(y, seen, C, m, d)
+    Z_next = _factor(K, C, V, Z)                                                           # (2)
+    state = prior._replace(m=m + apply(K, e), Z=Z_next, X=X - product(K, product(C, X)))   # (1), (3)
+    return state, None if Ω is None else _drift(Z, Ω)
+
+
+def _factor(
+    K: Float[Real, "n p"], C: Float[Real, "p n"], V: Float[Real, "p p"], Z: Float[Real, "n k"]
+) -> Float[Real, "n k+p"]:
+    """(2)."""
+    return jnp.concatenate([Z - product(K, product(C, Z)), -product(K, V)], axis=1)
+
+
+def _drift(Z: Float[Real, "n k"], Ω: Float[Real, "n p"]) -> Drift:
+    """Ω e: of mean zero, since the gain does not use the cross noise."""
+    return Drift(jnp.zeros(len(Z)), jnp.concatenate([jnp.zeros_like(Z), Ω], axis=1))
 
 
 def stationary(
@@ -57,9 +52,9 @@ def stationary(
     R: Float[np.ndarray, "p p"],
     GS: Float[np.ndarray, "n p"] | None = None,
 ) -> Float[np.ndarray, "n n"]:
-    """The covariance after a sample to which the error settles. NumPy. Raises `AssumptionError` where it does not.
+    """The stationary covariance of the error after a sample. NumPy. Raises `AssumptionError` where there is none.
 
-    M = (A J) M (A J)' + A K R K' A' + G Q G' - A K (G S)' - G S (A K)' before a sample, J = I - K C.
+    Before a sample it is M = (A J) M (A J)' + A K R K' A' + G Q G' - A K (G S)' - G S (A K)', with J = I - K C.
     """
     J = np.eye(len(A)) - K @ C
     Q = A @ K @ R @ K.T @ A.T + GQG

@@ -6,6 +6,7 @@ deadlock inside a compiled function: mapped over a batch, LAPACK takes one matri
 """
 
 from contextlib import suppress
+from functools import reduce
 
 import jax
 import jax.numpy as jnp
@@ -13,10 +14,9 @@ import numpy as np
 from jax import lax
 from jax.core import Tracer
 
-from .shapes import Float
+from .shapes import Bool, Float
 
 SMALL = 8
-LARGE = 48              # rows: N N' and its factor take a third of the time of a QR factorisation
 INDEPENDENT = 1e-3      # what must be left of a variance for three digits of sixteen to be all that N N' loses
 Real = jax.Array | np.ndarray
 
@@ -65,8 +65,8 @@ def repeat(count: int, step, carry):
 def triangularise(*N: Float[Real, "n _"]) -> Float[Real, "n n"]:
     """The lower triangular L with L L' = N N' for an N in parts beside each other, each row to rounding relative to its norm.
 
-    By modified Gram-Schmidt where it is written out, by Householder's QR above, and by Cholesky's factor of N N' where that is
-    as good and the matrix large. A row that depends on those above it gets a zero on the diagonal, or rounding.
+    By modified Gram-Schmidt where it is written out; above, by Cholesky's factor of N N' where that is as good, in half of the
+    time, else by Householder's QR. A row that depends on those above it gets a zero on the diagonal, or rounding.
     """
     n, k = len(N[0]), sum(part.shape[1] for part in N)
     if n <= SMALL or k < n:
@@ -92,12 +92,15 @@ def _triangularise_jvp(values, tangents):
 @jax.custom_batching.sequential_vmap
 def _by_library(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     """`triangularise` by LAPACK, one matrix after another."""
-    if len(N[0]) < LARGE:
-        return householder(beside(N))
-    P = jnp.asarray(sum(gram(part) for part in N))                     # of a part that stays, once and for all
+    L, good = cholesky(reduce(jnp.add, map(gram, N)))                  # of a part that stays, once and for all
+    return lax.cond(jnp.all(good), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
+
+
+def cholesky(P: Float[Real, "n n"]) -> tuple[Float[Real, "n n"], Bool[Real, " n"]]:
+    """Cholesky's factor, and of which rows enough variance is left, given those above, for it to be good. Not to be batched."""
+    P = jnp.asarray(P)
     L = lax.linalg.cholesky(P, symmetrize_input=False)
-    left = diagonal(L) ** 2 >= INDEPENDENT * diagonal(P)               # of the variance of each row, given those above it
-    return lax.cond(jnp.all(left), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
+    return L, diagonal(L) ** 2 >= INDEPENDENT * diagonal(P)
 
 
 def householder(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
@@ -116,14 +119,26 @@ def gram_schmidt(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
 
     L is as accurate as that of Householder's QR, whatever the units and the rank (Björck, BIT 7, 1967).
     """
+    return orthogonalise(N, N.shape[0])[1]
+
+
+def orthogonalise(
+    N: Float[Real, "n k"], count: int, floor: Float[Real, " m"] | None = None
+) -> tuple[Float[Real, "n k"], Float[Real, "n m"]]:
+    """Modified Gram-Schmidt: what is left of the rows of N without the first `count`, and what they had in common with these.
+
+    `floor`: a row of which less than that is left, in squares, is taken for zero; so seldom run that it is never written out.
+    """
     n = N.shape[0]
 
-    def orthogonalise(j, carry):
+    def take(j, carry):
         """Take row j out of the rows below it, and note what they had in common."""
         N, L = carry
         done = j if isinstance(j, int) else 0                          # rows above are zero: left out where j is known
         g, rest = N[j], N[done:]
         h = apply(rest, g)                                             # h_j = |g|²
+        if floor is not None:
+            h = jnp.where(h[j - done] > floor[j], h, 0.0)
         norm = jnp.where(h[j - done] > 0, h[j - done], 1.0)
         inverse = 1 / norm
         root = jnp.where(h[j - done] > 0, jnp.sqrt(norm), 0.0)                              # |g|
@@ -131,9 +146,10 @@ def gram_schmidt(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
         common = jnp.where(jnp.arange(done, n) == j, root, common)
         N = jnp.concatenate([N[:done], rest - (h * inverse)[:, None] * g[None, :]])
         column = jnp.concatenate([jnp.zeros(done), common])
-        return N, jnp.where(jnp.arange(n)[None, :] == j, column[:, None], L)
+        return N, jnp.where(jnp.arange(count)[None, :] == j, column[:, None], L)
 
-    return repeat(n, orthogonalise, (jnp.asarray(N), jnp.zeros((n, n))))[1]
+    start = jnp.asarray(N), jnp.zeros((n, count))
+    return repeat(count, take, start) if floor is None else lax.fori_loop(0, count, take, start)
 
 
 @jax.custom_jvp

@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..frozen import saved
 from .innovations_form import FAR, System, response
 
 DEFECTIVE = 1e-8  # w'v of unit vectors, below which an eigenvalue has no derivative
 TOGETHER = 10  # tangents whose states are kept at a time
 
 
+@saved
 class Dynamics(NamedTuple):
     """A (n, n), B (n, m), C (p, n), D (p, m); of tangents each with a leading axis r."""
 

@@ -11,6 +11,7 @@ from ..annotations import Numbers
 
 HOLDS = ("zero_order", "first_order")
 NODES = 24  # of Gauss's rule over a step
+SWEEPS = 20  # over the states, to find their units
 
 
 def read_steps(dt: Numbers, rows: int | None, faults: checks.Faults):
@@ -28,12 +29,16 @@ def read_steps(dt: Numbers, rows: int | None, faults: checks.Faults):
     return steps.astype(float)
 
 
-def over(A: np.ndarray, B: np.ndarray, GQG, h: np.ndarray, *, hold: str):
+def over(A: np.ndarray, B: np.ndarray, GQG: np.ndarray, h: Numbers, *, hold: str):
     """Φ, B, B_end (None for a zero-order hold) and Qd over steps h; leading axes of A, B, GQG and h are broadcast."""
     h = np.asarray(h, float)
+    size = _sizes(A)
+    units = size[..., :, None] / size[..., None, :]  # of Φ: powers of two, so that scaling rounds nothing
     with np.errstate(over="ignore", invalid="ignore"):
-        Φ, Γ, Γ2 = _input_integrals(A, h)
-        Qd = _noise_integral(A, GQG, h)
+        A = A / units
+        Φ, Γ, Γ2 = (units * integral for integral in _input_integrals(A, h))
+        squares = size[..., :, None] * size[..., None, :]
+        Qd = squares * _noise_integral(A, GQG / squares, h)
     if not (np.all(np.isfinite(Φ)) and np.all(np.isfinite(Qd))):
         checks.refuse(
             f"the model grows beyond any number within a step of {np.max(h):g} s: its fastest entry is "
@@ -43,6 +48,31 @@ def over(A: np.ndarray, B: np.ndarray, GQG, h: np.ndarray, *, hold: str):
         return Φ, Γ @ B, None, Qd
     ramp = Γ2 / np.where(h > 0, h, 1.0)[..., None, None]  # of u[k+1]: ∫ e^{A (h-s)} (s / h) ds
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
+
+
+def _sizes(A: np.ndarray) -> np.ndarray:
+    """Powers of two (.., n), the units of the states in which rows and columns of A are alike in size.
+
+    Osborne's iteration (J. ACM 7, 1960, 338-345). Where a row or a column is empty off the diagonal, the diagonal bounds it.
+    """
+    n = A.shape[-1]
+    size, off = np.ones(A.shape[:-1]), np.abs(A) * (1 - np.eye(n))
+    least = np.abs(np.diagonal(A, axis1=-2, axis2=-1)).max(axis=-1, initial=0.0)
+    for _ in range(SWEEPS):
+        moved = False
+        for i in range(n):
+            row, column = off[..., i, :].sum(-1) + least, off[..., :, i].sum(-1) + least
+            known = (row > 0) & (column > 0) & np.isfinite(row) & np.isfinite(column)
+            power = np.where(known, np.log2(np.where(known, row, 1.0) / np.where(known, column, 1.0)) / 2, 0.0)
+            factor = 2.0 ** np.where(np.abs(power) > 1, np.round(power), 0.0)
+            if np.any(factor != 1):
+                moved = True
+                size[..., i] *= factor
+                off[..., i, :] /= factor[..., None]
+                off[..., :, i] *= factor[..., None]
+        if not moved:
+            break
+    return size
 
 
 def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
@@ -66,37 +96,35 @@ def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
 
 
 def _input_integrals(A: np.ndarray, h: np.ndarray):
-    """Φ, Γ and ∫_0^h Γ(s) ds, from one exponential of [[A, I, 0], [0, 0, I], [0, 0, 0]] h."""
+    """Φ, Γ and ∫_0^h Γ(s) ds, from one exponential of [[A h, I, 0], [0, 0, I], [0, 0, 0]], time in units of h."""
     n = A.shape[-1]
-    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape), 3 * n, 3 * n))
-    M[..., :n, :n] = A
+    h = h[..., None, None]
+    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape[:-2]), 3 * n, 3 * n))
+    M[..., :n, :n] = A * h
     M[..., :n, n : 2 * n] = M[..., n : 2 * n, 2 * n :] = np.eye(n)
-    E = exponential(M * h[..., None, None])
-    return E[..., :n, :n], E[..., :n, n : 2 * n], E[..., :n, 2 * n :]
+    E = exponential(M)
+    return E[..., :n, :n], h * E[..., :n, n : 2 * n], h * h * E[..., :n, 2 * n :]
 
 
-def _noise_integral(A: np.ndarray, GQG, h: np.ndarray):
+def _noise_integral(A: np.ndarray, GQG: np.ndarray, h: np.ndarray):
     """Qd by Van Loan's exponential over h / 2^s, then s doublings Qd(2h) = Qd(h) + Φ Qd(h) Φ'.
 
-    One exponential over the whole of a long step holds e^{-A h} and overflows where A is stable and fast.
+    One exponential over the whole of a long step holds e^{-A h} and overflows where A is stable and fast. Time is in units of
+    the step and GQG' of its largest entry, so that neither counts in the norm of what is exponentiated.
     """
     n = A.shape[-1]
     doublings = _halvings(A * h[..., None, None])
     step = (h / 2.0**doublings)[..., None, None]
     M = np.zeros((*np.broadcast_shapes(A.shape[:-2], GQG.shape[:-2], h.shape), 2 * n, 2 * n))
-    M[..., :n, :n], M[..., :n, n:], M[..., n:, n:] = -A, GQG, np.swapaxes(A, -1, -2)
-    size = np.abs(GQG).max(initial=0.0) or 1.0  # so that Q does not count in the norm below
-    E = exponential(np.where(_upper_right(n), M / size, M) * step)
+    size = np.abs(GQG).max(initial=0.0) or 1.0
+    M[..., :n, :n], M[..., :n, n:], M[..., n:, n:] = -A * step, GQG / size, np.swapaxes(A, -1, -2) * step
+    E = exponential(M)
     Φ = np.swapaxes(E[..., n:, n:], -1, -2)
-    Qd = size * (Φ @ E[..., :n, n:])  # Van Loan (1.4)
+    Qd = size * step * (Φ @ E[..., :n, n:])  # Van Loan (1.4)
     for _ in range(doublings):
         Qd = Qd + Φ @ Qd @ np.swapaxes(Φ, -1, -2)
         Φ = Φ @ Φ
     return (Qd + np.swapaxes(Qd, -1, -2)) / 2
-
-
-def _upper_right(n: int):
-    return np.kron([[False, True], [False, False]], np.ones((n, n), bool))
 
 
 def exponential(M: np.ndarray):

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..frozen import saved
 from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
 from .prior import Prior
@@ -33,6 +34,7 @@ REQUIRED = {
 LOST = ("zero", "hold")
 
 
+@saved
 class GainSection(NamedTuple):
     """What a model file says of an unknown gain: its prior, and the settings of `UnknownGain`."""
 
@@ -40,6 +42,7 @@ class GainSection(NamedTuple):
     settings: dict[str, Any] = {}  # noqa: RUF012  never changed
 
 
+@saved
 class ModelFile(NamedTuple):
     """What a model file holds. `gain`: None where it says nothing of one; `record`: arguments of `read_record`."""
 

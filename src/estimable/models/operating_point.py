@@ -1,7 +1,7 @@
 """The point about which a model is linear."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,9 +15,9 @@ PARTS = ("states", "inputs", "outputs")
 class OperatingPoint:
     """States (n,), inputs (m,) and outputs (p,) about which a model is linear, in the user's absolute units."""
 
-    states: Any
-    inputs: Any
-    outputs: Any
+    states: Annotated[Any, "n"]
+    inputs: Annotated[Any, "m"]
+    outputs: Annotated[Any, "p"]
 
     @staticmethod
     def of(given: Any, C: np.ndarray, D: np.ndarray, faults: checks.Faults) -> "OperatingPoint | None":

@@ -8,7 +8,6 @@ import numpy as np
 from ..annotations import Array
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
-from ..results import Interval
 from .nonlinear_model import NonlinearModel
 from .sampled import Clock, SampledModel, is_diagonal, sample
 from .state_space import StateSpace
@@ -51,11 +50,11 @@ class Functions:
         """y without its noise, (p,)."""
         return self.h(x, u, θ)
 
-    def next_state(self, x: Array, θ: Array, interval: Interval):
+    def next_state(self, x: Array, θ: Array, interval: Any):
         """x at the next sample without noise, (n,)."""
         return self.f(x, interval.u, θ)
 
-    def derivative(self, interval: Interval):
+    def derivative(self, interval: Any):
         """f(x, θ, t): dx/dt at t seconds after the sample."""
 
         def f(x: Array, θ: Array, t: Array | float):
@@ -109,7 +108,7 @@ class Matrices:
         model = self.model
         return apply(model.C, x) + apply(model.D, u - model.point.inputs) + model.point.outputs
 
-    def next_state(self, x: Array, θ: Array, interval: Interval):
+    def next_state(self, x: Array, θ: Array, interval: Any):
         """x at the next sample without noise, (n,)."""
         model = self.model
         moved = apply(model.A, x) + apply(model.B, interval.u - model.point.inputs)

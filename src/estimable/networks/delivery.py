@@ -1,15 +1,17 @@
 """What comes out of a link."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from ..annotations import Array
+from ..frozen import saved
 
 LATE = ("drop", "use")  # of packets that come late
 
 
+@saved
 class Delivery(NamedTuple):
     """What the receiver gets at one instant, channel by channel (c,).
 
@@ -17,9 +19,9 @@ class Delivery(NamedTuple):
     ago it was sent, infinite without one; `delay`: of the packet sent now, 0 in time, infinite if it never comes.
     """
 
-    value: Any
-    age: Any
-    delay: Any
+    value: Annotated[Any, "c"]
+    age: Annotated[Any, "c"]
+    delay: Annotated[Any, "c"]
 
     @property
     def arrived(self):

@@ -15,7 +15,7 @@ from ..annotations import Array, Numbers
 from ..controllers.proportional_integral import ProportionalIntegral
 from ..controllers.state_feedback import StateFeedback
 from ..data.record import Record
-from ..frozen import replace
+from ..frozen import replace, saved
 from ..models.controlled import ControlledPlant, Failure
 from ..models.discretisation import exponential
 from ..models.state_space import StateSpace
@@ -96,6 +96,7 @@ def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
     )
 
 
+@saved
 class Flight(NamedTuple):
     """A record of one flight, with what was true: states (T, 2), gain (T,), and the pitch-rate command (T,)."""
 

@@ -9,11 +9,13 @@ from ..controllers.gain_reconfiguration import GainReconfiguration
 from ..filters.change_detection import ChangeDetection
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
+from ..frozen import saved
 from ..models.controlled import ControlledPlant
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Controller, Link
-from ..simulation.close_loop import ClosedLoop, ClosedLoopBank, close_loop
+from ..results import ClosedLoop, ClosedLoopBank
+from ..simulation.close_loop import close_loop
 from ..simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
 
@@ -22,6 +24,7 @@ JUMP = 0.25  # variance of the jump that is looked for: half of the gain is one 
 EXACT = 1e-9  # sigmas [deg], [deg/s] of a flight without noise
 
 
+@saved
 class Failed(NamedTuple):
     """Many flights in which the elevator fails: under the law as it is, and reconfigured.
 

@@ -13,9 +13,11 @@ from ..controllers.state_feedback import StateFeedback
 from ..design.gains import lqr_gain
 from ..filters.change_detection import ChangeDetection
 from ..filters.unknown_gain import UnknownGain
+from ..frozen import saved
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..simulation.close_loop import ClosedLoop, close_loop
+from ..results import ClosedLoop
+from ..simulation.close_loop import close_loop
 from . import f16
 from .f16_failure import FAILURE, JUMP, SETTLED
 from .jsbsim_f16 import JsbsimF16
@@ -27,6 +29,7 @@ LENGTH = 100  # samples that an onset may lie back
 FALSE_ALARMS = 300.0  # [s]
 
 
+@saved
 class Flown(NamedTuple):
     """A flight of each kind: unfailed, failed under the law as it is, failed and reconfigured."""
 

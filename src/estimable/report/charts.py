@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..figures.bands import Band, bands, cropped
-from ..results import Kept
+from ..results.estimates import Kept
 from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
@@ -41,7 +41,7 @@ def packed(values: np.ndarray) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()}
 
 
-class Measured(NamedTuple):
+class MeasuredState(NamedTuple):
     """What was measured of a state: the output's name, its unit or "", and its values (T,)."""
 
     output: str
@@ -49,7 +49,7 @@ class Measured(NamedTuple):
     values: np.ndarray
 
 
-def charts_of(result: Kept, measured: dict[str, Measured], changes: Sequence[Moment]) -> list[Chart]:
+def charts_of(result: Kept, measured: dict[str, MeasuredState], changes: Sequence[Moment]) -> list[Chart]:
     """The gains, then the states with what was measured of each, then the innovations."""
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []
@@ -71,7 +71,7 @@ def charts_of(result: Kept, measured: dict[str, Measured], changes: Sequence[Mom
 
 
 def _estimate(
-    band: Band, colour: str, within: Any, output: Measured | None, marks: Sequence[Moment], unit: str
+    band: Band, colour: str, within: Any, output: MeasuredState | None, marks: Sequence[Moment], unit: str
 ) -> Chart:
     """A quantity above its band, what was measured of it, and its changes."""
     sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma), band.sigma, np.nan)

@@ -34,7 +34,7 @@ class Chart(NamedTuple):
     part: str = "What was estimated"
 
 
-class Verdict(NamedTuple):
+class Finding(NamedTuple):
     """One consistency check: its name, what it says, and whether it is met (None: it says nothing of that)."""
 
     name: str
@@ -62,7 +62,7 @@ class Report(NamedTuple):
     times: Any
     time_axis: str
     charts: tuple[Chart, ...]
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Finding, ...]
     sections: tuple[Section, ...]
     commands: tuple[tuple[str, str], ...]
     found: tuple[Section, ...] = ()

@@ -19,8 +19,8 @@ from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import Estimate
 from .assumptions import sections_of
-from .charts import Measured, Moment, charts_of, thinned
-from .contents import Fact, Report, Section, Verdict
+from .charts import MeasuredState, Moment, charts_of, thinned
+from .contents import Fact, Finding, Report, Section
 
 SIZE = "Size of the innovations (NIS)"
 
@@ -57,7 +57,7 @@ def report_of(
     )  # fmt: skip
 
 
-def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, Measured]:
+def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, MeasuredState]:
     """What was measured of each state of which an output is a measurement: the state itself, and noise."""
     model = model_of(algorithm)
     C, D = np.asarray(model.C), np.asarray(model.D)
@@ -69,7 +69,7 @@ def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, Meas
         i = int(np.argmax(np.abs(C[j])))
         offset = 0.0 if point is None else point.outputs[j] - point.states[i]
         if np.array_equal(C[j], np.eye(model.n)[i]) and not D[j].any() and abs(offset) < 1e-12:
-            found[model.states[i]] = Measured(
+            found[model.states[i]] = MeasuredState(
                 name, dict(record.units).get(record.outputs[place], ""), record.y[:, place]
             )
     return found
@@ -87,7 +87,7 @@ def _moments(result: Estimate, times: np.ndarray) -> list[Moment]:
     ]
 
 
-def _verdicts(result: Estimate, judged: Any, record: Record) -> tuple[Verdict, ...]:
+def _verdicts(result: Estimate, judged: Any, record: Record) -> tuple[Finding, ...]:
     """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
     if judged is None or judged is result:
         return (_size(result), *_correlations(result, record))
@@ -96,31 +96,31 @@ def _verdicts(result: Estimate, judged: Any, record: Record) -> tuple[Verdict, .
     return (*named, _size(result)._replace(name=f"{SIZE}, as shown above"))
 
 
-def _size(result: Estimate) -> Verdict:
+def _size(result: Estimate) -> Finding:
     """Whether the innovations are as large as their covariances say."""
     try:
         check = nis(result.innovation, result.innovation_covariance)
     except InputError:
-        return Verdict(SIZE, "no output was seen with noise, so nothing can be judged", None)
+        return Finding(SIZE, "no output was seen with noise, so nothing can be judged", None)
     if check.mean >= check.lower or "alarm" not in result.extra:
-        return Verdict(SIZE, check.sentence, check.consistent)
+        return Finding(SIZE, check.sentence, check.consistent)
     band = check.sentence.split(":")[0]
     cautious = (
         "cautious on purpose: a detector counts process noise that lasts, so that it does not take it for a change"
     )
-    return Verdict(SIZE, f"{band}: {cautious}", None)
+    return Finding(SIZE, f"{band}: {cautious}", None)
 
 
-def _correlations(result: Estimate, record: Record) -> Iterator[Verdict]:
+def _correlations(result: Estimate, record: Record) -> Iterator[Finding]:
     """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
     try:
         told = check_innovations(result, record)
     except InputError:
         return
     for name, check in told.whiteness.items():
-        yield Verdict(f"Whiteness of {name}", check.sentence, check.passed)
+        yield Finding(f"Whiteness of {name}", check.sentence, check.passed)
     for (name, input_name), check in told.cross_correlation.items():
-        yield Verdict(f"{input_name} left in {name}", check.sentence, check.passed)
+        yield Finding(f"{input_name} left in {name}", check.sentence, check.passed)
 
 
 def versions(engine: str, files: Sequence[Path]) -> Section:

@@ -9,16 +9,15 @@ import numpy as np
 from .. import checks, diagnostics
 from ..analysis.excitation import excitation
 from ..data.record import Record
-from ..identification.compare import Comparison, Ranked
 from ..identifiers.residuals import residual_checks
 from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
-from ..results import Fit
+from ..results import Comparison, Fit, Ranked
 from ..results.order_selection import OrderSelection
 from .assumptions import model_items, record_items
 from .charts import thinned
-from .contents import Fact, Report, Section, Verdict
+from .contents import Fact, Finding, Report, Section
 from .estimate_page import versions
 from .identification_charts import excitation_chart, model_charts, order_charts, residual_charts, simulation_charts
 
@@ -87,9 +86,9 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
     )
     e, u = stand.standardised[first:], whole.u[first:]
     judged = [
-        Verdict(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
+        Finding(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
     ]
-    own = [Verdict(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
+    own = [Finding(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
     return (simulated, residual_charts(e, u, record.outputs, record.inputs)), [*judged, *own]
 
 

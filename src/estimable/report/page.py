@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .contents import Chart, Fact, Key, Report, Section, Verdict
+from .contents import Chart, Fact, Finding, Key, Report, Section
 
 HINT = "Drag over a diagram to zoom all that share its axis, double-click to go back, point at a curve for its value."
 WORDS = {True: ("met", "✓ consistent"), False: ("unmet", "✗ not consistent"), None: ("unjudged", "– no verdict")}
@@ -99,7 +99,7 @@ def _key(key: Key) -> str:
     return f'<li><svg width="26" height="12" aria-hidden="true">{drawing}</svg>{escape(key.label)}</li>'
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: Finding) -> str:
     kind, word = WORDS[verdict.met]
     sentence = verdict.sentence[:1].upper() + verdict.sentence[1:]
     return f'<tr><th>{escape(verdict.name)}</th><td class="{kind}">{word}</td><td>{escape(sentence)}</td></tr>'

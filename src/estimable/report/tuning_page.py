@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..design.loop_criteria import BEST
-from ..design.rho_synthesis import RhoSynthesis
 from ..figures.tuning_plots import CHOSEN, INK, KINDS, MOST, WORDS, series, speed
+from ..results.designs import BEST, RhoSynthesis
 from .assumptions import matrix_text, model_items
 from .charts import packed
-from .contents import Chart, Fact, Key, Report, Section, Verdict
+from .contents import Chart, Fact, Finding, Key, Report, Section
 
 AGREED = 0.05  # by how much the curve of rho may differ from the margin that is proven
 FLAT = 0.01  # of its best: how little a criterion may still gain at the end of the range
@@ -119,9 +118,9 @@ def _chosen(found: RhoSynthesis) -> dict[str, Any]:
 def _verdicts(found: RhoSynthesis) -> Any:
     margin, curve = found.margin, float(found.criteria["rho"][found.chosen])
     chain = f"rho {margin.margin:.4g} <= sigma {margin.sigma:.4g} <= stability radius {margin.stability_radius:.4g}"
-    yield Verdict("The margin", f"{chain}: proven for the chosen loop", True)
+    yield Finding("The margin", f"{chain}: proven for the chosen loop", True)
     off = abs(curve / margin.margin - 1)
-    yield Verdict(
+    yield Finding(
         "The curve of rho", f"it is {100 * off:.2g} % off the proven margin at the chosen design", bool(off <= AGREED)
     )
     last = len(found.eta) - 1
@@ -129,14 +128,14 @@ def _verdicts(found: RhoSynthesis) -> Any:
         if name in found.weights and best.design in (0, last):
             side = "largest" if best.design == last else "smallest"
             sentence = f"{WORDS[name][0]} is best at the {side} eta that was tried: it may be better beyond"
-            yield Verdict(f"The range, for {WORDS[name][0]}", sentence, None)
+            yield Finding(f"The range, for {WORDS[name][0]}", sentence, None)
     inside = 0 < found.chosen < last
     sentence = (
         "the chosen design is inside the range of eta"
         if inside
         else "the chosen design is at the end of the range of eta"
     )
-    yield Verdict("The choice", sentence, inside or None)
+    yield Finding("The choice", sentence, inside or None)
 
 
 def _gains(found: RhoSynthesis) -> Section:

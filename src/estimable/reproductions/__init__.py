@@ -5,11 +5,11 @@ One file (or folder) a source, each with its `ENTRIES`; `estimable reproduce` li
 
 from .. import checks
 from . import bass, falling_body, fang, sillence
-from .entries import DRAWS, Reproduced, Reproduction, Row, drawn
+from .entries import DRAWS, Reproduced, ReproducedRow, Reproduction, drawn
 
 ENTRIES: tuple[Reproduction, ...] = sillence.ENTRIES + fang.ENTRIES + bass.ENTRIES + falling_body.ENTRIES
 
-__all__ = ["DRAWS", "ENTRIES", "Reproduced", "Reproduction", "Row", "drawn", "entry", "reproduce"]
+__all__ = ["DRAWS", "ENTRIES", "Reproduced", "ReproducedRow", "Reproduction", "drawn", "entry", "reproduce"]
 
 
 def entry(name: str) -> Reproduction:

@@ -8,7 +8,7 @@ from ..design.tracker_gains import alpha_beta_choices, alpha_beta_covariance, al
 from ..design.trans_kalman import trans_kalman
 from ..models.state_space import StateSpace
 from . import plots
-from .entries import Reproduced, Row
+from .entries import Reproduced, ReproducedRow
 
 RATIOS = (0.01, 0.1, 1.0, 10.0, 100.0, 1e4)  # σ_a² / σ_s², T = 1 s
 RANGE = np.geomspace(1e-3, 1e4, 57)
@@ -65,7 +65,7 @@ def alpha_beta(draws: int) -> Reproduced:
         *((f"P11 over the Kalman filter's, ratio {ratio:g}", None, _prices(ratio)["least_worst"]) for ratio in RATIOS),
         ("the least possible over all ratios from .01 to 1e4", None, 1 + safest().worst),
     )  # fmt: skip
-    rows = tuple(Row(name, "", published, float(ours)) for name, published, ours in numbers)
+    rows = tuple(ReproducedRow(name, "", published, float(ours)) for name, published, ours in numbers)
     return Reproduced(rows, _picture, (WORSE, STEPS, SAFE))
 
 

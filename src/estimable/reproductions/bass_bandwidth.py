@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..design.rho_synthesis import RhoSynthesis, rho_synthesis
+from ..design.rho_synthesis import rho_synthesis
 from ..kernels.courses import bandwidth
 from ..models.state_space import StateSpace
-from .entries import Reproduced, Row
+from ..results import RhoSynthesis
+from .entries import Reproduced, ReproducedRow
 
 # K. S. Narendra, S. S. Tripathi, J. Aircraft 10 (1973) 193: a helicopter at 135 knots; velocities [knots], pitch rate and pitch.
 VTOL = StateSpace(
@@ -62,15 +63,15 @@ def rho_bandwidth(draws: int) -> Reproduced:
         float(bandwidth(A[None])[0]) / ω for A in (_companion(ω**2, 1.4 * ω), _companion(ω**3, 2 * ω**2, 2 * ω))
     )
     rows = (
-        Row("power of the bandwidth in the control's rms, both gains driven", "", 3.0, _power(both)),
-        Row("the same, feedback alone driven", "", None, _power(alone)),
-        Row("bandwidth over natural frequency, n = 2", "", 1.0, second),
-        Row("bandwidth over natural frequency, n = 3 (Butterworth, 2 rad/s)", "", None, third),
-        Row("bandwidth of the largest margin rho", "rad/s", None, best.bandwidth),
-        Row("largest rho", "1/s", None, best.value),
-        Row("rho of the fastest design, of the largest", "", None, last / best.value),
-        Row("largest rho, proven bound", "1/s", None, float(both.margin.margin)),
-        Row("stability radius of that design", "1/s", None, float(both.margin.stability_radius)),
-        Row("largest rho, feedback alone driven", "1/s", None, alone.optima["rho"].value),
+        ReproducedRow("power of the bandwidth in the control's rms, both gains driven", "", 3.0, _power(both)),
+        ReproducedRow("the same, feedback alone driven", "", None, _power(alone)),
+        ReproducedRow("bandwidth over natural frequency, n = 2", "", 1.0, second),
+        ReproducedRow("bandwidth over natural frequency, n = 3 (Butterworth, 2 rad/s)", "", None, third),
+        ReproducedRow("bandwidth of the largest margin rho", "rad/s", None, best.bandwidth),
+        ReproducedRow("largest rho", "1/s", None, best.value),
+        ReproducedRow("rho of the fastest design, of the largest", "", None, last / best.value),
+        ReproducedRow("largest rho, proven bound", "1/s", None, float(both.margin.margin)),
+        ReproducedRow("stability radius of that design", "1/s", None, float(both.margin.stability_radius)),
+        ReproducedRow("largest rho, feedback alone driven", "1/s", None, alone.optima["rho"].value),
     )
     return Reproduced(rows, both.plot, (PLANT, CUBE, PEAK, SLIGHT))

@@ -8,7 +8,7 @@ import numpy as np
 DRAWS = 200
 
 
-class Row(NamedTuple):
+class ReproducedRow(NamedTuple):
     """One number: the published value (None: not printed) beside ours, the mean and 1 sigma over `draws`.
 
     A number that is computed and not drawn has sigma None and draws 0. A draw of which the quantity does not exist (it
@@ -26,7 +26,7 @@ class Row(NamedTuple):
 class Reproduced(NamedTuple):
     """What `compute` gives: the rows, a function that draws the picture (or None), and what a reader must know."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[ReproducedRow, ...]
     figure: Callable[[], Any] | None = None
     remarks: tuple[str, ...] = ()
 
@@ -46,13 +46,15 @@ class Reproduction(NamedTuple):
         return "done" if self.compute is not None else self.reason
 
 
-def drawn(quantity: str, unit: str, published: float | None, values: np.ndarray) -> Row:
+def drawn(quantity: str, unit: str, published: float | None, values: np.ndarray) -> ReproducedRow:
     """The row of a quantity that each draw has: mean and 1 sigma over those that are finite.
 
     >>> drawn("gain", "", 0.5, [0.0, 1.0, 2.0, float("nan")])
-    Row(quantity='gain', unit='', published=0.5, mean=1.0, sigma=1.0, draws=3)
+    ReproducedRow(quantity='gain', unit='', published=0.5, mean=1.0, sigma=1.0, draws=3)
     """
     values = np.asarray(values, float)
     finite = values[np.isfinite(values)]
     sigma = float(finite.std(ddof=1)) if len(finite) > 1 else None
-    return Row(quantity, unit, published, float(finite.mean()) if len(finite) else float("nan"), sigma, len(finite))
+    return ReproducedRow(
+        quantity, unit, published, float(finite.mean()) if len(finite) else float("nan"), sigma, len(finite)
+    )

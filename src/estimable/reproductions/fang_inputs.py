@@ -14,7 +14,7 @@ from ..kernels.steady_unknown_input import covariance, exact_step, fang_step
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..simulation.monte_carlo import monte_carlo
-from .entries import Reproduced, Row, drawn
+from .entries import Reproduced, ReproducedRow, drawn
 
 A, B = np.diag([0.67, 0.53]), np.array([[1.0], [0.53]])
 C, D = np.array([[0.55, 0.11], [0.0, 0.29]]), np.array([[0.40], [0.20]])
@@ -26,7 +26,7 @@ FANG, EXACT, OWN = "Algorithm 1", "Gillijns & De Moor", "Algorithm 1's own P"
 NORMS = ("input, 2-norm", "input, largest", "x1, 2-norm", "x1, largest", "x2, 2-norm", "x2, largest")
 
 
-class Example(NamedTuple):
+class InputExample(NamedTuple):
     """One of the examples: the noise variance, how many samples its printed norms fit, and those norms."""
 
     noise: float
@@ -40,11 +40,11 @@ class Example(NamedTuple):
         return StateSpace(A, B, C, D, Q=self.noise * np.eye(2), R=self.noise * np.eye(2), dt=1, inputs=["u"])
 
 
-FIRST = Example(
+FIRST = InputExample(
     0.08, 150,
     {FANG: (17.6932, 4.7194, 11.4800, 3.2039, 6.9794, 1.4978), EXACT: (17.0132, 3.6580, 11.5034, 3.1733, 6.9855, 1.5098)},
 )  # fmt: skip
-SECOND = Example(
+SECOND = InputExample(
     0.8, 115,
     {FANG: (46.5408, 10.2476, 31.4444, 6.6983, 19.5499, 4.4089), EXACT: (45.8290, 10.3013, 31.5030, 6.7860, 19.6002, 4.3822)},
 )  # fmt: skip
@@ -54,7 +54,7 @@ STATE_REMARK = "States are one-step predictions, x[k] from y[0..k-1], for both a
 
 
 @frozen
-class Drawn:
+class DrawnRecord:
     """A record with the input and the states that nobody saw."""
 
     record: Any
@@ -62,10 +62,10 @@ class Drawn:
     x: Any
 
 
-def draw(example: Example) -> Any:
+def draw(example: InputExample) -> Any:
     """A function of a random key that draws a record of the example."""
 
-    def one(key: Array) -> Drawn:
+    def one(key: Array) -> DrawnRecord:
         of_u, of_w, of_v = jax.random.split(key, 3)
         T, sigma = example.samples, example.noise**0.5
         u = jax.random.uniform(of_u, (T,), minval=-WIDEST, maxval=WIDEST)
@@ -79,12 +79,12 @@ def draw(example: Example) -> Any:
 
         x, y = jax.lax.scan(move, jnp.zeros(2), (u, w, v))[1]
         leaves, structure = jax.tree_util.tree_flatten(Record(np.zeros((T, 2)), dt=1))
-        return Drawn(jax.tree_util.tree_unflatten(structure, [y, *leaves[1:]]), u, x)
+        return DrawnRecord(jax.tree_util.tree_unflatten(structure, [y, *leaves[1:]]), u, x)
 
     return one
 
 
-def errors(drawn: Drawn, estimate: Any) -> dict[str, Any]:
+def errors(drawn: DrawnRecord, estimate: Any) -> dict[str, Any]:
     """Errors of the input and of the states predicted one step ahead, sample by sample."""
     predicted = estimate.mean
     if not estimate.names.note.startswith("Fang"):
@@ -94,21 +94,21 @@ def errors(drawn: Drawn, estimate: Any) -> dict[str, Any]:
             "estimated_x": predicted, "true_u": drawn.u, "true_x": drawn.x}  # fmt: skip
 
 
-def filter_of(example: Example, name: str) -> UnknownInput:
+def filter_of(example: InputExample, name: str) -> UnknownInput:
     """The algorithm of that name."""
     if example.levels:
         return UnknownInput(example.model, unknown=["u"], levels=LEVELS)
     return UnknownInput(example.model, unknown=["u"], method="fang" if name == FANG else "auto")
 
 
-def run(example: Example, name: str, draws: int) -> Any:
+def run(example: InputExample, name: str, draws: int) -> Any:
     """The errors of every draw."""
     return monte_carlo(
         filter_of(example, name), draw(example), prior=VAGUE, runs=draws, seed=SEED, summary=errors
     ).values
 
 
-def table(example: Example) -> Any:
+def table(example: InputExample) -> Any:
     """Tables 2.1 and 2.2: norms of the errors of both algorithms."""
 
     def compute(draws: int) -> Reproduced:
@@ -132,13 +132,13 @@ def _largest(e: np.ndarray) -> np.ndarray:
     return np.abs(e).max(axis=-1)
 
 
-def _compare(rows: list[Row]) -> Any:
+def _compare(rows: list[ReproducedRow]) -> Any:
     from . import plots
 
     return plots.beside(rows, [row.quantity for row in rows], x="which error, by which norm", y="norm of the error")
 
 
-def estimates(example: Example) -> Any:
+def estimates(example: InputExample) -> Any:
     """Figs. 2.2, 2.4 and 2.6: the input and the states with their estimates."""
 
     def compute(draws: int) -> Reproduced:
@@ -172,24 +172,25 @@ def _draw_estimates(found: dict[str, np.ndarray]) -> Any:
     return plots.over_time(panels, x="sample")
 
 
-def traces(example: Example) -> Any:
+def traces(example: InputExample) -> Any:
     """Figs. 2.3 and 2.5: the trace of the true covariance of the predicted state."""
     printed = {FANG: (0.8671 + 0.3431) * example.noise / 0.08, EXACT: None}
 
     def compute(draws: int) -> Reproduced:
         found = {name: trace(example, name) for name in (FANG, EXACT)}
         rows = [
-            Row(f"trace of P in the steady state, {name}", "", printed[name], float(found[name][-1])) for name in found
+            ReproducedRow(f"trace of P in the steady state, {name}", "", printed[name], float(found[name][-1]))
+            for name in found
         ]
         own = float(trace(example, OWN)[-1])
-        rows.append(Row("trace of Algorithm 1's own P", "", (0.5037 + 0.2256) * example.noise / 0.08, own))
+        rows.append(ReproducedRow("trace of Algorithm 1's own P", "", (0.5037 + 0.2256) * example.noise / 0.08, own))
         remark = "Nothing is drawn at random. P is the true covariance; Algorithm 1's own P, which its gains follow, is smaller."
         return Reproduced(tuple(rows), lambda: _draw_traces(found), (remark,))
 
     return compute
 
 
-def trace(example: Example, name: str, steps: int = 40) -> np.ndarray:
+def trace(example: InputExample, name: str, steps: int = 40) -> np.ndarray:
     """The trace of the true covariance, from P = 1e6 I on."""
     Q = R = example.noise * np.eye(2)
     S, P, own, found = np.zeros((2, 2)), 1e6 * np.eye(2), 1e6 * np.eye(2), []

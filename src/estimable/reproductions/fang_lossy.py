@@ -14,7 +14,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink
 from ..simulation.simulate import simulate
-from .entries import Reproduced, Row, drawn
+from .entries import Reproduced, ReproducedRow, drawn
 from .plots import Line, Panel, over_time
 
 NOISE = 0.1
@@ -31,7 +31,7 @@ REFINED = "The refined recursion, from P0 = 1e6, and maximum likelihood stand be
 TARGET = "The mean of (z - y°)² tends to (1 - γ) r_v and not to 0, as the source has it: what tends to 0 is the error against x°."
 
 
-class Example(NamedTuple):
+class LossyExample(NamedTuple):
     """Arrival rates, rows, and the published table: {k: (a1, a2, b0, b1, relative error in %)}."""
 
     input_arrival: float
@@ -40,19 +40,19 @@ class Example(NamedTuple):
     table: dict[int, tuple[float, float, float, float, float]]
 
 
-ONE = Example(0.8, 0.7, 1000, {
+ONE = LossyExample(0.8, 0.7, 1000, {
     10: (0.567627, 1.6701, 3.20898, 1.68664, 296.32), 63: (0.42823, 0.174088, 0.49568, 0.631873, 22.5757),
     125: (0.46955, 0.22639, 0.474952, 0.726835, 13.1901), 250: (0.506762, 0.278517, 0.417336, 0.737531, 7.36484),
     500: (0.540054, 0.308427, 0.407041, 0.747389, 5.26075), 1000: (0.53704, 0.335451, 0.428435, 0.749043, 2.41542),
 })  # fmt: skip
-TWO = Example(0.4, 0.2, 5000, {
+TWO = LossyExample(0.4, 0.2, 5000, {
     10: (-0.182577, -0.148257, 0.0, 0.0, 113.976), 313: (0.299781, 0.115871, 0.42551, 0.762816, 29.875),
     625: (0.338345, 0.239968, 0.325255, 0.65233, 24.6696), 1250: (0.452098, 0.269698, 0.424789, 0.72987, 10.371),
     2500: (0.509494, 0.314595, 0.414112, 0.755212, 4.21955), 5000: (0.530625, 0.312564, 0.420325, 0.760732, 3.8951),
 })  # fmt: skip
 
 
-class Runs(NamedTuple):
+class IdentificationRuns(NamedTuple):
     """Many draws: errors of the parameters in % (B, T), running means of (z - y°)² and of (z - x°)² (B, T), θ of draw 0."""
 
     parameter_error: np.ndarray
@@ -82,7 +82,7 @@ def simulation(example: int, run: int) -> Any:
 
 
 @lru_cache(8)
-def runs(example: int, method: str, draws: int) -> Runs:
+def runs(example: int, method: str, draws: int) -> IdentificationRuns:
     """A recursion over many draws."""
     algorithm = printed() if method == "printed" else refined()
     parts, first = [], None
@@ -99,7 +99,7 @@ def runs(example: int, method: str, draws: int) -> Runs:
         lost = np.cumsum(np.where(missing, (z - true) ** 2, 0.0), axis=1) / np.maximum(np.cumsum(missing, axis=1), 1)
         parts.append((error, against[0], lost))
     error, output, against_true = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Runs(error, output, against_true, first, simulation(example, 0).measured[:, 0])
+    return IdentificationRuns(error, output, against_true, first, simulation(example, 0).measured[:, 0])
 
 
 def table(example: int, draws: int) -> Reproduced:
@@ -109,7 +109,7 @@ def table(example: int, draws: int) -> Reproduced:
     for k, published in case.table.items():
         rows.append(drawn(f"relative error, k = {k}", "%", published[4], found.parameter_error[:, k - 1]))
     for name, column, value in zip(NAMES, np.asarray(found.first.mean).T, case.table[case.rows][:4], strict=True):
-        rows.append(Row(f"{name}, k = {case.rows}, first draw", "", value, float(column[case.rows - 1])))
+        rows.append(ReproducedRow(f"{name}, k = {case.rows}, first draw", "", value, float(column[case.rows - 1])))
     for k in case.table:
         rows.append(
             drawn(f"relative error of the refined recursion, k = {k}", "%", None, ours.parameter_error[:, k - 1])
@@ -131,7 +131,10 @@ def parameters(example: int, draws: int) -> Reproduced:
     """The estimates of the first draw over time, and of all draws at the end."""
     case, path = (ONE, TWO)[example - 1], np.asarray(runs(example, "printed", draws).first.mean)
     ends = zip(NAMES, case.table[case.rows][:4], path[-1], strict=True)
-    rows = [Row(f"{name}, last sample, first draw", "", published, float(value)) for name, published, value in ends]
+    rows = [
+        ReproducedRow(f"{name}, last sample, first draw", "", published, float(value))
+        for name, published, value in ends
+    ]
     return Reproduced(tuple(rows), partial(_paths, path), (P0,))
 
 
@@ -167,8 +170,8 @@ def outputs(example: int, draws: int) -> Reproduced:
     missing = np.isnan(simulation(example, 0).record.y[window, 0])
     rms = float(np.sqrt(np.mean((z - found.measured[window])[missing] ** 2)))
     rows = (
-        Row("share of outputs missing in 501..550", "", 1 - case.output_arrival, float(np.mean(missing))),
-        Row("RMS of z - y° where it is missing", "", None, rms),
+        ReproducedRow("share of outputs missing in 501..550", "", 1 - case.output_arrival, float(np.mean(missing))),
+        ReproducedRow("RMS of z - y° where it is missing", "", None, rms),
     )
     return Reproduced(rows, partial(_outputs, z, found.measured[window], missing), (TARGET,))
 
@@ -187,7 +190,7 @@ def output_errors(example: int, draws: int) -> Reproduced:
     floor = (1 - case.output_arrival) * NOISE
     rows = (
         drawn("average output error at the end", "", None, found.output_error[:, -1]),
-        Row("(1 - γ) r_v, where it tends to", "", None, floor),
+        ReproducedRow("(1 - γ) r_v, where it tends to", "", None, floor),
         drawn("mean square of z - x° where the output was lost, at the end", "", None, found.true_output_error[:, -1]),
     )
     return Reproduced(rows, partial(_output_errors, example, draws, floor), (TARGET, P0))
@@ -209,7 +212,10 @@ def patterns(what: str, draws: int) -> Reproduced:
     found = runs(1, "printed", max(draws, 2))
     values = found.parameter_error if what == "parameter" else found.output_error
     unit = "%" if what == "parameter" else ""
-    rows = [Row(f"{what} error of pattern {i + 1}, last sample", unit, None, float(values[i, -1])) for i in range(2)]
+    rows = [
+        ReproducedRow(f"{what} error of pattern {i + 1}, last sample", unit, None, float(values[i, -1]))
+        for i in range(2)
+    ]
     rows.append(drawn(f"{what} error, over patterns, last sample", unit, None, values[:draws, -1]))
     return Reproduced(tuple(rows), partial(_patterns, what, values[:2], unit), (P0,))
 

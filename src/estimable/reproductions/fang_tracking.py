@@ -13,7 +13,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink
 from ..simulation.close_loop import close_loop_bank
-from .entries import Reproduced, Row, drawn
+from .entries import Reproduced, ReproducedRow, drawn
 from .plots import Line, Panel, over_time
 
 θ = np.array([-0.3, 0.6, 0.5, 0.2, 0.34])
@@ -34,7 +34,7 @@ STARTS = (
 )
 
 
-class Runs(NamedTuple):
+class TrackingRuns(NamedTuple):
     """Many runs, (B, T): y - r of all samples, relative errors of θ in %; and of run 0 the outputs y, z and what was seen."""
 
     error: np.ndarray
@@ -58,7 +58,7 @@ def plant(factor: float = 1.0) -> OutputError:
 
 
 @lru_cache(16)
-def runs(arrival: float, jumps: bool, method: str, draws: int) -> Runs:
+def runs(arrival: float, jumps: bool, method: str, draws: int) -> TrackingRuns:
     """Many runs of an example."""
     flown = ControlledPlant(plant(), events=[Change(JUMP, plant(1.5))] if jumps else [])
     law, identifier = blocks(method)
@@ -73,7 +73,7 @@ def runs(arrival: float, jumps: bool, method: str, draws: int) -> Runs:
     assert first is not None
     error, of_parameters = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     y, z = first.output[:, 0], np.asarray(first.extra["completed"])[:, 0]
-    return Runs(error, of_parameters, y, z, ~np.isnan(y))
+    return TrackingRuns(error, of_parameters, y, z, ~np.isnan(y))
 
 
 def _errors(bank: Any, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -84,12 +84,12 @@ def _errors(bank: Any, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
     return x - REFERENCE[:-1], 100 * away
 
 
-def rms(found: Runs, first: int, last: int) -> np.ndarray:
+def rms(found: TrackingRuns, first: int, last: int) -> np.ndarray:
     """Of y - r over some samples, run by run."""
     return np.sqrt(np.mean(found.error[:, first:last] ** 2, axis=1) + NOISE)
 
 
-def _row(what: str, found: Runs, first: int, last: int, published: float | None = None) -> Row:
+def _row(what: str, found: TrackingRuns, first: int, last: int, published: float | None = None) -> ReproducedRow:
     """The RMS of all runs together, and its spread between runs."""
     each = rms(found, first, last)
     one = drawn(f"RMS of y - r, {first}..{last}, {what}", "", published, each)
@@ -102,13 +102,13 @@ def response(example: int, draws: int) -> Reproduced:
     printed, ours = runs(γ, False, "printed", draws), runs(γ, False, "joint", draws)
     floor = float(np.sqrt(NOISE * (1 + γ * np.sum(θ[:2] ** 2))))
     rows = (
-        _row("as printed", printed, 1000, ROWS - 1), Row("sqrt(r_v (1 + γ Σ a²)), where it tends to", "", None, floor),
-        _row("ours", ours, 1000, ROWS - 1), Row("sqrt(r_v), the least there is", "", None, float(np.sqrt(NOISE))),
+        _row("as printed", printed, 1000, ROWS - 1), ReproducedRow("sqrt(r_v (1 + γ Σ a²)), where it tends to", "", None, floor),
+        _row("ours", ours, 1000, ROWS - 1), ReproducedRow("sqrt(r_v), the least there is", "", None, float(np.sqrt(NOISE))),
     )  # fmt: skip
     return Reproduced(rows, partial(_response, ours, False), (ERRATUM, STARTS))
 
 
-def _response(found: Runs, jumps: bool) -> Any:
+def _response(found: TrackingRuns, jumps: bool) -> Any:
     k = np.arange(1, ROWS + 1)
     lines = [Line("y, where it arrived", k, found.measured, 0), Line("reference", k, REFERENCE, 1, "dash")]
     title = "output" if not jumps else "output; parameters rise by half at 2500"
@@ -143,14 +143,15 @@ def outputs(example: int, draws: int) -> Reproduced:
     found, window = runs(ARRIVAL[example], False, "joint", draws), slice(500, 550)
     lost = ~found.seen[window]
     true = (found.error[0] + REFERENCE[:-1])[window]
+    of_missing = float(np.sqrt(np.mean((found.completed[window] - true)[lost] ** 2)))
     rows = (
-        Row("share of outputs missing in 501..550", "", 1 - ARRIVAL[example], float(lost.mean())),
-        Row("RMS of z - x° where it is missing", "", None, float(np.sqrt(np.mean((found.completed[window] - true)[lost] ** 2)))),
-    )  # fmt: skip
+        ReproducedRow("share of outputs missing in 501..550", "", 1 - ARRIVAL[example], float(lost.mean())),
+        ReproducedRow("RMS of z - x° where it is missing", "", None, of_missing),
+    )
     return Reproduced(rows, partial(_outputs, found, window), (STARTS,))
 
 
-def _outputs(found: Runs, window: slice) -> Any:
+def _outputs(found: TrackingRuns, window: slice) -> Any:
     k = np.arange(501, 551)
     z = np.where(found.seen, np.nan, found.completed)[window]
     lines = [Line("y, where it arrived", k, found.measured[window], 0), Line("z, where y was lost", k, z, 1, "dash")]
@@ -164,7 +165,7 @@ def changed(draws: int) -> Reproduced:
         found = runs(γ, True, "joint", draws)
         what = f"ours, {100 * γ:.0f} % arrive"
         rows += [_row(what, found, *window) for window in ((1500, 2500), (2520, 2600), (2600, 3000), (4000, ROWS - 1))]
-        rows.append(Row(f"largest |x° - r| of all runs, {what}", "", None, float(np.abs(found.error).max())))
+        rows.append(ReproducedRow(f"largest |x° - r| of all runs, {what}", "", None, float(np.abs(found.error).max())))
     for γ in (0.85, 0.65):
         found = runs(γ, True, "printed", draws)
         rows += [

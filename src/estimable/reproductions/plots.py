@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .entries import Row
+from .entries import ReproducedRow
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")  # told apart by colour-blind eyes too
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
@@ -61,7 +61,7 @@ def band(gain: float, share: float, t: np.ndarray) -> list[Line]:
     return [Line(name, ends, np.full(2, gain * factor), FAINT, "dash", 1.5) for name, factor in sides]
 
 
-def beside(rows: Sequence[Row], labels: Sequence[Any], *, x: str, y: str) -> Any:
+def beside(rows: Sequence[ReproducedRow], labels: Sequence[Any], *, x: str, y: str) -> Any:
     """Published values beside ours with their sigmas, one label a row."""
     import plotly.graph_objects as go
 

@@ -1,27 +1,65 @@
-"""The records that a step takes and gives, and those that the drivers return."""
+"""What comes out: the records that a step takes and gives, and those that the verbs return.
 
-from .estimates import Estimate, EstimateBank, Forecast, Kept, Origin, Shown, SmoothedEstimate
-from .fits import Check, Excitation, Fit, Simulation, Validation
-from .steps import OUTCOMES, Info, Interval, Names, Outcome, Sample, outcome_code
+A user reads these records and seldom makes one. Each is loaded when it is first asked for, as the names of `estimable` are.
+"""
 
-__all__ = [
-    "OUTCOMES",
-    "Check",
-    "Estimate",
-    "EstimateBank",
-    "Excitation",
-    "Fit",
-    "Forecast",
-    "Info",
-    "Interval",
-    "Kept",
-    "Names",
-    "Origin",
-    "Outcome",
-    "Sample",
-    "Shown",
-    "Simulation",
-    "SmoothedEstimate",
-    "Validation",
-    "outcome_code",
-]
+from ..lazy import lazy
+
+_HOMES = {
+    "ArrivalCovariance": "results.margins",
+    "Check": "results.fits",
+    "ClosedLoop": "results.simulations",
+    "ClosedLoopBank": "results.simulations",
+    "Comparison": "results.comparisons",
+    "Delivery": "networks.delivery",
+    "DisturbanceAccommodation": "results.designs",
+    "Divided": "results.comparisons",
+    "Estimability": "results.verdicts",
+    "Estimate": "results.estimates",
+    "EstimateBank": "results.estimates",
+    "Excitation": "results.information",
+    "FeedbackGain": "results.stationary_gains",
+    "Fit": "results.fits",
+    "Forecast": "results.estimates",
+    "GainInformation": "results.information",
+    "Info": "results.steps",
+    "Interval": "results.steps",
+    "KalmanGain": "results.stationary_gains",
+    "LossTolerance": "results.margins",
+    "ModelFile": "models.files",
+    "MonteCarlo": "results.simulations",
+    "Names": "results.steps",
+    "NoiseFit": "results.fits",
+    "OUTCOMES": "results.steps",
+    "Observability": "results.verdicts",
+    "Online": "estimation.online",
+    "Optimum": "results.designs",
+    "OrderCandidate": "results.order_selection",
+    "OrderRanking": "results.order_selection",
+    "OrderSelection": "results.order_selection",
+    "Origin": "results.estimates",
+    "Outcome": "results.steps",
+    "Perturbed": "results.margins",
+    "Ranked": "results.comparisons",
+    "Reachability": "results.verdicts",
+    "Reduction": "results.verdicts",
+    "Regulability": "results.verdicts",
+    "RhoMargin": "results.margins",
+    "RhoSynthesis": "results.designs",
+    "Sample": "results.steps",
+    "Simulation": "results.simulations",
+    "SmoothedEstimate": "results.estimates",
+    "StabilityRadius": "results.margins",
+    "Stacked": "results.stacked",
+    "TrackerChoices": "results.stationary_gains",
+    "TransKalman": "results.designs",
+    "UnknownInputExistence": "results.verdicts",
+    "Validation": "results.fits",
+    "outcome_code": "results.steps",
+}
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+__getattr__ = lazy(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

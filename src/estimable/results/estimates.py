@@ -1,6 +1,6 @@
 """What the estimating drivers return."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -128,8 +128,8 @@ class Estimate(Shown):
     algorithm, record and prior that it was made of.
     """
 
-    info: Info
-    t: Any
+    info: Annotated[Info, "T"]
+    t: Annotated[Any, "T"]
     log_likelihood: float
     outcome: Outcome = static()
     engine: str = static()
@@ -145,10 +145,10 @@ class SmoothedEstimate(Shown):
     Otherwise as `Estimate`; `log_likelihood` is that of the record, and `diffuse_covariance` spans what it leaves unknown.
     """
 
-    info: Info
-    t: Any
+    info: Annotated[Info, "T"]
+    t: Annotated[Any, "T"]
     log_likelihood: float
-    used: Any
+    used: Annotated[Any, "T"]
     outcome: Outcome = static()
     engine: str = static()
     names: Names = static()
@@ -160,10 +160,10 @@ class Forecast(Kept):
     """What `forecast` returns: row i is the i-th sample after the record. `output` (steps, p), its covariance with the noise
     of the measurement; states and gains as in `Estimate`."""
 
-    info: Info
-    t: Any
-    output: Any
-    output_covariance: Any
+    info: Annotated[Info, "T"]
+    t: Annotated[Any, "T"]
+    output: Annotated[Any, "T p"]
+    output_covariance: Annotated[Any, "T p p", "symmetric"]
     names: Names = static()
 
     def __repr__(self) -> str:
@@ -174,10 +174,10 @@ class Forecast(Kept):
 class EstimateBank(Kept):
     """What `estimate_bank` returns: the arrays of `Estimate` with a leading batch axis; `bank[i]` is one `Estimate`."""
 
-    info: Info
+    info: Annotated[Info, "B T"]
     t: Any
-    log_likelihood: Any
-    outcomes: tuple[Outcome, ...] = static()
+    log_likelihood: Annotated[Any, "B"]
+    outcomes: Annotated[tuple[Outcome, ...], "B"] = static()
     engine: str = static()
     names: Names = static()
 

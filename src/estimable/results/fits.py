@@ -1,32 +1,16 @@
-"""What simulations and identifiers return."""
+"""What identification returns: a model, its parameters with their errors, and the assumptions that were checked."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..frozen import frozen, static
+from ..frozen import frozen, saved, static
 from .steps import Outcome
 
-FREE = 1e-6  # component along a direction that the records do not tell of, from which a parameter is not known
+FREE = 1e-6  # component along a direction that the records leave open, above which a parameter is not known
 
 
-@frozen
-class Simulation:
-    """What `simulate` returns: the `record` that arrives, and what is behind it.
-
-    The true `state` (T, n); `applied` (T, m), what the actuator did; `measured` (T, p), what the sensors gave before the
-    network; `input_delay` and `output_delay` (T, c): of each packet, in steps, infinite where it was lost (None: no link).
-    `Trace(delay)` is a link that does the same again.
-    """
-
-    record: Any
-    state: Any
-    applied: Any = None
-    measured: Any = None
-    input_delay: Any = None
-    output_delay: Any = None
-
-
+@saved
 class Check(NamedTuple):
     """One assumption looked at: whether it holds, the number that shows it, its limit, and what to do, in words."""
 
@@ -37,29 +21,9 @@ class Check(NamedTuple):
     sentence: str
 
 
-class Excitation(NamedTuple):
-    """How much a record tells of each direction of the parameters.
-
-    `information` (d, d) of θ, block by output; `eigenvalues` (K,): the smallest of the information gathered up to the rows
-    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of what is not
-    told of; `check`: the verdict.
-    """
-
-    information: Any
-    samples: Any
-    eigenvalues: Any
-    directions: Any
-    check: Check
-
-    def plot(self):
-        """A plotly figure: the smallest eigenvalue over time, which must stay away from zero."""
-        from ..figures.identification_plots import plot_excitation
-
-        return plot_excitation(self)
-
-
+@saved
 class Validation(NamedTuple):
-    """How a fitted model stands to the records it was fitted to.
+    """How well a fitted model explains the records it was fitted to.
 
     `residuals`: one (T, p) a record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over what
     was seen. `checks`: the assumptions looked at. `one_step_fit`, `one_step_residuals`: of predictions from the sample before.
@@ -86,19 +50,19 @@ class Validation(NamedTuple):
 class Fit:
     """What `identify` returns: the `model`, its `parameters` (d,) called `names`, and their `covariance` (d, d).
 
-    `validation` is how the model stands to its records, None where that does not apply. `path` is the `Estimate` of a
+    `validation`: how well the model explains its records, None where that does not apply. `path` is the `Estimate` of a
     recursive method (row k: the parameters after sample k), `log_likelihood` that of the records under the model,
-    `undetermined` (d, r) a basis of what the records tell nothing of (None: something of all), `extra` what this method says.
+    `undetermined` (d, r) a basis of what the records carry no information about (None: nothing), `extra` what this method says.
     """
 
     model: Any
-    parameters: Any
-    covariance: Any
-    names: tuple[str, ...] = static()
+    parameters: Annotated[Any, "d"]
+    covariance: Annotated[Any, "d d", "symmetric"]
+    names: Annotated[tuple[str, ...], "d"] = static()
     validation: Any = None
     path: Any = None
     log_likelihood: Any = None
-    undetermined: Any = None
+    undetermined: Annotated[Any, "d r"] = None
     outcome: Outcome = static(default=Outcome(0, None, None, ""))
     method: str = static(default="")
     engine: str = static(default="")
@@ -106,7 +70,7 @@ class Fit:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviations (d,); infinite of parameters that the records do not fix, NaN where the method tells none."""
+        """Standard deviations (d,); infinite of parameters that the records do not fix, NaN where the method gives none."""
         variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
         sigma = np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
         if self.undetermined is None:
@@ -116,6 +80,41 @@ class Fit:
     def __repr__(self) -> str:
         values = zip(self.names, np.asarray(self.parameters), self.sigma, strict=True)
         return f"Fit({', '.join(f'{name} = {_with_spread(x, s)}' for name, x, s in values)})"
+
+
+@frozen
+class NoiseFit:
+    """What `fit_noise` returns: the `algorithm` with its noises tuned, and the `parameters` (d,) called `names`.
+
+    `covariance` (d, d) is the inverse of the observed information, in the units of the parameters; `at_zero` names the
+    variances that the likelihood takes to zero: their errors are one-sided and not in `covariance` (zero there).
+    """
+
+    algorithm: Any
+    parameters: Annotated[Any, "d"]
+    covariance: Annotated[Any, "d d", "symmetric"]
+    log_likelihood: float
+    names: Annotated[tuple[str, ...], "d"] = static()
+    at_zero: tuple[str, ...] = static(default=())
+    iterations: int = static(default=0)
+
+    @property
+    def model(self) -> Any:
+        """The model inside the algorithm."""
+        return self.algorithm.innermost.model
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations of the parameters, (d,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    def __repr__(self) -> str:
+        values = zip(self.names, self.parameters, self.sigma, strict=True)
+        shown = (
+            f"{name} = 0, the likelihood's limit" if name in self.at_zero else f"{name} = {x:.4g} ± {s:.3g}"
+            for name, x, s in values
+        )  # fmt: skip
+        return f"NoiseFit({', '.join(shown)})"
 
 
 def _with_spread(value: float, sigma: float) -> str:

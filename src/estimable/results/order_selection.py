@@ -1,12 +1,16 @@
 """What the choice of an order rests on."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+
+from ..frozen import saved
+from .fits import Fit
 
 CRITERIA = ("bic", "aicc", "aic", "cross_validation")
 
 
+@saved
 class OrderSelection(NamedTuple):
     """What `select_order` returns: of each of `orders` (K,) the criteria (K,), in units of twice a log-likelihood.
 
@@ -15,13 +19,13 @@ class OrderSelection(NamedTuple):
     largest step; `order`: the recommendation, by `criterion`.
     """
 
-    orders: np.ndarray
-    delays: np.ndarray
-    aic: np.ndarray
-    aicc: np.ndarray
-    bic: np.ndarray
-    cross_validation: np.ndarray
-    singular_values: np.ndarray | None
+    orders: Annotated[np.ndarray, "K"]
+    delays: Annotated[np.ndarray, "K"]
+    aic: Annotated[np.ndarray, "K"]
+    aicc: Annotated[np.ndarray, "K"]
+    bic: Annotated[np.ndarray, "K"]
+    cross_validation: Annotated[np.ndarray, "K"]
+    singular_values: Annotated[np.ndarray | None, "s"]
     gap: int | None
     order: int
     criterion: str
@@ -48,3 +52,41 @@ class OrderSelection(NamedTuple):
         from ..figures.identification_plots import plot_orders
 
         return plot_orders(self)
+
+
+@saved
+class OrderCandidate(NamedTuple):
+    """One choice of orders: its criteria (smaller is better) and its fit."""
+
+    na: int
+    nb: int
+    delay: int
+    aic: float
+    aicc: float
+    bic: float
+    fit: Fit
+
+
+@saved
+class OrderRanking(NamedTuple):
+    """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
+
+    candidates: tuple[OrderCandidate, ...]
+    criterion: str
+
+    @property
+    def best(self) -> OrderCandidate:
+        """The candidate with the smallest criterion."""
+        return self.candidates[0]
+
+    @property
+    def sentence(self) -> str:
+        """What was chosen, and by how much, in words."""
+        first = self.best
+        said = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
+        if len(self.candidates) == 1:
+            return f"{said}: the only candidate."
+        second = self.candidates[1]
+        lead = getattr(second, self.criterion) - getattr(first, self.criterion)
+        doubt = ": a small lead, so look at both" if lead < 2 else ""
+        return f"{said}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."

@@ -1,12 +1,12 @@
 """What a step takes and says, and how a run ended."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from ..annotations import Array
-from ..frozen import frozen
+from ..frozen import frozen, saved
 
 
 @frozen
@@ -17,10 +17,10 @@ class Sample:
     an algorithm of its own, by name.
     """
 
-    y: Any
-    seen: Any
-    u: Any
-    arrived: Any = None
+    y: Annotated[Any, "p"]
+    seen: Annotated[Any, "p"]
+    u: Annotated[Any, "m"]
+    arrived: Annotated[Any, "m"] = None
     extra: Any = None
 
 
@@ -33,12 +33,12 @@ class Interval:
     the input moves linearly between them. None: the input is known.
     """
 
-    u: Any
-    u_end: Any
-    arrived: Any = None
-    dt: Any = None
-    u_covariance: Any = None
-    u_diffusion: Any = None
+    u: Annotated[Any, "m"]
+    u_end: Annotated[Any, "m"]
+    arrived: Annotated[Any, "m"] = None
+    dt: Annotated[Any, ""] = None
+    u_covariance: Annotated[Any, "m m", "symmetric"] = None
+    u_diffusion: Annotated[Any, "m"] = None
 
 
 @frozen
@@ -51,19 +51,19 @@ class Info:
     this algorithm alone says, by name.
     """
 
-    mean: Any = None
-    covariance: Any = None
-    innovation: Any = None
-    innovation_covariance: Any = None
-    log_likelihood: Any = None
-    gain: Any = None
-    gain_covariance: Any = None
-    unknown_input: Any = None
-    unknown_input_covariance: Any = None
-    diffuse_covariance: Any = None
-    gain_quantiles: Any = None
+    mean: Annotated[Any, "n"] = None
+    covariance: Annotated[Any, "n n", "symmetric"] = None
+    innovation: Annotated[Any, "p"] = None
+    innovation_covariance: Annotated[Any, "p p", "symmetric"] = None
+    log_likelihood: Annotated[Any, ""] = None
+    gain: Annotated[Any, "g"] = None
+    gain_covariance: Annotated[Any, "g g", "symmetric"] = None
+    unknown_input: Annotated[Any, "d"] = None
+    unknown_input_covariance: Annotated[Any, "d d", "symmetric"] = None
+    diffuse_covariance: Annotated[Any, "n n", "symmetric"] = None
+    gain_quantiles: Annotated[Any, "g 5"] = None
     jump_probability: Any = None
-    outcome: Any = None
+    outcome: Annotated[Any, ""] = None
     extra: Any = None
 
 
@@ -86,6 +86,7 @@ def outcome_code(contradicted: Array | bool, mean: Array, *factors):
     return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
 
 
+@saved
 class Outcome(NamedTuple):
     """How a run ended: the first code that is not 0, its sample and time, and the sentence that says what happened."""
 
@@ -104,6 +105,7 @@ class Outcome(NamedTuple):
         return Outcome(code, sample, time, f"At {when}: {OUTCOMES[code]}.")
 
 
+@saved
 class Names(NamedTuple):
     """What the columns of a result are called, and the units of the channels that have one.
 

@@ -13,7 +13,7 @@ from ..engines import choice
 from ..errors import RunError
 from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
 from ..filters.wrapped import check_algorithm
-from ..frozen import frozen, replace, static
+from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.output_error import OutputError
 from ..models.prior import Prior
@@ -21,66 +21,13 @@ from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
-from ..results import Info, Interval, Kept, Names, Outcome
+from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
 from . import python_loop, window_loop
-from .loop import Loop, Row
+from .loop import ControlLoop, LoopInputs
 from .transmit import Links, check_links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
 NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
-
-
-@frozen
-class ClosedLoop(Kept):
-    """What `close_loop` returns; row k of every array is of time t[k].
-
-    `reference` (T, r); `output` (T, p) as it came to the estimator, NaN where it was lost; `state` (T, n) of the plant, true;
-    `command` (T, m) of the controller; `applied` (T, m): what came to the actuators, within their limits; `input` (T, m): what
-    they did; `arrived` (T, m): whether the command came. `info`: what the estimator said (`mean`, `covariance`, `gain`,
-    `gain_covariance`, ..), `extra` what it alone says (`alarm`, ..), `control` what the controller said (`effect`, ..).
-    `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
-    """
-
-    t: Any
-    reference: Any
-    output: Any
-    state: Any
-    command: Any
-    applied: Any
-    input: Any
-    arrived: Any
-    info: Info
-    control: Any
-    outcome: Outcome = static()
-    engine: str = static()
-    names: Names = static()
-
-    def __repr__(self) -> str:
-        ended = self.outcome.sentence or f"engine {self.engine}"
-        return f"ClosedLoop({len(self.t)} samples, {ended})"
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@frozen
-class ClosedLoopBank:
-    """What `close_loop_bank` returns: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
-
-    runs: ClosedLoop
-    outcomes: tuple[Outcome, ...] = static()
-
-    def __repr__(self) -> str:
-        failed = sum(outcome.code != 0 for outcome in self.outcomes)
-        return f"ClosedLoopBank({len(self)} runs, {failed} failed, engine {self.runs.engine})"
-
-    def __len__(self) -> int:
-        return len(self.outcomes)
-
-    def __getitem__(self, i: int) -> ClosedLoop:
-        shared = {"t": self.runs.t, "reference": self.runs.reference}
-        one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, t=None, reference=None))
-        return replace(one, outcome=self.outcomes[i], **shared)
 
 
 def close_loop(
@@ -157,7 +104,7 @@ def close_loop_bank(
     reference, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
-    loop = Loop(
+    loop = ControlLoop(
         flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
         np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
     )  # fmt: skip
@@ -222,14 +169,14 @@ def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
     return jax.vmap(one)(which)
 
 
-def _rows(loop: Loop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> Row:
+def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> LoopInputs:
     """The rows of the runs of these numbers."""
     T, runs = len(reference), len(which)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
     sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
     noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
     phase = np.eye(len(loop.plant.A))[phases]
-    return Row(
+    return LoopInputs(
         noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
         np.broadcast_to(phase, (runs, *phase.shape)), np.ones((runs, T), bool),
     )  # fmt: skip

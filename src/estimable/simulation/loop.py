@@ -16,7 +16,7 @@ from .transmit import Links
 
 
 @frozen
-class Row:
+class LoopInputs:
     """What enters the loop at one instant: unit normal noises, uniform draws of the links, the reference, and which phase the
     plant is in (its entry 1, the others 0). `begin`, `place`: what a window is told of the block before (`window_loop`)."""
 
@@ -59,7 +59,7 @@ class Decided:
 
 
 @frozen
-class Loop:
+class ControlLoop:
     """A plant, an estimator and a controller, in a ring. `columns`: the plant's outputs that the estimator takes."""
 
     plant: Steps
@@ -71,7 +71,7 @@ class Loop:
     columns: tuple[int, ...] = static()
     lost: str = static(default="zero")
 
-    def at(self, k: int | Array) -> "Loop":
+    def at(self, k: int | Array) -> "ControlLoop":
         """The loop at row k."""
         return replace(self, estimator=self.estimator.at(k))
 
@@ -99,7 +99,7 @@ class Loop:
         """Whether the controller acts on what is predicted, before the sample is measured."""
         return self.controller.acts_on == "predicted"
 
-    def correct(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
+    def correct(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
         """Measure, learn, act, and let the plant move; or act, measure, learn, where the controller does not wait."""
         if self.acts_first:
             return self._act_first(state, row)
@@ -112,7 +112,7 @@ class Loop:
         end = decided.applied if now.L is None else apply(jnp.asarray(now.L), x)
         return self.go_on(state, decided, x, decided.applied if now.L is None else standing, end)
 
-    def decide(self, state: LoopState, measured: Array, standing: Array, row: Row) -> Decided:
+    def decide(self, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
         """Learn from what comes of the outputs, act, and see what comes of the command."""
         measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
@@ -141,7 +141,7 @@ class Loop:
         after = LoopState(x, decided.belief, decided.control, decided.links, decided.applied, input, input_end)
         return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": told})
 
-    def _act_first(self, state: LoopState, row: Row) -> tuple[LoopState, Info]:
+    def _act_first(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
         """Act, measure, learn, and let the plant move."""
         now = _phase(self.plant, row.phase)
         p, m = now.V.shape[0], now.B.shape[-1]

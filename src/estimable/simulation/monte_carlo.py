@@ -15,45 +15,11 @@ from ..errors import RunError
 from ..estimation.binding import check_algorithm
 from ..estimation.estimate import check_options
 from ..estimation.estimate_bank import estimate_bank
-from ..estimation.stack import Stacked
-from ..frozen import frozen, static
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import Outcome
+from ..results import MonteCarlo, Outcome, Stacked
 
 CHUNK = 256  # runs drawn and estimated at once: bounds the memory, and nothing else
-
-
-@frozen
-class MonteCarlo:
-    """What `monte_carlo` returns: `values[name]` (runs, ...), what `summary` said of each run; run i is row i.
-
-    `failed` (runs,): which runs failed (with `on_failure="keep"`).
-    """
-
-    values: Any
-    failed: Any
-    seed: int = static()
-    engine: str = static()
-
-    def __repr__(self) -> str:
-        told = ", ".join(f"{name} = {self.mean(name)} ± {self.sigma(name)}" for name in self.values)
-        return f"MonteCarlo({len(self)} runs, {told})"
-
-    def __len__(self) -> int:
-        return len(self.failed)
-
-    def mean(self, name: str) -> Any:
-        """The mean over the runs, of those where the value is known (not NaN)."""
-        return np.nanmean(self.values[name], axis=0)
-
-    def sigma(self, name: str) -> Any:
-        """The standard deviation of one run, over the runs where the value is known."""
-        return np.nanstd(self.values[name], axis=0, ddof=1)
-
-    def standard_error(self, name: str) -> Any:
-        """The standard deviation of the mean."""
-        return self.sigma(name) / np.sqrt(np.sum(~np.isnan(self.values[name]), axis=0))
 
 
 def monte_carlo(
@@ -80,7 +46,7 @@ def monte_carlo(
     >>> runs.values["error"].shape, bool(abs(runs.mean("error")) < 3 * runs.standard_error("error"))
     ((100,), True)
     """
-    check_options(on_failure, engine, "all", bank=True)
+    check_options(on_failure, engine, "all")
     _check_call(algorithm, draw, summary, runs, seed, chunk)
     size = min(chunk, runs)
     draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))

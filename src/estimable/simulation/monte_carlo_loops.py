@@ -11,14 +11,16 @@ import numpy as np
 from .. import checks
 from ..engines import choice
 from ..errors import RunError
-from ..results import Outcome
-from .close_loop import ClosedLoop, ClosedLoopBank, close_loop_bank
-from .monte_carlo import MonteCarlo, bar, gathered
+from ..frozen import saved
+from ..results import ClosedLoop, ClosedLoopBank, MonteCarlo, Outcome
+from .close_loop import close_loop_bank
+from .monte_carlo import bar, gathered
 from .parts import Folder, fingerprint, worked_out
 
 CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else
 
 
+@saved
 @dataclass(frozen=True)
 class LoopCase:
     """All that `close_loop` takes but the seed: one case of a `monte_carlo_loops`. Arguments as in `close_loop`.

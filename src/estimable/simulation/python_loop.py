@@ -11,10 +11,12 @@ from ..engines.step import Select
 from ..frozen import replace
 from ..protocols import Plant
 from ..results import Info, Interval
-from .loop import Decided, Loop, LoopState, Row
+from .loop import ControlLoop, Decided, LoopInputs, LoopState
 
 
-def scan_bank(simulator: Plant, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Select) -> xla.Run:
+def scan_bank(
+    simulator: Plant, loop: ControlLoop, prior: Any, rows: LoopInputs, intervals: Interval, *, select: Select
+) -> xla.Run:
     """What `xla.scan_bank` leaves, of loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
@@ -30,7 +32,7 @@ def _of_run(part: Any, i: int) -> Any:
     return jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[i], part)
 
 
-def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], select: Select) -> Info:
+def _fly(flight: Any, loop: ControlLoop, prior: Any, drawn: tuple[LoopInputs, Interval], select: Select) -> Info:
     """One run, its infos in rows."""
     rows, intervals = drawn
     state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
@@ -48,13 +50,13 @@ def _fly(flight: Any, loop: Loop, prior: Any, drawn: tuple[Row, Interval], selec
 
 
 @jax.jit
-def _decide(loop: Loop, state: LoopState, measured: Array, standing: Array, row: Row) -> Decided:
+def _decide(loop: ControlLoop, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
     return loop.decide(state, measured, standing, row)
 
 
 @jax.jit
 def _go_on(
-    loop: Loop, state: LoopState, decided: Decided, x: Array, standing: Array, end: Array, interval: Interval
+    loop: ControlLoop, state: LoopState, decided: Decided, x: Array, standing: Array, end: Array, interval: Interval
 ) -> tuple[LoopState, Info]:
     state, info = loop.go_on(state, decided, x, standing, end)
     return loop.predict(state, interval), info

@@ -12,7 +12,6 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..data.record import Record
 from ..estimation.binding import check_hold, check_prior
-from ..estimation.stack import Stacked
 from ..frozen import replace
 from ..kernels.small import apply, factor
 from ..models.nonlinear_model import NonlinearModel
@@ -20,7 +19,7 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Link
-from ..results import Interval, Simulation
+from ..results import Interval, Simulation, Stacked
 from . import motion
 from .transmit import Links, Sent, check_links, send_inputs, send_outputs
 
@@ -142,7 +141,7 @@ def _template(record: Record, model: StateSpace | NonlinearModel, lost: str) -> 
     )  # fmt: skip
 
 
-def _simulation(template: Record, drawn: "Drawn") -> Simulation:
+def _simulation(template: Record, drawn: "SimulatedRun") -> Simulation:
     record = replace(template, y=drawn.y, u=drawn.sent.logged, arrived=drawn.sent.arrived)
     return Simulation(record, drawn.x, drawn.sent.applied, drawn.measured, drawn.sent.delay, drawn.delay)
 
@@ -216,7 +215,7 @@ def _check_rows(
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")
 
 
-class Drawn(NamedTuple):
+class SimulatedRun(NamedTuple):
     """One run: outputs y (T, p) that arrived, states x (T, n), what became of the inputs, outputs measured, their delays."""
 
     y: Any
@@ -234,7 +233,7 @@ def _draw(
     links: Links,
     lost: str,
     key: Array,
-) -> Drawn:
+) -> SimulatedRun:
     """One run, in absolute units."""
     start = motion.origin(model)
     T, n = u.shape[0], start.shape[0]
@@ -255,7 +254,7 @@ def _draw(
     steps = (jnp.arange(T), Interval(sent.applied, u_end, None, lengths), noise)
     measured, x = jax.lax.scan(step, x0, steps)[1]
     y, delay = send_outputs(links.output, measured, key)
-    return Drawn(y, x, sent, measured, delay)
+    return SimulatedRun(y, x, sent, measured, delay)
 
 
 @partial(jax.jit, static_argnames=("lost",))
@@ -267,6 +266,6 @@ def _draw_all(
     links: Links,
     lost: str,
     keys: Array,
-) -> Drawn:
+) -> SimulatedRun:
     """One run a key."""
     return jax.vmap(lambda key: _draw(model, lengths, u, prior, links, lost, key))(keys)

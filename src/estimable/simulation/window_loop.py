@@ -14,20 +14,20 @@ from ..engines import choice, two_passes, xla
 from ..engines.step import Select
 from ..errors import EstimableError
 from ..estimation import window_scan
-from ..estimation.window_scan import Told, or_empty, step_of
+from ..estimation.window_scan import PassInfo, or_empty, step_of
 from ..estimation.windows import window_of
 from ..filters.moving_window import MovingWindow
 from ..frozen import frozen, replace, static
 from ..kernels import stretch
 from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
-from .loop import Loop, Row, entries
+from .loop import ControlLoop, LoopInputs, entries
 
 SHORTEST = 3  # rows of a window: shorter ones are as well copied
 
 
 def scan_bank(
-    engine: str, loop: Loop, prior: Any, rows: Row, intervals: Interval, *, select: Select
+    engine: str, loop: ControlLoop, prior: Any, rows: LoopInputs, intervals: Interval, *, select: Select
 ) -> tuple[str, xla.Run]:
     """`choice.scan_bank` of loops that differ in their rows, the windows in blocks where they can be."""
     general: dict[str, Any] = {"axes": (None, 0, None), "keep": "all", "select": select}
@@ -60,7 +60,9 @@ def _fits(window: MovingWindow) -> bool:
     return window.length >= SHORTEST and window_scan.fits(window.algorithm)
 
 
-def _in_blocks(loop: Loop, window: MovingWindow, prior: Any, rows: Row, intervals: Interval, select: Select) -> xla.Run:
+def _in_blocks(
+    loop: ControlLoop, window: MovingWindow, prior: Any, rows: LoopInputs, intervals: Interval, select: Select
+) -> xla.Run:
     """The loops; their info is (what `select` keeps, where a window must be worked out copy by copy)."""
     own, first = window.priors(prior)
     fresh, before = (
@@ -137,7 +139,7 @@ class _BlockBeginnings(Wrapper[_Begun]):
 
     def predict(self, state: _Begun, interval: Interval) -> _Begun:
         """Gather the sample and the way to the next."""
-        row = window_scan.Row(Sample(state.y, state.seen, state.u), interval, None)
+        row = window_scan.WindowRow(Sample(state.y, state.seen, state.u), interval, None)
         return replace(state, gathered=stretch.joined(state.gathered, step_of(self.algorithm, row)))
 
 
@@ -145,12 +147,12 @@ class _BlockBeginnings(Wrapper[_Begun]):
 class _BlockEnds(window_scan.Backwards):
     """Backwards over a block: the belief at its end, of the window that ends in the same place of the next block."""
 
-    def correct(self, state: tuple, sample: Sample) -> tuple[tuple, Told]:
+    def correct(self, state: tuple, sample: Sample) -> tuple[tuple, PassInfo]:
         """What has been gathered after this row; then put the row before it."""
-        return (*state, sample), Told(window_scan.short(window_scan.through(*state)), False, 0)
+        return (*state, sample), PassInfo(window_scan.short(window_scan.through(*state)), False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
         """Put the row before those gathered."""
         fresh, gathered, sample = state
-        row = window_scan.Row(sample, interval, None)
+        row = window_scan.WindowRow(sample, interval, None)
         return fresh, stretch.joined(step_of(self.algorithm, row), gathered)

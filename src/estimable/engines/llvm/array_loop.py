@@ -22,6 +22,9 @@ class ArrayLoop:
     in memory as words one after the other, and so does what is written last. `seek_steady` as in `ScalarLoop`.
     """
 
+    has_loops = True  # inside a row
+    integers = 1  # that the function takes before its arrays
+
     def __init__(self, row: Arrays, start: Arrays | None, fixed: int, states: int, each: int, seek_steady: bool = True):
         self.program, self.start, self.fixed, self.states, self.seek_steady = row, start, fixed, states, seek_steady
         self.each, self.last = row.outputs[states : states + each], row.outputs[states + each :]

@@ -16,8 +16,8 @@ class Compiled:
     def __init__(self, loop: ScalarLoop | ArrayLoop, lanes: int = 1):
         _processor()  # without LLVM there is nothing to write for
         self.lanes, self.loop = lanes, loop
-        self._engine = _engine(loop.assembly(lanes))
-        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * loop.pointers)
+        self._engine = _engine(loop.assembly(lanes), loop.has_loops)
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * loop.integers, *[ctypes.c_void_p] * loop.pointers)
         self.address = kind(self._engine.get_function_address("run"))
 
     def __call__(self, rows: int, fixed, carry, last, *arrays) -> None:
@@ -46,7 +46,7 @@ class OneRow:
                   "%code = load i64, ptr %place", "ret i64 %code"]  # fmt: skip
         memory = f"@memory = internal global [{loop.bytes} x i8] zeroinitializer, align 64\n"
         text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
-        self._engine = _engine(assembly + memory + text)
+        self._engine = _engine(assembly + memory + text, loop.has_loops)
         self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
 
 
@@ -71,8 +71,12 @@ def _machine() -> Any:
     return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
 
 
-def _engine(text: str) -> Any:
-    """The compiled module, from the disk where it was compiled before."""
+def _engine(text: str, has_loops: bool) -> Any:
+    """The compiled module, from the disk where it was compiled before.
+
+    LLVM's passes are for loops over arrays. On a line of scalars, in which nothing is computed twice, they find nothing, and take
+    half of the time.
+    """
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -81,8 +85,8 @@ def _engine(text: str) -> Any:
     found = disk_cache.read(path)
     module = llvm.parse_assembly(text)
     module.verify()
-    if found is None:
-        options = llvm.create_pipeline_tuning_options(speed_level=3)
+    if found is None and has_loops:
+        options = llvm.create_pipeline_tuning_options(speed_level=1)
         options.slp_vectorization = False
         builder = llvm.create_pass_builder(_machine(), options)
         builder.getModulePassManager().run(module, builder)

@@ -9,13 +9,15 @@ from typing import NamedTuple
 from ..program.primitives import BOOL, FLOAT
 from ..program.steady_state import SteadyPart, same_in_every_row, steady_part
 from ..program.straight_line import Program
+from .lanes_apart import Apart
 from .scalars import Scalars
 
 
 class Array(NamedTuple):
     """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
 
-    `kind`: "double", words of eight bytes (see `Scalars`); with one lane also "i64" for integers, and "i8" for bools.
+    `kind`: "double", words of eight bytes (see `Scalars`); with one lane, or where lanes lie apart, also "i64" for integers, and
+    "i8" for bools.
     """
 
     names: tuple[int, ...]
@@ -27,7 +29,8 @@ class ScalarLoop(NamedTuple):
 
     Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
     `carry` and `last` lie in memory as words. `seek_steady`: whether to look for what has become the same; if not, nothing is
-    taken to have settled (`kernels/small.settled`).
+    taken to have settled (`kernels/small.settled`). `apart`: the rows of each lane lie in arrays of its own.
+    `counts`: how many entries of the carry, the last ones, count rows or sum over them, and never repeat.
     """
 
     program: Program
@@ -38,6 +41,13 @@ class ScalarLoop(NamedTuple):
     each: tuple[Array, ...]
     last: tuple[int, ...]
     seek_steady: bool = True
+    apart: bool = False
+    counts: int = 0
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether there are loops inside a row."""
+        return False
 
     @property
     def bytes(self) -> int:
@@ -47,10 +57,19 @@ class ScalarLoop(NamedTuple):
     @property
     def pointers(self) -> int:
         """How many arrays the function takes."""
-        return 3 + len(self.row) + len(self.each)
+        return 3 + len(self.row) + len(self.each) + self.apart
+
+    @property
+    def integers(self) -> int:
+        """How many integers it takes before them."""
+        return 4 if self.apart else 1
 
     def assembly(self, lanes: int) -> str:
-        """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`."""
+        """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`.
+
+        Lanes apart: `run(rows, first group, end, last run of all, steps, fixed, carry, ..)`; `steps`: the bytes from run to run
+        in each array of rows. `fixed`, `carry` and `last` hold one group after another.
+        """
         return _ScalarLoopText(self, lanes).write()
 
 
@@ -63,7 +82,9 @@ class _ScalarLoopText:
     """
 
     def __init__(self, loop: ScalarLoop, lanes: int):
-        self.loop, self.scalars, self.same = loop, Scalars(loop.program, lanes), same_in_every_row(loop)
+        self.loop, self.same = loop, same_in_every_row(loop)
+        self.scalars = (Apart if loop.apart else Scalars)(loop.program, lanes)
+        self.rows = [f"%row{i}" for i in range(len(loop.row))] + [f"%each{i}" for i in range(len(loop.each))]
         part = steady_part(loop, self.same) if loop.seek_steady else None
         self.part = part or SteadyPart(frozenset(), (), ())
         self.carried = range(len(loop.carry))
@@ -79,14 +100,14 @@ class _ScalarLoopText:
         if self.part.carry:
             self._rest(names)
         self._exit()
-        arrays = [f"%row{i}" for i in range(len(self.loop.row))] + [f"%each{i}" for i in range(len(self.loop.each))]
-        pointers = ", ".join(f"ptr noalias {base}" for base in ("%fixed", "%carry", "%last", *arrays))
-        body = (line if line.endswith(":") else f"  {line}" for line in self.lines)
-        return "\n".join([*sorted(self.scalars.declared), f"define void @run(i64 %T, {pointers}) {{", *body, "}", ""])
+        body = "\n".join(line if line.endswith(":") else f"  {line}" for line in self.lines)
+        sizes = [len(names) for names in (self.loop.fixed, self.loop.carry, self.loop.last)]
+        return "\n".join([*sorted(self.scalars.declared), self.scalars.function(self.rows, sizes, body)])
 
     def _entry(self) -> dict[int, str]:
         """What is the same in every row, and the first carry."""
         self.lines.append("entry:")
+        self.scalars.begin(self.rows, self.lines)
         names = {
             name: self.scalars.load(name, "%fixed", i, "double", self.lines) for i, name in enumerate(self.loop.fixed)
         }
@@ -170,13 +191,10 @@ class _ScalarLoopText:
         for i in carried:
             names[self.loop.carry[i]] = self.scalars.from_memory(self.loop.carry[i], f"%{block}.now{i}", self.lines)
         for i, array in enumerate(self.loop.row):
-            self._step(f"%{block}.row{i}", f"%row{i}", array, f"%{block}.row")
+            self.scalars.row_of(
+                f"%{block}.row{i}", f"%row{i}", array.kind, len(array.names), f"%{block}.row", self.lines
+            )
         return names
-
-    def _step(self, name: str, base: str, array: Array, row: str) -> None:
-        """A pointer to a row of an array."""
-        offset = self.scalars.assign(f"mul i64 {row}, {len(array.names) * self.scalars.lanes}", self.lines)
-        self.lines.append(f"{name} = getelementptr inbounds {array.kind}, ptr {base}, i64 {offset}")
 
     def _compute(self, names: dict[int, str], wanted, block: str) -> dict[int, str]:
         """The names, with those of the wanted scalars that had none, which are read or computed here, in order."""
@@ -197,7 +215,9 @@ class _ScalarLoopText:
         """Write what a row leaves, and go on to the next; what is steady is copied from the row before."""
         steady = self.part.slow if block == "rest" else [False] * len(self.same)
         for i, array in enumerate(self.loop.each):
-            self._step(f"%{block}.each{i}", f"%each{i}", array, f"%{block}.row")
+            self.scalars.row_of(
+                f"%{block}.each{i}", f"%each{i}", array.kind, len(array.names), f"%{block}.row", self.lines
+            )
             for entry, name in enumerate(array.names):
                 if steady[name]:
                     self.scalars.copy(f"%{block}.each{i}", entry - len(array.names), entry, array.kind, self.lines)

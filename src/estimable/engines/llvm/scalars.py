@@ -81,6 +81,19 @@ class Scalars:
         value = self.assign(f"load {held}, ptr {self.place(base, source, kind, lines)}, align {align}", lines)
         lines.append(f"store {held} {value}, ptr {self.place(base, target, kind, lines)}, align {align}")
 
+    def row_of(self, name: str, base: str, kind: str, items: int, row: str, lines: list[str]) -> None:
+        """`name` points to a row of what `base` points to."""
+        offset = self.assign(f"mul i64 {row}, {items * self.lanes}", lines)
+        lines.append(f"{name} = getelementptr inbounds {kind}, ptr {base}, i64 {offset}")
+
+    def begin(self, rows: list[str], lines: list[str]) -> None:
+        """Nothing: each array of rows holds those of all lanes."""
+
+    def function(self, rows: list[str], sizes: list[int], body: str) -> str:
+        """The function that runs one group of runs side by side."""
+        pointers = ", ".join(f"ptr noalias {base}" for base in ("%fixed", "%carry", "%last", *rows))
+        return f"define void @run(i64 %T, {pointers}) {{\n{body}\n}}\n"
+
     def in_memory(self, name: int, value: str, lines: list[str]) -> str:
         """A scalar as a word."""
         row_of = {FLOAT: "", INTEGER: "from_bits", BOOL: "to_float"}[self.type_of(name)]

@@ -34,7 +34,7 @@ def same_in_every_row(loop: Any) -> list[bool]:
 
 def steady_part(loop: Any, same: list[bool]) -> SteadyPart | None:
     """The largest such part; None where it would save nothing. `same`: the scalars that are the same in every row."""
-    carry = set(range(len(loop.carry)))
+    carry = set(range(len(loop.carry) - loop.counts))
     while True:
         slow = _slow(loop, same, carry)
         left = {i for i in carry if _closed(loop.program, slow, same, loop.next_carry[i])}

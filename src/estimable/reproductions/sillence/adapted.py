@@ -11,7 +11,8 @@ from ...filters.kalman_filter import Kalman
 from ...filters.smoothed import Smoothed
 from ...models.prior import Prior
 from ...plants import f16
-from ...simulation.close_loop import ClosedLoopBank, close_loop, close_loop_bank
+from ...results import ClosedLoopBank
+from ...simulation.close_loop import close_loop, close_loop_bank
 from ..entries import Reproduced, drawn
 from .flights import FAILURE, HELD, SEED, STATE
 from .window import NOISES, WEIGHT, window
@@ -30,7 +31,7 @@ GUARD = (
 )
 
 
-class Flown(NamedTuple):
+class AdaptedFlights(NamedTuple):
     """Of each draw: pitch rate [deg/s] and smoothed gain, (draws, T)."""
 
     pitch_rate: np.ndarray
@@ -58,7 +59,7 @@ def _time() -> np.ndarray:
     return np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
 
 
-def _fly(noise: Mapping[str, float], draws: int, *, bounded: bool, adapts: bool) -> Flown:
+def _fly(noise: Mapping[str, float], draws: int, *, bounded: bool, adapts: bool) -> AdaptedFlights:
     """Fly the chain of the thesis, some runs at a time."""
     inner = Bounded(window(**noise), 0.0, 1.0) if bounded else window(**noise)
     law = GainReconfiguration(f16.law(), caution=0.0) if adapts else f16.law()
@@ -68,7 +69,7 @@ def _fly(noise: Mapping[str, float], draws: int, *, bounded: bool, adapts: bool)
     for first in range(0, draws, AT_A_TIME):
         size = min(AT_A_TIME, draws - first)
         banks.append(close_loop_bank(plant, law, Smoothed(inner, WEIGHT), runs=size, seed=SEED + first, **given))
-    return Flown(
+    return AdaptedFlights(
         np.concatenate([bank.runs.state[..., 1] for bank in banks]),
         np.concatenate([np.asarray(bank.runs.info.gain)[..., 0] for bank in banks]),
     )
@@ -84,7 +85,7 @@ def _healthy() -> np.ndarray:
     return closed.state[:, 1]
 
 
-def _told(flown: dict[str, Flown], bounded: bool) -> Reproduced:
+def _told(flown: dict[str, AdaptedFlights], bounded: bool) -> Reproduced:
     t, healthy = _time(), _healthy()
     parts = {"4.5 to 6 s": (t >= FAILURE - 1e-9) & (t < SETTLED - 1e-9), "after 6 s": t >= SETTLED - 1e-9}
     rows = [

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...plants import f16
 from ...results import Estimate
-from ..entries import Reproduced, Row, drawn
+from ..entries import Reproduced, ReproducedRow, drawn
 from .flights import CONTINUOUS, FAILURE, GAINS, HELD, HELD_REMARK, SEED, filter_of, fly, settled
 
 FINAL = dict(zip(GAINS, (0.8413, 0.6469, 0.4306, 0.2116, 0.0996), strict=True))
@@ -28,7 +28,7 @@ def table_4(draws: int) -> Reproduced:
     return Reproduced(tuple(rows), lambda: _settling_times(filed[HELD]), (HELD_REMARK, *REMARKS))
 
 
-def _rows_of_all(draws: int, simulation: str) -> list[Row]:
+def _rows_of_all(draws: int, simulation: str) -> list[ReproducedRow]:
     found = [fly(filter_of(), gain, draws, _judge(gain), simulation=simulation) for gain in GAINS]
     return [row for gain, runs in zip(GAINS, found, strict=True) for row in _rows(gain, runs.values, simulation)]
 
@@ -45,7 +45,7 @@ def _judge(gain: float) -> Any:
     return summary
 
 
-def _rows(gain: float, values: dict[str, np.ndarray], simulation: str) -> list[Row]:
+def _rows(gain: float, values: dict[str, np.ndarray], simulation: str) -> list[ReproducedRow]:
     where = "" if simulation == HELD else ", continuous actuator"
     quantities = (("final", "final gain", "", FINAL), ("error", "relative error", "%", ERROR),
                   ("settling", "settling time", "s", SETTLING))  # fmt: skip
@@ -55,7 +55,7 @@ def _rows(gain: float, values: dict[str, np.ndarray], simulation: str) -> list[R
     ]
 
 
-def _settling_times(rows: list[Row]) -> Any:
+def _settling_times(rows: list[ReproducedRow]) -> Any:
     from .. import plots
 
     times = [row for row in rows if row.quantity.startswith("settling")]

@@ -8,8 +8,9 @@ import numpy as np
 from ...filters.kalman_filter import Kalman
 from ...models.prior import Prior
 from ...plants import f16
-from ...simulation.close_loop import ClosedLoop, close_loop
-from ..entries import Reproduced, Row
+from ...results import ClosedLoop
+from ...simulation.close_loop import close_loop
+from ..entries import Reproduced, ReproducedRow
 from .flights import CONTINUOUS, FAILURE
 
 EXACT = {"sigma_alpha": 1e-9, "sigma_q": 1e-9}
@@ -29,7 +30,7 @@ def flight(gain_after: float, *, integral: bool) -> Callable[[int], Reproduced]:
                  "after 6 s": failed.t >= SETTLED - 1e-9}  # fmt: skip
         apart = failed.state - healthy.state
         rows = tuple(
-            Row(f"RMS of {what} about the flight that does not fail, {part}", unit, None,
+            ReproducedRow(f"RMS of {what} about the flight that does not fail, {part}", unit, None,
                 float(np.sqrt(np.mean(apart[at, column] ** 2))))
             for column, what, unit in ((1, "the pitch rate", "deg/s"), (0, "alpha", "deg"))
             for part, at in parts.items()

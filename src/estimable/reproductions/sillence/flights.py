@@ -10,7 +10,8 @@ from ...filters.unknown_gain import UnknownGain
 from ...models.prior import Prior
 from ...plants import f16
 from ...protocols import Algorithm
-from ...simulation.monte_carlo import MonteCarlo, monte_carlo
+from ...results import MonteCarlo
+from ...simulation.monte_carlo import monte_carlo
 
 GAINS = (0.8, 0.6, 0.4, 0.2, 0.1)  # K1
 FAILURE = 4.5  # [s]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...plants import f16
-from ..entries import Reproduced, Row
+from ..entries import Reproduced, ReproducedRow
 
 ALPHA_MAX, Q_MAX = 6.0, 11.0  # [deg], [deg/s], as quoted
 PRINTED_POLES = (-0.6737, 0.30691)  # as printed beside (82)
@@ -26,10 +26,10 @@ def signal_to_noise(_: int) -> Reproduced:
     for poles, which in ((PRINTED_POLES, "poles as printed"), (right, "poles of the plant")):
         for sigma_q, sigma_alpha, printed in NOISES:
             quantity = f"SNR, sigma_q = {sigma_q:g} deg/s, sigma_alpha = {sigma_alpha:g} deg, {which}"
-            rows.append(Row(quantity, "dB", printed, _ratio(sigma_q, sigma_alpha, poles)))
+            rows.append(ReproducedRow(quantity, "dB", printed, _ratio(sigma_q, sigma_alpha, poles)))
     largest = np.abs(f16.flight(1.0, seed=0).state).max(axis=0)
-    rows.append(Row("largest alpha of the unfailed flight", "deg", ALPHA_MAX, float(largest[0])))
-    rows.append(Row("largest pitch rate of the unfailed flight", "deg/s", Q_MAX, float(largest[1])))
+    rows.append(ReproducedRow("largest alpha of the unfailed flight", "deg", ALPHA_MAX, float(largest[0])))
+    rows.append(ReproducedRow("largest pitch rate of the unfailed flight", "deg/s", Q_MAX, float(largest[1])))
     remarks = (
         "The table was made with p2 = 0.30691, a misprint of -3.0691: with it every row differs by the same 0.11 dB, which the "
         "rounding of the quoted maxima (6 deg, 11 deg/s) explains; with the plant's poles it does not come out.",
@@ -64,7 +64,7 @@ def _poles(printed: dict[float, tuple], *, integral: bool, remarks: tuple[str, .
     return Reproduced(tuple(rows), lambda: _map_of(rows), remarks)
 
 
-def _pole_rows(label: str, published: tuple, ours: np.ndarray) -> list[Row]:
+def _pole_rows(label: str, published: tuple, ours: np.ndarray) -> list[ReproducedRow]:
     """Each published pole beside the nearest of ours; a complex pair is told by its upper pole."""
     rows = []
     for pole in published:
@@ -72,13 +72,13 @@ def _pole_rows(label: str, published: tuple, ours: np.ndarray) -> list[Row]:
             continue
         near = ours[np.argmin(np.abs(ours - pole))]
         name = f"{label}, pole near {np.real(pole):.4g}"
-        rows.append(Row(f"{name}, real part", "1/s", float(np.real(pole)), float(near.real)))
+        rows.append(ReproducedRow(f"{name}, real part", "1/s", float(np.real(pole)), float(near.real)))
         if np.imag(pole) > 0:
-            rows.append(Row(f"{name}, imaginary part", "1/s", float(np.imag(pole)), float(near.imag)))
+            rows.append(ReproducedRow(f"{name}, imaginary part", "1/s", float(np.imag(pole)), float(near.imag)))
     return rows
 
 
-def _map_of(rows: list[Row]) -> Any:
+def _map_of(rows: list[ReproducedRow]) -> Any:
     """Published and computed poles in the complex plane."""
     from ..plots import scatter
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...plants import f16
-from ..entries import Reproduced, Row
+from ..entries import Reproduced, ReproducedRow
 
 FINE = 100  # points a sample
 COARSE = 0.1  # [s]: sampled slowly, so that the picture shows it
@@ -29,8 +29,8 @@ def _compare(signal: Callable[[np.ndarray], np.ndarray], T: float, seconds: floa
     held = np.repeat(exact[::FINE], FINE)
     lagged = _lagged(exact, T)
     rows = (
-        Row("delay of the held signal", "s", T / 2, _delay(exact, held, T)),
-        Row("delay of the first-order lag", "s", T / 2, _delay(exact, lagged, T)),
+        ReproducedRow("delay of the held signal", "s", T / 2, _delay(exact, held, T)),
+        ReproducedRow("delay of the first-order lag", "s", T / 2, _delay(exact, lagged, T)),
     )
 
     def figure() -> Any:

@@ -9,7 +9,7 @@ from ...filters.change_detection import ChangeDetection
 from ...filters.moving_window import MovingWindow
 from ...plants import f16
 from ...results import Estimate
-from ..entries import Reproduced, Row, drawn
+from ..entries import Reproduced, ReproducedRow, drawn
 from .expanding import draw_gains
 from .flights import CONTINUOUS, FAILURE, GAIN, GAINS, HELD, HELD_REMARK, SEED, STATE, filter_of, fly, reached, stayed
 
@@ -91,7 +91,7 @@ def _decision(gain: float) -> Any:
     return summary
 
 
-def _times(rows: tuple[Row, ...]) -> Any:
+def _times(rows: tuple[ReproducedRow, ...]) -> Any:
     from .. import plots
 
     labels = [f"{row.quantity.split(', ')[1]}, {gain}" for row, gain in zip(rows, GAINS * 2, strict=True)]
@@ -121,7 +121,7 @@ def _rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def _rows(label: str, values: dict[str, np.ndarray], *, time: float | None = None) -> list[Row]:
+def _rows(label: str, values: dict[str, np.ndarray], *, time: float | None = None) -> list[ReproducedRow]:
     return [
         drawn(f"time to 20 %, {label}", "s", time, values[f"time, {label}"]),
         drawn(f"RMS error 1 to 4.5 s, {label}", "", None, values[f"before, {label}"]),
@@ -190,13 +190,15 @@ def command_and_gain(draws: int) -> Reproduced:
     spread = values["moving window"].std(axis=0, ddof=1) if draws > 1 else np.full(len(t), np.nan)
     rows = (
         *_rows("moving window", values, time=WINDOW[0.6]),
-        Row(
+        ReproducedRow(
             "scatter of the estimate, 6 to 14 s",
             "",
             None,
             float(np.sqrt(np.mean(spread[(t > 6.0) & (t < QUIET[0])] ** 2))),
         ),
-        Row("scatter of the estimate, 14 to 16 s, quiet", "", None, float(np.sqrt(np.mean(spread[quiet] ** 2)))),
+        ReproducedRow(
+            "scatter of the estimate, 14 to 16 s, quiet", "", None, float(np.sqrt(np.mean(spread[quiet] ** 2)))
+        ),
     )
     return Reproduced(rows, figure, (HELD_REMARK, PRIOR_REMARK))
 

@@ -5,9 +5,28 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from .directions import words
 
-DIRECTIONS = 4  # that are written out
+DIRECTIONS = 4  # listed at most
+TERMS = 6  # of a direction, listed at most
+SHOWN = 0.005  # entries below this part of the largest are not shown
+
+
+def words(direction: np.ndarray, names: tuple[str, ...]) -> str:
+    """A direction in the names of the states.
+
+    >>> words(np.array([0.894, -0.447, 0.0]), ("alpha", "q", "h")), words(np.array([0.0, 1.0]), ("alpha", "q"))
+    ('0.89 alpha - 0.45 q', 'q')
+    """
+    largest = np.abs(direction).max()
+    entries = [i for i in np.argsort(-np.abs(direction), kind="stable") if abs(direction[i]) > SHOWN * largest]
+    if len(entries) == 1:
+        return names[entries[0]]
+    shown = sorted(entries[:TERMS])
+    text = "".join(
+        f"{' - ' if direction[i] < 0 else ' + '}{abs(direction[i]):.2g} {names[i]}" for i in shown
+    ).removeprefix(" + ")
+    text = f"-{text[3:]}" if text.startswith(" - ") else text
+    return text + (f" + .. ({checks.counted(len(entries) - TERMS, 'more term')})" if len(entries) > TERMS else "")
 
 
 def estimability_sentences(found: Any) -> tuple[str, ...]:
@@ -53,17 +72,17 @@ def _known(found: Any) -> list[str]:
 
 
 def _least(found: Any, outputs: str) -> list[str]:
-    """The direction of which least is known, where something is."""
+    """The least known direction, where anything is known."""
     ρ2 = found.squared_correlations
-    told = np.flatnonzero(ρ2 > found.tolerance[0])
-    if len(told) == 0:
+    revealed = np.flatnonzero(ρ2 > found.tolerance[0])
+    if len(revealed) == 0:
         return []
-    g = words(found.correlation_directions[told[0]], found.states)
-    return [f"{g} is known least: past samples take {_percent(ρ2[told[0]])} off its variance."]
+    g = words(found.correlation_directions[revealed[0]], found.states)
+    return [f"{g} is known least: past samples take {_percent(ρ2[revealed[0]])} off its variance."]
 
 
 def _percent(share: float) -> str:
-    """A share in percent, with the digits that tell it from 100 %.
+    """A share in percent, with as many digits as it takes to differ from 100 %.
 
     >>> _percent(0.456), _percent(3e-5), _percent(0.99999)
     ('45.6 %', '0.003 %', '99.999 %')

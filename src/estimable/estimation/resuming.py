@@ -1,0 +1,43 @@
+"""Whether a run that was saved can go on: its state must be one of its algorithm's."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks
+from ..models.sampled import Clock
+from ..results import Interval, Sample
+from .binding import model_of
+
+
+def check_state(progress: Any) -> None:
+    """Refuse a state in which a step fails, or whose shape it changes; nothing is computed but shapes."""
+    names, held = progress.algorithm.names, np.zeros(len(progress.algorithm.names.inputs))
+    try:
+        after, info = jax.eval_shape(lambda state: _cycle(progress, state, held), progress.state)
+        fits = _shapes(after) == _shapes((progress.state, progress.held)) and info.mean.shape == (len(names.states),)
+    except Exception:  # a step takes the state for granted, and may fail anywhere in it
+        fits = False
+    if not fits:
+        checks.refuse(
+            "`state` does not fit `algorithm`: a step fails, changes its shape, or gives a mean of another size."
+        )
+
+
+def _cycle(progress: Any, state: Any, u: np.ndarray) -> Any:
+    """The state one sample on, with what the actuator holds then, and what was said on the way."""
+    model = model_of(progress.algorithm)
+    dt, y = float(progress.dt or model.dt or 1.0), np.zeros(model.p)
+    algorithm = progress.algorithm.sampled(Clock.every(dt, progress.hold)).at(0)
+    interval = Interval(u, u, None, np.asarray(dt))
+    if progress.corrected:
+        state = algorithm.predict(state, interval)
+    fates = np.full(u.shape, np.nan) if progress.algorithm.takes_unknown_arrivals else None
+    state, info = algorithm.correct(state, Sample(y, y == y, u, fates))
+    return (state if progress.corrected else algorithm.predict(state, interval), u), info
+
+
+def _shapes(tree: Any) -> Any:
+    leaves, structure = jax.tree_util.tree_flatten(tree)
+    return structure, [np.shape(leaf) for leaf in leaves]

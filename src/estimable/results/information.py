@@ -1,0 +1,130 @@
+"""How much a record, or an input before any data, reveals of what is to be known."""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..annotations import Numbers
+from ..errors import AssumptionError
+from ..frozen import frozen, saved, static
+from ..kernels import gain_error_bound as kernel
+from ..models.prior import Prior
+from .fits import Check
+from .sentences import words
+
+
+@saved
+class Excitation(NamedTuple):
+    """How much information a record carries about each direction of the parameters.
+
+    `information` (d, d) about θ, block by output; `eigenvalues` (K,): the smallest of the information gathered up to the rows
+    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of what the record
+    carries no information about; `check`: the verdict.
+    """
+
+    information: Annotated[Any, "d d", "symmetric"]
+    samples: Annotated[Any, "K"]
+    eigenvalues: Annotated[Any, "K"]
+    directions: Annotated[Any, "d r"]
+    check: Check
+
+    def plot(self):
+        """A plotly figure: the smallest eigenvalue over time, which must stay away from zero."""
+        from ..figures.identification_plots import plot_excitation
+
+        return plot_excitation(self)
+
+
+@frozen
+class GainInformation:
+    """What `gain_information` returns, for the dither at `amplitude`.
+
+    `information` (n + p, n + p): about (x[0], θ), from the record alone; `covariance` (p, p) and `sigma` (p,): the Cramér-Rao
+    bound of the gains, with the priors given: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An
+    infinite sigma: nothing is known of the gain (its covariances with others are then 0). `directions` (r, p): the
+    combinations of gains about which the record carries no information, in `sentences` by name.
+    """
+
+    information: Annotated[Any, "N N", "symmetric"]
+    covariance: Annotated[Any, "p p", "symmetric"]
+    sigma: Annotated[Any, "p"]
+    directions: Annotated[Any, "r p"]
+    amplitude: float
+    gains: Annotated[tuple[str, ...], "p"] = static()
+    sentences: tuple[str, ...] = static()
+    factor: Any
+    state: Prior | None
+    gain: Prior | None
+
+    @staticmethod
+    def of_factor(
+        factor: np.ndarray, gains: tuple[str, ...], state: Prior | None, gain: Prior | None, *, n: int, amplitude: float
+    ) -> "GainInformation":
+        """From a factor of the information about n states and the gains, and about the dither where there is one."""
+        p = len(gains)
+        F = kernel.with_dither(factor, n, p, amplitude)
+        covariance, hidden = kernel.bound(F, _belief(state, n), _belief(gain, p))
+        sigma = np.sqrt(np.diagonal(covariance))
+        sentences = _sentences(sigma, hidden, gains, amplitude)
+        return GainInformation(F.T @ F, covariance, sigma, hidden, amplitude, gains, sentences, factor, state, gain)
+
+    def at(self, amplitude: float) -> "GainInformation":
+        """The same with the dither `amplitude` times as large. Its cost does not grow with the record.
+
+        Raises `InputError` where no dither was given.
+        """
+        faults = checks.Faults()
+        amplitude = faults.number("amplitude", amplitude)
+        self._need_dither(faults)
+        faults.finish()
+        n = len(self.information) - len(self.gains)
+        return GainInformation.of_factor(
+            self.factor, self.gains, self.state, self.gain, n=n, amplitude=float(amplitude)
+        )
+
+    def amplitude_for(self, sigma: Numbers) -> float:
+        """The amplitude of the dither from which on every gain is known to `sigma`, a number or (p,).
+
+        Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
+        """
+        faults = checks.Faults()
+        faults.learn("p", len(self.gains), f"there {'are' if len(self.gains) > 1 else 'is'} "
+                     f"{checks.counted(len(self.gains), 'gain')}")  # fmt: skip
+        wanted = faults.array("sigma", np.full(len(self.gains), sigma) if np.ndim(sigma) == 0 else sigma, "p")
+        if wanted is not None and np.any(np.asarray(wanted) <= 0):
+            faults.add(f"`sigma` must be greater than 0. Got {checks.short(sigma)}.")
+        self._need_dither(faults)
+        faults.finish()
+        start = kernel.first_amplitude(self.factor, len(self.gains), np.asarray(wanted))
+        amplitude = kernel.smallest_amplitude(lambda a: float(np.max(self.at(a).sigma / wanted)), start)
+        if amplitude is None:
+            hidden = self.at(start).directions
+            what = f": it carries no information about {words(hidden[0], self.gains)}" if len(hidden) else ""
+            raise AssumptionError(f"no amplitude of this dither is enough{what}.")
+        return amplitude
+
+    def _need_dither(self, faults: checks.Faults) -> None:
+        if self.factor.shape[1] == len(self.information):
+            faults.add("no dither was given: gain_information(model, u, dither=...) with the shape of one, (T, m).")
+
+    def __repr__(self) -> str:
+        return f"GainInformation({' '.join(self.sentences)})"
+
+
+def _belief(prior: Prior | None, size: int) -> kernel.Belief:
+    if prior is None:
+        return kernel.no_belief(size)
+    diffuse = None if prior.diffuse is None else np.asarray(prior.diffuse, float)
+    return kernel.belief(np.asarray(prior.covariance, float), diffuse)
+
+
+def _sentences(sigma: np.ndarray, hidden: np.ndarray, gains: tuple[str, ...], amplitude: float) -> tuple[str, ...]:
+    when = f"With {amplitude:g} times the dither, " if amplitude else ""
+    known = [
+        f"{when}{name} can be known to ±{s:.3g} (1 sigma)."
+        for name, s in zip(gains, sigma, strict=True)
+        if np.isfinite(s)
+    ]
+    nothing = [f"The input adds nothing about {words(g, gains)}." for g in hidden]
+    return (*known, *nothing)

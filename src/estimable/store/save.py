@@ -1,0 +1,79 @@
+"""Write a record to a file."""
+
+import json
+import math
+import re
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import checks, writing
+from ..frozen import field_names
+from ..protocols import Resumable
+from . import header, npz_arrays
+from .verify import verify
+
+PLAIN = (NoneType, bool, int, float, str)
+
+
+def save(path: str | Path, thing: Any) -> None:
+    """Write an algorithm, model, prior, record, result or a running `online` to one .npz file, exactly.
+
+    Tuples, lists and dictionaries of them are written too. Until the new file is whole, an older one of that name stays.
+
+    Raises `InputError` for what no file can hold, such as a function, and where the file cannot be written.
+    """
+    writer = Writer()
+    code = writer.encode(thing, "thing")
+    if faults := verify(thing, "thing"):
+        checks.refuse(*(f"`thing` cannot be saved: {fault}" for fault in faults))
+    text = np.array(json.dumps(header.described(writer.modules, code), allow_nan=False))
+    writing.write(path, lambda stream: np.savez_compressed(stream, header=text, **writer.arrays))
+
+
+class Writer:
+    """Things as JSON; their arrays are collected under the paths of their fields."""
+
+    def __init__(self):
+        self.arrays: dict[str, Any] = {}
+        self.modules: dict[str, str] = {}
+
+    def encode(self, thing: Any, where: str) -> Any:
+        """A thing as a JSON value."""
+        if isinstance(thing, jax.Array | np.generic) or type(thing) is np.ndarray:
+            return self._array(thing, where)
+        if type(thing) in (tuple, list):
+            items = [self.encode(item, f"{where}[{i}]") for i, item in enumerate(thing)]
+            return items if type(thing) is list else {"tuple": items}
+        if type(thing) is dict:
+            return {"dict": [[self.encode(k, where), self.encode(v, f"{where}[{k!r}]")] for k, v in thing.items()]}
+        if type(thing) is float and not math.isfinite(thing):
+            return {"float": str(thing)}
+        return thing if type(thing) in PLAIN else self._record(thing, where)
+
+    def _record(self, thing: Any, where: str) -> dict[str, Any]:
+        if (cls := header.record_class(thing)) is not None:
+            self.modules[cls.__name__] = header.module_of(cls)
+            fields = {name: self.encode(getattr(thing, name), f"{where}.{name}") for name in field_names(cls)}
+            return {"record": {"class": cls.__name__, "fields": fields}}
+        if callable(thing):
+            what = "class" if isinstance(thing, type) else "function"
+            checks.refuse(f"`thing` cannot be saved: {where} is a {what}, and a file holds none.")
+        if isinstance(thing, Resumable):
+            return {"online": self.encode(thing.progress, where)}
+        kind = f"{type(thing).__module__}.{type(thing).__qualname__}".removeprefix("builtins.")
+        checks.refuse(
+            f"`thing` cannot be saved: {where} is of type {kind}. A file holds records of estimable, arrays, numbers and texts."
+        )
+
+    def _array(self, thing: Any, where: str) -> dict[str, str]:
+        if getattr(thing.dtype, "kind", None) not in npz_arrays.KINDS:  # a random key has none
+            checks.refuse(f"`thing` cannot be saved: {where} is an array of {thing.dtype}.")
+        entry = re.sub(r"[^\w.\[\]-]", "_", where.replace("'", ""))
+        while entry in self.arrays:
+            entry += "_"
+        self.arrays[entry] = np.asarray(thing)
+        return {"scalar" if isinstance(thing, np.generic) else "array": entry}
