@@ -29,7 +29,7 @@ from estimable import (
 from estimable.engines import choice, native
 from estimable.engines.llvm import compilation as llvm
 from estimable.engines.llvm.compilation import Compiled
-from estimable.engines.llvm.scalar_loop import Array, ScalarLoop
+from estimable.engines.llvm.scalar_loop import RowArray, ScalarLoop
 from estimable.engines.lowering import write_shapes
 from estimable.engines.program.primitives import UnsupportedError
 from estimable.engines.program.straight_line import lower
@@ -84,7 +84,7 @@ def run_natively(program, inputs, lanes=1):
     places = [(i, j, int(n)) for i, array in enumerate(program.inputs) for j, n in enumerate(array.ravel()) if n >= 0]
     outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
     compiled = Compiled(
-        ScalarLoop(program, (), (), (Array(tuple(n for *_, n in places)),), (), (Array(outputs),), ()), lanes
+        ScalarLoop(program, (), (), (RowArray(tuple(n for *_, n in places)),), (), (RowArray(outputs),), ()), lanes
     )
     row = np.array([[np.full(lanes, np.ravel(inputs[i])[j]) for i, j, _ in places]]).reshape(1, -1)
     each = np.empty((1, len(outputs), lanes))

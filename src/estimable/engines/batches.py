@@ -9,15 +9,17 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..annotations import Tree
+
 DTYPES = {"double": float, "i64": int, "i8": bool, "i1": bool}
 
 
-def sizes(shapes: Any) -> np.ndarray:
+def sizes(shapes: Tree) -> np.ndarray:
     """Where each array ends among columns side by side."""
     return np.cumsum([math.prod(leaf.shape) for leaf in jax.tree_util.tree_leaves(shapes)])
 
 
-def shaped(arrays: list, shapes: Any) -> Any:
+def shaped(arrays: list, shapes: Tree) -> Any:
     """Arrays of flat entries, or of the words that hold them, as what has these shapes."""
     leaves, structure = jax.tree_util.tree_flatten(shapes)
     return jax.tree_util.tree_unflatten(structure, [
@@ -25,7 +27,7 @@ def shaped(arrays: list, shapes: Any) -> Any:
     ])  # fmt: skip
 
 
-def _entries(array: np.ndarray, dtype: Any) -> np.ndarray:
+def _entries(array: np.ndarray, dtype: np.dtype) -> np.ndarray:
     held = array.dtype == float and np.dtype(dtype).kind in "iu"
     return (np.ascontiguousarray(array).view(int) if held else array).astype(dtype, copy=False)
 

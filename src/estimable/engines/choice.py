@@ -7,9 +7,11 @@ from typing import Any
 import jax
 
 from .. import checks
+from ..annotations import Tree
 from ..errors import EstimableError
 from . import xla
 from .program.primitives import UnsupportedError
+from .step import Samples, Stepping
 
 ENGINES = ("auto", "native", "xla")
 log = logging.getLogger("estimable.engines")
@@ -21,7 +23,9 @@ def check(engine: str, faults: checks.Faults) -> None:
     faults.choice("engine", engine, ENGINES)
 
 
-def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any) -> tuple[str, xla.Run]:
+def scan(
+    engine: str, algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, **options: Any
+) -> tuple[str, xla.Run]:
     """Run `algorithm` over one record; the name of the engine that ran, and what it left.
 
     "auto" takes machine code where the step can be lowered and the processor is the default device, else XLA, and says why once:
@@ -32,13 +36,13 @@ def scan(engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, 
 
 
 def scan_bank(
-    engine: str, algorithm: Any, prior: Any, samples: Any, intervals: Any, **options: Any
+    engine: str, algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, **options: Any
 ) -> tuple[str, xla.Run]:
     """Many runs; `axes` says which of (algorithm, rows, prior) have a leading batch axis. See `scan`."""
     return _first_able(engine, "scan_bank", algorithm, prior, samples, intervals, **options)
 
 
-def _first_able(engine: str, verb: str, algorithm: Any, *arguments: Any, **options: Any) -> tuple[str, xla.Run]:
+def _first_able(engine: str, verb: str, algorithm: Stepping, *arguments: Any, **options: Any) -> tuple[str, xla.Run]:
     """The first of the engines that can run the step, and what it left."""
     automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
     engines = automatic if engine == "auto" else (engine,)

@@ -13,7 +13,7 @@ from .llvm.compilation import Compiled
 from .lowering import Traced, trace
 from .program.arrays import lower
 from .program.primitives import UnsupportedError
-from .step import named
+from .step import Select, named
 from .xla import Run
 
 LINE = 64  # bytes of the cache that are fetched together
@@ -60,7 +60,7 @@ class LargeStep:
         return Run(shaped(kept, self.kept), log_likelihoods.sum(axis=1), codes, failed_at, None)
 
 
-def large_step(structure: Any, shapes: tuple, keep: str, select: Any, seek_steady: bool) -> LargeStep:
+def large_step(structure: Any, shapes: tuple, keep: str, select: Select, seek_steady: bool) -> LargeStep:
     """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
     step = _large_step(structure, shapes, keep, select, seek_steady)
     if isinstance(step, UnsupportedError):
@@ -70,7 +70,7 @@ def large_step(structure: Any, shapes: tuple, keep: str, select: Any, seek_stead
 
 @lru_cache(256)
 def _large_step(
-    structure: Any, shapes: tuple, keep: str, select: Any, seek_steady: bool
+    structure: Any, shapes: tuple, keep: str, select: Select, seek_steady: bool
 ) -> LargeStep | UnsupportedError:
     """The step, or why there is none: neither is worked out twice."""
     program = once(attempt, structure, shapes, keep, select)
@@ -80,7 +80,7 @@ def _large_step(
         return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
-def attempt(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced | UnsupportedError:
+def attempt(structure: Any, shapes: tuple, keep: str, select: Select) -> Traced | UnsupportedError:
     """`init` and a row as programs of arrays, or why there is none."""
     traced = trace(structure, shapes, keep, select)
     try:

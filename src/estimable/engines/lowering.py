@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from ..annotations import Tree
 from .disk_cache import once
 from .program.constant_state import constant_entries
 from .program.primitives import UnsupportedError
 from .program.straight_line import Program, lower_jaxpr
-from .step import Row, named, step
+from .step import Row, Select, Stepping, named, step
 
 LONG = 20_000  # outputs in all, seen or not
 OPEN = 200_000  # operations of a step before it is known what of its state is constant
@@ -61,7 +62,9 @@ class Written:
         return [entry for entry in entries if entry.now >= 0 and self.row.operations[entry.now].name != "constant"]
 
 
-def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Written:
+def write(
+    algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, *, axes: tuple, keep: str, select: Select
+) -> Written:
     """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be lowered.
 
     In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
@@ -74,7 +77,7 @@ def write(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tup
     return written
 
 
-def example(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, tuple]:
+def example(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[Any, tuple]:
     """The structure, and the shape and type of each array, of (algorithm, prior, sample, interval) in one row of one run."""
     a, r, p = axes
     one = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
@@ -82,7 +85,7 @@ def example(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tupl
     return structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves)
 
 
-def batch(algorithm: Any, prior: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[int, list, list]:
+def batch(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[int, list, list]:
     """How many runs, and (leaf, axis of the batch or None) of what is fixed in a run and of its rows."""
     a, r, p = axes
     fixed = [
@@ -98,7 +101,7 @@ def entries_read(arrays: tuple[np.ndarray, ...]) -> tuple[list[tuple[int, int]],
     return [(i, j) for i, j, _ in found], tuple(n for _, _, n in found)
 
 
-def _zeros(algorithm: Any, axis: int | None) -> tuple[tuple[int, int], ...]:
+def _zeros(algorithm: Stepping, axis: int | None) -> tuple[tuple[int, int], ...]:
     """(array, entry) of the numbers that are zero in every run."""
     leaves = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(algorithm)]
     runs = [1 if axis is None else len(leaf) for leaf in leaves]
@@ -108,19 +111,19 @@ def _zeros(algorithm: Any, axis: int | None) -> tuple[tuple[int, int], ...]:
     )
 
 
-def _first(part: Any, axis: int | None) -> Any:
+def _first(part: Tree, axis: int | None) -> Any:
     return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[0], part)
 
 
 @lru_cache(256)
 def write_shapes(
-    structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple = ()
+    structure: Any, shapes: tuple, keep: str, select: Select, zeros: tuple = ()
 ) -> Written | UnsupportedError:
     """The step, or why there is none: neither is worked out twice."""
     return once(attempt, structure, shapes, keep, select, zeros)
 
 
-def attempt(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written | UnsupportedError:
+def attempt(structure: Any, shapes: tuple, keep: str, select: Select, zeros: tuple) -> Written | UnsupportedError:
     """The step, or why there is none."""
     try:
         return _write(structure, shapes, keep, select, zeros)
@@ -138,15 +141,15 @@ class Traced(NamedTuple):
     kept: Any
 
 
-def trace(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced:
+def trace(structure: Any, shapes: tuple, keep: str, select: Select) -> Traced:
     """What `init` and a row do."""
     examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
     algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
 
-    def init(algorithm, prior):
+    def init(algorithm: Stepping, prior: Tree):
         return algorithm.init(prior)
 
-    def go(algorithm, prior, state, sample, interval):
+    def go(algorithm: Stepping, prior: Tree, state: Tree, sample: Tree, interval: Tree):
         return step(algorithm, 0, state, sample, interval, keep, select)
 
     start, state = jax.make_jaxpr(init, return_shape=True)(algorithm, prior)
@@ -155,7 +158,7 @@ def trace(structure: Any, shapes: tuple, keep: str, select: Any) -> Traced:
     return Traced(start, row, fixed, states, left.kept)
 
 
-def _write(structure: Any, shapes: tuple, keep: str, select: Any, zeros: tuple) -> Written:
+def _write(structure: Any, shapes: tuple, keep: str, select: Select, zeros: tuple) -> Written:
     traced = trace(structure, shapes, keep, select)
     fixed, states, start = traced.fixed, traced.states, lower_jaxpr(traced.start)
     always = dict.fromkeys(zeros, 0.0)

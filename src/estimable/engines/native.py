@@ -7,13 +7,16 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..annotations import Tree
 from .batches import DTYPES, on_all_processors, shaped, sizes, words
 from .large import large_step
 from .llvm.compilation import Compiled
-from .llvm.scalar_loop import Array, ScalarLoop
+from .llvm.scalar_loop import RowArray, ScalarLoop
 from .lowering import Written, batch, entries_read, example, write
 from .program.primitives import BOOL, UnsupportedError
+from .program.straight_line import Program
 from .program.totals import COUNTS, totalled
+from .step import Samples, Select, Stepping
 from .time_varying import laid_out
 from .xla import Run
 
@@ -23,14 +26,16 @@ SHARES = 4  # of the runs for each processor, so that none waits long for the ot
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
 
-def scan(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, keep: str, select: Any) -> Run:
+def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, keep: str, select: Select) -> Run:
     """What `xla.scan` does, to rounding. Raises `UnsupportedError` where the step cannot be lowered."""
     one = [jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[None], part) for part in (samples, intervals)]
     run = scan_bank(algorithm, prior, *one, axes=(None, 0, None), keep=keep, select=select)
     return jax.tree_util.tree_map(lambda leaf: leaf[0], run)
 
 
-def scan_bank(algorithm: Any, prior: Any, samples: Any, intervals: Any, *, axes: tuple, keep: str, select: Any) -> Run:
+def scan_bank(
+    algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, axes: tuple, keep: str, select: Select
+) -> Run:
     """Many runs at once: of (algorithm, samples and intervals, prior) those with axis 0 have a leading batch axis."""
     algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
@@ -57,7 +62,7 @@ class NativeStep:
         program, *totals = totalled(written.row, int(outputs.log_likelihood), int(outputs.outcome))
         kept = _flat(outputs.kept)
         kinds = [_kind(leaf.dtype) for leaf in jax.tree_util.tree_leaves(written.kept)]
-        self.each = [Array(*array) for array in zip(kept, kinds, strict=True)] if keep != "last" else []
+        self.each = [RowArray(*array) for array in zip(kept, kinds, strict=True)] if keep != "last" else []
         last = tuple(name for names in kept for name in names) if keep == "last" else ()
         self.last, self.alive = len(last), [entry.place for entry in written.carried]
         self.fixed, fixed_names = entries_read(program.inputs[: written.fixed])
@@ -68,12 +73,12 @@ class NativeStep:
         loop = ScalarLoop(program, fixed_names, now, row, after, each, last, seek_steady, apart, COUNTS)
         self.compiled = Compiled(loop, lanes)
 
-    def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    def _layout(self, program: Program, inputs: tuple) -> tuple[tuple[RowArray, ...], tuple[RowArray, ...]]:
         """The arrays that are read and written of a row, as they lie in memory."""
         self.rows = sorted({i for i, _ in entries_read(inputs)[0]})
         read = [_flat(inputs)[i] for i in self.rows]
         types = [program.operations[max(names)].type for names in read]
-        row = (Array(names, "i8" if type_ == BOOL else "double") for names, type_ in zip(read, types, strict=True))
+        row = (RowArray(names, "i8" if type_ == BOOL else "double") for names, type_ in zip(read, types, strict=True))
         return tuple(row), tuple(self.each)
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
@@ -138,11 +143,11 @@ def _seldom_changes(rows: list) -> bool:
 class _Start:
     """`init` as machine code, one run a row."""
 
-    def __init__(self, program: Any):
+    def __init__(self, program: Program):
         self.places, names = entries_read(program.inputs)
         outputs = tuple(int(n) for array in program.outputs for n in array.ravel())
         self.size = len(outputs)
-        self.compiled = Compiled(ScalarLoop(program, (), (), (Array(names),), (), (Array(outputs),), ()))
+        self.compiled = Compiled(ScalarLoop(program, (), (), (RowArray(names),), (), (RowArray(outputs),), ()))
 
     def run(self, size: int, fixed: list) -> np.ndarray:
         """The first state of each run, flat: (size, entries)."""
@@ -151,7 +156,7 @@ class _Start:
         return each
 
 
-def _kind(dtype: Any) -> str:
+def _kind(dtype: np.dtype) -> str:
     """How an array lies in memory."""
     return {"f": "double", "b": "i8"}.get(np.dtype(dtype).kind, "i64")
 

@@ -1,7 +1,7 @@
 """One step at a time as machine code, for loops in Python: memory and its addresses stay from call to call."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -11,11 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from ..annotations import Array, Tree
 from .batches import words
 from .disk_cache import once
 from .llvm.array_loop import ArrayLoop
 from .llvm.compilation import OneRow
-from .llvm.scalar_loop import Array, ScalarLoop
+from .llvm.scalar_loop import RowArray, ScalarLoop
 from .program.arrays import lower
 from .program.primitives import UnsupportedError
 from .program.straight_line import Program, lower_jaxpr
@@ -24,7 +25,7 @@ from .program.straight_line import Program, lower_jaxpr
 class Place:
     """A state in memory: `flat`, of the `form` of the tree that it is; and the steps that lead on, by what they are called."""
 
-    def __init__(self, state: Any):
+    def __init__(self, state: Tree):
         self.form = form_of(state)
         self.flat = np.zeros(_size(self.form))
         self.after: dict[str, Step] = {}
@@ -64,19 +65,19 @@ class Code:
         self.compiled = OneRow(step.loop, self.told - 1)
 
 
-def _of_scalars(program: Program, fixed: Any, state: Any, following: Any) -> ScalarLoop:
+def _of_scalars(program: Program, fixed: Tree, state: Tree, following: Tree) -> ScalarLoop:
     """The step as a straight line of scalars."""
     counts = np.cumsum([len(jax.tree_util.tree_leaves(part)) for part in (fixed, state)])
     read = [_names(part) for part in _split(program.inputs, *counts)]
     written = [_names(part) for part in _split(program.outputs, len(jax.tree_util.tree_leaves(following)))]
-    row, each = map(Array, read[1:]), map(Array, written)
+    row, each = map(RowArray, read[1:]), map(RowArray, written)
     return ScalarLoop(program, read[0], (), tuple(row), (), tuple(each), ())
 
 
-def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
+def _of_arrays(function: Callable, *parts: Tree) -> ArrayLoop:
     """The step as operations on arrays, of which those of each part lie one after the other."""
 
-    def run(*memories):
+    def run(*memories: Array):
         following, *told = function(*(_unpacked(part, m) for part, m in zip(parts[:2], memories, strict=False)),
                                     *_unpacked(parts[2], memories[2]))  # fmt: skip
         return _packed(following), _packed(told)
@@ -84,17 +85,17 @@ def _of_arrays(function: Callable, *parts: Any) -> ArrayLoop:
     return ArrayLoop(lower(jax.make_jaxpr(run)(*(np.zeros(_size(part)) for part in parts))), None, 1, 0, 2)
 
 
-def _packed(tree: Any) -> Any:
+def _packed(tree: Tree) -> Any:
     """All of a tree as words, inside JAX."""
     return jnp.concatenate([_word(jnp.ravel(leaf)) for leaf in jax.tree_util.tree_leaves(tree)])
 
 
-def _word(leaf: Any) -> Any:
+def _word(leaf: Array) -> Any:
     integers = jnp.issubdtype(leaf.dtype, jnp.integer)
     return lax.bitcast_convert_type(leaf.astype(int), jnp.dtype(float)) if integers else leaf.astype(float)
 
 
-def _unpacked(form: Any, memory: Any) -> Any:
+def _unpacked(form: Tree, memory: Array) -> Any:
     """A tree of this form from its words, inside JAX."""
     leaves, structure = jax.tree_util.tree_flatten(form)
     parts = _split(memory, *np.cumsum([_size(leaf) for leaf in leaves])[:-1].tolist()) if leaves else []
@@ -102,7 +103,7 @@ def _unpacked(form: Any, memory: Any) -> Any:
     return jax.tree_util.tree_unflatten(structure, shaped)
 
 
-def _entry(word: Any, dtype: Any) -> Any:
+def _entry(word: Array, dtype: np.dtype) -> Any:
     held = jnp.issubdtype(dtype, jnp.integer)
     return (lax.bitcast_convert_type(word, jnp.dtype(int)) if held else word).astype(dtype)
 
@@ -116,7 +117,7 @@ class Lowered(NamedTuple):
     loop: ScalarLoop | ArrayLoop
 
 
-def code_of(function: Callable, fixed: Any, state: Any, *inputs: Any) -> Code:
+def code_of(function: Callable, fixed: Tree, state: Tree, *inputs: Tree) -> Code:
     """The code of `function(fixed, state, *inputs)`, which gives the next state, a record that is told and a code.
 
     Raises `UnsupportedError` where the function has no machine code.
@@ -150,20 +151,20 @@ def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | Unsu
         return UnsupportedError(*reason.args)  # without the frames that the reason has passed
 
 
-def flat(tree: Any) -> np.ndarray:
+def flat(tree: Tree) -> np.ndarray:
     """All of a tree, as words."""
     leaves = words([(np.ravel(np.asarray(leaf)), None) for leaf in jax.tree_util.tree_leaves(tree)])
     return np.concatenate([leaf for leaf, _ in leaves], dtype=float) if leaves else np.empty(0)
 
 
-def form_of(tree: Any) -> Any:
+def form_of(tree: Tree) -> Any:
     """A tree with shapes and types in the place of its arrays."""
     return jax.tree_util.tree_map(
         lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf), getattr(leaf, "dtype", np.asarray(leaf).dtype)), tree
     )
 
 
-def reader(form: Any, at: int = 0) -> Callable[[bytes], Any]:
+def reader(form: Tree, at: int = 0) -> Callable[[bytes], Any]:
     """A function from memory to arrays of this form, the first of which begins at word `at`."""
     leaves, structure = jax.tree_util.tree_flatten(form)
     starts = np.cumsum([at, *map(_size, leaves)]).tolist()
@@ -173,7 +174,7 @@ def reader(form: Any, at: int = 0) -> Callable[[bytes], Any]:
     return lambda memory: jax.tree_util.tree_unflatten(structure, [read(memory) for read in each])
 
 
-def _array_reader(form: Any, at: int) -> Callable[[bytes], np.ndarray]:
+def _array_reader(form: jax.ShapeDtypeStruct, at: int) -> Callable[[bytes], np.ndarray]:
     shape, at = form.shape, at * np.dtype(float).itemsize
     if form.dtype == float:
         return lambda memory: np.ndarray(shape, float, memory, at)
@@ -187,12 +188,12 @@ def _placed(fields: dict[str, Any]) -> list[tuple[str, Any, int]]:
     return [(name, form, at) for (name, form), at in zip(fields.items(), starts, strict=False)]
 
 
-def _size(form: Any) -> int:
+def _size(form: Tree) -> int:
     """How many numbers a tree has."""
     return sum(int(np.prod(np.shape(leaf))) for leaf in jax.tree_util.tree_leaves(form))
 
 
-def _names(arrays: Any) -> tuple[int, ...]:
+def _names(arrays: Sequence[np.ndarray]) -> tuple[int, ...]:
     """The scalars of these arrays."""
     return tuple(int(name) for array in arrays for name in array.ravel())
 

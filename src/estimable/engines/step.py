@@ -3,28 +3,37 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from ..annotations import Array, Tree
+from ..annotations import Array, FrozenRecord, Tree
 
 Part = TypeVar("Part")
 Select = Callable[[Any, str], Tree]  # of an info and of `keep`, what is kept
 
 
-class Stepping(Protocol):
+class Samples(FrozenRecord, Protocol):
+    """The samples of a run, row by row: which outputs were seen, and whatever else the algorithm takes."""
+
+    @property
+    def seen(self) -> Array:
+        """Whether each output was measured: (rows, outputs), or (runs, rows, outputs)."""
+        ...
+
+
+class Stepping(FrozenRecord, Protocol):
     """What an engine runs: the steps of an algorithm, or anything with the same three and `at`."""
 
-    def at(self, k: Any) -> "Stepping":
+    def at(self, k: int | Array) -> "Stepping":
         """The same at row k."""
         ...
 
-    def init(self, prior: Any) -> Any:
+    def init(self, prior: Tree) -> Any:
         """The state before the first row."""
         ...
 
-    def correct(self, state: Any, sample: Any) -> tuple[Any, Any]:
+    def correct(self, state: Tree, sample: Tree) -> tuple[Any, Any]:
         """The state after a sample, and an info with `log_likelihood` (or None) and `outcome`."""
         ...
 
-    def predict(self, state: Any, interval: Any) -> Any:
+    def predict(self, state: Tree, interval: Tree) -> Any:
         """The state at the next row."""
         ...
 

@@ -1,5 +1,6 @@
 """What an algorithm looks up by row (the matrices of a model that varies in time), laid out as more data of each row."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -7,7 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..annotations import Array, Tree
 from ..frozen import frozen, static
+from .step import Samples, Stepping
 
 
 @frozen
@@ -22,25 +25,25 @@ class ByRow:
     places: tuple[bool, ...] = static()
     structure: Any = static()
 
-    def at(self, k) -> "ByRow":
+    def at(self, k: int | Array) -> "ByRow":
         """The same: what is looked up comes with the row."""
         return self
 
-    def now(self, looked_up: Any) -> Any:
+    def now(self, looked_up: Sequence[Array]) -> Any:
         """The algorithm at the instant of a row."""
         same, moving = iter(self.same), iter(looked_up)
         leaves = [next(moving) if moves else next(same) for moves in self.places]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
-    def init(self, prior: Any) -> Any:
+    def init(self, prior: Tree) -> Any:
         """What is believed before the first row."""
         return self.now(self.first).init(prior)
 
-    def correct(self, state: Any, row: Any) -> Any:
+    def correct(self, state: Tree, row: tuple[Tree, list[Array]]) -> Any:
         """Learn from one sample, with the leaves of its row."""
         return self.now(row[1]).correct(state, row[0])
 
-    def predict(self, state: Any, row: Any) -> Any:
+    def predict(self, state: Tree, row: tuple[Tree, list[Array]]) -> Any:
         """Move to the next sample, with the leaves of this row."""
         return self.now(row[1]).predict(state, row[0])
 
@@ -54,7 +57,7 @@ class _Lookup(NamedTuple):
     look: Any
 
 
-def laid_out(algorithm: Any, samples: Any, intervals: Any, axes: tuple) -> tuple[Any, Any, Any, tuple]:
+def laid_out(algorithm: Stepping, samples: Samples, intervals: Tree, axes: tuple) -> tuple[Any, Any, Any, tuple]:
     """(algorithm, samples, intervals, axes) in which nothing is looked up by row."""
     a, r, p = axes
     T = samples.seen.shape[0 if r is None else 1]
@@ -70,7 +73,7 @@ def laid_out(algorithm: Any, samples: Any, intervals: Any, axes: tuple) -> tuple
     return by_row, (samples, moving), (intervals, moving), (a, r, p)
 
 
-def looked_up(algorithm: Any, T: int, axis: int | None = None) -> tuple[Any, list[np.ndarray]]:
+def looked_up(algorithm: Stepping, T: int, axis: int | None = None) -> tuple[Any, list[np.ndarray]]:
     """The algorithm without what it looks up by row, and that, for T rows; itself and nothing where it looks up nothing.
 
     `axis`: that of a batch of algorithms, or None.
@@ -94,7 +97,7 @@ def _lookup(structure: Any, shapes: tuple) -> _Lookup | None:
     example = [np.zeros(shape, dtype) for shape, dtype in shapes]
     told = {}
 
-    def now(leaves, k):
+    def now(leaves: list[Array], k: int | Array):
         algorithm = jax.tree_util.tree_unflatten(structure, leaves).at(k)
         leaves, told["structure"] = jax.tree_util.tree_flatten(algorithm)
         return leaves
@@ -106,7 +109,7 @@ def _lookup(structure: Any, shapes: tuple) -> _Lookup | None:
         return None
     places = tuple(i is None for i in sources)
 
-    def look(leaves, rows):
+    def look(leaves: list[Array], rows: Array):
         return jax.vmap(lambda k: [leaf for leaf, moves in zip(now(leaves, k), places, strict=True) if moves])(rows)
 
     return _Lookup(places, tuple(i for i in sources if i is not None), told["structure"], look)

@@ -4,15 +4,18 @@ What the forward step tells of a row is a row of the backward step, and what the
 step at the row in the same place of the next block. So a loop, whose rows come one at a time, can look back over a block.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from ..annotations import Tree
 from .batches import on_all_processors, shaped, sizes, words
-from .llvm.scalar_loop import Array
+from .llvm.scalar_loop import RowArray
 from .lowering import batch, entries_read, write
 from .native import LANES, NativeStep, columns, compiled_step, side_by_side
+from .program.straight_line import Program
 from .xla import Run
 
 
@@ -23,7 +26,16 @@ class Way(NamedTuple):
     prior: Any
 
 
-def scan_bank(forward: Way, backward: Way, rows: Any, intervals: Any, *, begin: Any, length: int, select: Any) -> Run:
+def scan_bank(
+    forward: Way,
+    backward: Way,
+    rows: Tree,
+    intervals: Tree,
+    *,
+    begin: Tree,
+    length: int,
+    select: Callable[[Any, str], tuple[Tree, tuple[Tree, Tree]]],
+) -> Run:
     """Run a bank whose rows have a leading axis of runs, in blocks of `length`.
 
     `rows` has a field `begin`, whose numbers are those of the argument in the first block, (length, ..), and then what the
@@ -61,7 +73,7 @@ def _as_it_is(told: Any, keep: str) -> Any:
     return told.kept
 
 
-def _width(shapes: Any) -> int:
+def _width(shapes: Tree) -> int:
     return sum(int(np.prod(leaf.shape)) for leaf in jax.tree_util.tree_leaves(shapes))
 
 
@@ -75,16 +87,16 @@ class _Together(NativeStep):
 
     apart = False
 
-    def _layout(self, program: Any, inputs: tuple) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    def _layout(self, program: Program, inputs: tuple) -> tuple[tuple[RowArray, ...], tuple[RowArray, ...]]:
         self.columns, names = entries_read(inputs)
         self.at = np.cumsum([0, *(len(array.names) for array in self.each)])  # columns of each array side by side
-        return (Array(names),), (Array(tuple(name for array in self.each for name in array.names)),)
+        return (RowArray(names),), (RowArray(tuple(name for array in self.each for name in array.names)),)
 
 
 class _Memory:
     """Which column of one step is which of the other."""
 
-    def __init__(self, ahead: _Together, behind: _Together, rows: Any, leaves: list, kept: int, begin: Any):
+    def __init__(self, ahead: _Together, behind: _Together, rows: Tree, leaves: list, kept: int, begin: Tree):
         self.ahead, self.behind = ahead, behind
         self.leaves = [leaf.reshape(*leaf.shape[:2], -1) for leaf, _ in leaves]
         passed = _offsets([leaf.shape for leaf in jax.tree_util.tree_leaves(ahead.kept[1])])
@@ -97,7 +109,7 @@ class _Memory:
         self.out_of = [told[i] + j for _, i, j in inside]
         self.begin = np.stack([begun[i].reshape(len(begun[i]), -1)[:, j] for _, i, j in inside], axis=1)
 
-    def run(self, runs: Any, T: int, length: int, forward: tuple, backward: tuple) -> np.ndarray:
+    def run(self, runs: np.ndarray, T: int, length: int, forward: tuple, backward: tuple) -> np.ndarray:
         """What the forward step wrote of a group of runs, (T, columns, lanes)."""
         row, nothing = self._rows(runs, T), np.zeros(1)
         wrote = np.empty((T, self.ahead.at[-1], LANES))
@@ -114,7 +126,7 @@ class _Memory:
             row[stop : stop + length, self.into] = told[::-1, self.out_of][: T - stop]
         return wrote
 
-    def _rows(self, runs: Any, T: int) -> np.ndarray:
+    def _rows(self, runs: np.ndarray, T: int) -> np.ndarray:
         row = np.empty((T, len(self.ahead.columns), LANES))
         for column, (i, j) in enumerate(self.ahead.columns):
             if column not in self.into:

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from .step import Select, Stepping, step
+from ..annotations import Array, Tree
+from .step import Samples, Select, Stepping, step
 
 LONG = 10_000  # rows from which it pays to write steps out in a row: 20 % faster, for twice the compilation
 UNROLL = 2
@@ -25,11 +26,11 @@ class Run(NamedTuple):
 
 
 @partial(jax.jit, static_argnames=("keep", "select"))
-def scan(algorithm: Stepping, prior, samples, intervals, *, keep: str, select: Select) -> Run:
+def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, keep: str, select: Select) -> Run:
     """`init`, then `correct` and `predict` over T samples. `select(info, keep)` drops from an info what is not kept."""
     T = samples.seen.shape[0]
 
-    def go(carry, row):
+    def go(carry: tuple[Tree, Tree], row: tuple[Array, Tree, Tree]):
         k, sample, interval = row
         left = step(algorithm, k, carry[0], sample, interval, keep, select)
         said = left.log_likelihood, left.outcome
@@ -50,11 +51,13 @@ def scan(algorithm: Stepping, prior, samples, intervals, *, keep: str, select: S
 
 
 @partial(jax.jit, static_argnames=("axes", "keep", "select"))
-def scan_bank(algorithm: Stepping, prior, samples, intervals, *, axes: tuple, keep: str, select: Select) -> Run:
+def scan_bank(
+    algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, axes: tuple, keep: str, select: Select
+) -> Run:
     """`scan` mapped over those of (algorithm, samples and intervals, prior) that have axis 0 in `axes`."""
     a, r, p = axes
 
-    def one(algorithm, prior, samples, intervals):
+    def one(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree):
         return scan(algorithm, prior, samples, intervals, keep=keep, select=select)
 
     return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)

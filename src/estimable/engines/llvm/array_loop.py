@@ -8,7 +8,7 @@ from ..program.steady_state import SteadyPart, same_in_every_row, steady_part
 from .blocks import Blocks, Memory, Value, row_after_row
 from .elementwise import converted
 from .emit import commit, compute, emit, read_again, row_of
-from .scalar_loop import Array, ScalarLoop
+from .scalar_loop import RowArray, ScalarLoop
 
 BITS = {"double": "i64", "i64": "i64", "i1": "i1"}
 HELD = {"double": "double", "i64": "i64", "i1": "double"}  # how a word of eight bytes holds an entry
@@ -60,7 +60,7 @@ class _ArrayLoopText:
         self.alive = [i for i in range(loop.states) if inputs[loop.fixed + i] >= 0]
         self.carry = tuple(inputs[loop.fixed + i] for i in self.alive)
         self.next = tuple(outputs[i] for i in self.alive)
-        read = Array(tuple(name for name in inputs[begin:] if name >= 0))
+        read = RowArray(tuple(name for name in inputs[begin:] if name >= 0))
         flat = ScalarLoop(loop.program, (), self.carry, (read,), self.next, (), ())  # pyright: ignore[reportArgumentType]
         self.same = same_in_every_row(flat)
         part = steady_part(flat, self.same) if loop.seek_steady else None

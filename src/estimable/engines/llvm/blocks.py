@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ..program.primitives import Scalar
 from ..program.straight_line import Program
 from .scalars import Scalars
 from .spelling import hexadecimal
@@ -234,7 +235,7 @@ class Blocks:
         return self.kept(value) if value.work else value
 
 
-def number(kind: str, value: Any) -> str:
+def number(kind: str, value: Scalar) -> str:
     """A known entry as LLVM writes it."""
     if kind == "i1":
         return "true" if value else "false"

@@ -4,6 +4,8 @@ import ctypes
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from .. import disk_cache
 from ..program.primitives import UnsupportedError
 from .array_loop import ArrayLoop
@@ -20,7 +22,7 @@ class Compiled:
         kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * loop.integers, *[ctypes.c_void_p] * loop.pointers)
         self.address = kind(self._engine.get_function_address("run"))
 
-    def __call__(self, rows: int, fixed, carry, last, *arrays) -> None:
+    def __call__(self, rows: int, fixed: np.ndarray, carry: np.ndarray, last: np.ndarray, *arrays: np.ndarray) -> None:
         """Run `rows` rows over contiguous arrays, those of `loop.row` and then those of `loop.each`; `carry`, `last` and
         the latter are written."""
         self.address(rows, *(array.ctypes.data for array in (fixed, carry, last, *arrays)))

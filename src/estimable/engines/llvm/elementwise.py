@@ -1,10 +1,8 @@
 """What is done to arrays entry by entry, as the table of primitives says."""
 
-from typing import Any
-
 from ..program.arrays import KINDS, TYPES, ArrayOperation
 from ..program.composed import composed, type_of_value
-from ..program.primitives import UnsupportedError, row
+from ..program.primitives import Scalar, UnsupportedError, row
 from .blocks import Blocks, Value
 from .moves import stretched
 
@@ -23,7 +21,7 @@ class _Printed:
         names = [word for _, word in entries]
         return row(name, types).result, self.blocks.scalars.operation(name, names, types, self.blocks.lines)
 
-    def constant(self, value: Any) -> Entry:
+    def constant(self, value: Scalar) -> Entry:
         """A known entry."""
         return type_of_value(value), self.blocks.scalars.constant(value)
 

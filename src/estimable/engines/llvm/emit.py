@@ -1,6 +1,6 @@
 """The operations on arrays in order, and what a scan repeats as a loop."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 from ..program.arrays import ArrayOperation, Arrays, Repeated
@@ -33,7 +33,7 @@ def read_again(program: Arrays, groups: Sequence[Collection[int]] = ()) -> set[i
     return again
 
 
-def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Any, again: set[int]) -> None:
+def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Iterable[int], again: set[int]) -> None:
     """Give values to the wanted operations, in order; what is read again is written to memory."""
     for name in wanted:
         if name in values:

@@ -31,11 +31,11 @@ def _call(blocks: Blocks, routine: str, arguments: list[str]) -> None:
     blocks.lines.append(f"call void @estimable_{routine}({', '.join(f'ptr {a}' for a in arguments)})")
 
 
-def _given(blocks: Blocks, kind: str, value) -> str:
+def _given(blocks: Blocks, kind: str, value: str | float) -> str:
     """The address of a known argument."""
-    return blocks.argument(
-        f"i8 {ord(value)}" if kind == "i8" else f"{kind} {value if kind == 'i32' else number(kind, value)}"
-    )
+    if isinstance(value, str):
+        return blocks.argument(f"i8 {ord(value)}")
+    return blocks.argument(f"{kind} {value if kind == 'i32' else number(kind, value)}")
 
 
 def _matrix(blocks: Blocks, value: Value) -> tuple[Value, bool, int]:
@@ -124,7 +124,7 @@ def triangle(blocks: Blocks, a: Value) -> Value:
         [whole[0], whole[1], turned.pointer, whole[2], taus.pointer, work.pointer, whole[3], info.pointer],
     )
 
-    def at(index):
+    def at(index: list[str]):
         inside = blocks.assign(f"icmp ule i64 {index[0]}, {index[1]}")
         entry = blocks.load(turned, "double", [index[1], index[0]])
         return blocks.assign(f"select i1 {inside}, double {entry}, double {number('double', 0)}")

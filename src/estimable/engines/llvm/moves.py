@@ -1,8 +1,7 @@
 """What only moves entries about: nothing is written where the entries can be read from where they lie."""
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +15,7 @@ from .blocks import Blocks, Memory, Value, row_after_row
 PRIMITIVES = {"gather": lax.gather_p, "scatter": lax.scatter_p}
 
 
-def stretched(blocks: Blocks, value: Value, shape: tuple[int, ...], axes: Any) -> Value:
+def stretched(blocks: Blocks, value: Value, shape: tuple[int, ...], axes: Sequence[int]) -> Value:
     """The array with its axes at `axes` of a larger one, along which it is repeated."""
     if value.shape == shape:
         return value
@@ -24,10 +23,10 @@ def stretched(blocks: Blocks, value: Value, shape: tuple[int, ...], axes: Any) -
         value = blocks.ready(value)
     repeated = [value.shape[i] == 1 != shape[axis] for i, axis in enumerate(axes)]
 
-    def source(index):
+    def source(index: list[str]):
         return ["0" if r else index[axis] for axis, r in zip(axes, repeated, strict=True)]
 
-    def strides(memory):
+    def strides(memory: Memory):
         steps = {axis: 0 if r else m for axis, r, m in zip(axes, repeated, memory.strides, strict=True)}
         return memory._replace(strides=tuple(steps.get(axis, 0) for axis in range(len(shape))))
 
@@ -61,10 +60,10 @@ def _squeezed(value: Value, shape: tuple[int, ...], wide: list[int], wanted: lis
     """The same entries with other axes of length one."""
     to = dict(zip(wide, wanted, strict=True))
 
-    def source(index):
+    def source(index: list[str]):
         return [index[to[axis]] if axis in to else "0" for axis in range(len(value.shape))]
 
-    def strides(memory):
+    def strides(memory: Memory):
         steps = {to[axis]: memory.strides[axis] for axis in to}
         return memory._replace(strides=tuple(steps.get(axis, 0) for axis in range(len(shape))))
 
@@ -94,13 +93,13 @@ def turned(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Va
     return _stepped(blocks, values[0], operation.shape, begin, steps)
 
 
-def _stepped(blocks: Blocks, value: Value, shape: tuple, begin: Any, steps: Any) -> Value:
+def _stepped(blocks: Blocks, value: Value, shape: tuple, begin: Sequence[int], steps: Sequence[int]) -> Value:
     """Entries from `begin` on, in `steps`."""
 
-    def source(index):
+    def source(index: list[str]):
         return [blocks.affine([i], [step], first) for i, first, step in zip(index, begin, steps, strict=True)]
 
-    def strides(memory):
+    def strides(memory: Memory):
         first = sum(b * s for b, s in zip(begin, memory.strides, strict=True))
         steep = tuple(a * b for a, b in zip(steps, memory.strides, strict=True))
         return memory._replace(strides=steep, offset=memory.offset + first)

@@ -4,6 +4,7 @@ What is the same in every row is computed before the loop. What has become the s
 until something that it depends on changes: a second loop runs the rest of each row meanwhile.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from ..program.primitives import BOOL, FLOAT
@@ -13,7 +14,7 @@ from .lanes_apart import Apart
 from .scalars import Scalars
 
 
-class Array(NamedTuple):
+class RowArray(NamedTuple):
     """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
 
     `kind`: "double", words of eight bytes (see `Scalars`); with one lane, or where lanes lie apart, also "i64" for integers, and
@@ -36,9 +37,9 @@ class ScalarLoop(NamedTuple):
     program: Program
     fixed: tuple[int, ...]
     carry: tuple[int, ...]
-    row: tuple[Array, ...]
+    row: tuple[RowArray, ...]
     next_carry: tuple[int, ...]
-    each: tuple[Array, ...]
+    each: tuple[RowArray, ...]
     last: tuple[int, ...]
     seek_steady: bool = True
     apart: bool = False
@@ -196,7 +197,7 @@ class _ScalarLoopText:
             )
         return names
 
-    def _compute(self, names: dict[int, str], wanted, block: str) -> dict[int, str]:
+    def _compute(self, names: dict[int, str], wanted: Iterable[int], block: str) -> dict[int, str]:
         """The names, with those of the wanted scalars that had none, which are read or computed here, in order."""
         names = dict(names)
         for name in wanted:

@@ -1,9 +1,8 @@
 """Scalars as lines of LLVM's assembly, several runs side by side in SIMD lanes."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from ..program.primitives import BOOL, FLOAT, INTEGER
+from ..program.primitives import BOOL, FLOAT, INTEGER, Scalar
 from ..program.straight_line import Program
 from .logarithm import Logarithm
 from .spelling import ELEMENTS, Word, spelled
@@ -28,7 +27,7 @@ class Scalars:
         lines.append(f"%t{self.count} = {text}")
         return f"%t{self.count}"
 
-    def constant(self, value: Any) -> str:
+    def constant(self, value: Scalar) -> str:
         """A constant, in every lane."""
         if isinstance(value, bool):
             return format(self.words[BOOL], str(value).lower())

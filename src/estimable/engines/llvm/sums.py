@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -157,7 +156,7 @@ def running(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> V
     memory = blocks.region(shape, kind)
 
     def along(index: list[str]) -> None:
-        def further(i: str, state: Any) -> tuple:
+        def further(i: str, state: Sequence[tuple[str, str]]) -> tuple:
             k = blocks.affine([i], [-1], shape[axis] - 1) if operation.value["reverse"] else i
             place = [*index[:axis], k, *index[axis:]]
             total = _joined(blocks, name, kind, state[0][1], values[0].at(place))

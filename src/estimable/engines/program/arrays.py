@@ -5,12 +5,16 @@ scalars, such as indices, is done here.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
+from ...annotations import Array
 from .composed import Entrywise, Values, composed, is_entrywise
-from .jaxprs import CALLS, SAME, called, name_of
+from .jaxprs import CALLS, SAME, Atom, array_of, called, name_of
 from .primitives import BOOL, FLOAT, INTEGER, NARROW, UnsupportedError, type_of
 from .rearrangement import BY_NUMPY
 from .reductions import FOLDS, RUNNING
@@ -67,14 +71,14 @@ class Arrays(NamedTuple):
         return self.operations[name].kind == "i1"
 
 
-def lower(closed: Any) -> Arrays:
+def lower(closed: ClosedJaxpr) -> Arrays:
     """The operations of what has been traced. Raises `UnsupportedError` where an array is of a kind unknown here."""
     return _lowered(closed.jaxpr, closed.consts)
 
 
-def _lowered(jaxpr: Any, consts: Any) -> Arrays:
+def _lowered(jaxpr: Jaxpr, consts: Sequence[Array]) -> Arrays:
     line = _ArrayLine()
-    inputs = [line.add(ArrayOperation("input", (), *_type(v.aval), value=i)) for i, v in enumerate(jaxpr.invars)]
+    inputs = [line.add(ArrayOperation("input", (), *_type(array_of(v)), value=i)) for i, v in enumerate(jaxpr.invars)]
     return line.program(inputs, line.run(jaxpr, consts, inputs))
 
 
@@ -94,19 +98,19 @@ class _ArrayLine:
             self.operations.append(operation)
         return self.found[key]
 
-    def constant(self, value: Any, dtype: Any = None) -> int:
+    def constant(self, value: Array | float, dtype: np.dtype | None = None) -> int:
         """The name of a known array."""
         array = np.asarray(value, dtype)
         kind = KINDS[type_of(array.dtype)]
         return self.add(ArrayOperation("constant", (), array.shape, kind, array.astype(DTYPES[kind])))
 
-    def run(self, jaxpr: Any, consts: Any, arguments: list[int]) -> list[int]:
+    def run(self, jaxpr: Jaxpr, consts: Sequence[Array], arguments: list[int]) -> list[int]:
         """Names of the outputs of a jaxpr."""
         known = dict(zip(jaxpr.invars, arguments, strict=True))
         known |= {var: self.constant(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
-        def read(atom):
-            return self.constant(atom.val, atom.aval.dtype) if hasattr(atom, "val") else known[atom]
+        def read(atom: Atom):
+            return self.constant(atom.val, array_of(atom).dtype) if isinstance(atom, Literal) else known[atom]
 
         for equation in jaxpr.eqns:
             known |= dict(
@@ -114,12 +118,12 @@ class _ArrayLine:
             )
         return [read(atom) for atom in jaxpr.outvars]
 
-    def equation(self, equation: Any, arguments: list[int]) -> list[int]:
+    def equation(self, equation: JaxprEqn, arguments: list[int]) -> list[int]:
         """Names of the results of one equation."""
         name, parameters = name_of(equation), equation.params
         if name in CALLS:
             return self.run(*called(parameters), arguments)
-        types = [_type(var.aval) for var in equation.outvars]
+        types = [_type(array_of(var)) for var in equation.outvars]
         if self.changes_nothing(name, parameters, arguments):
             return arguments
         if len(types) == 1 and name not in SEVERAL:
@@ -127,7 +131,7 @@ class _ArrayLine:
         whole = self.add(ArrayOperation(name, tuple(arguments), (), "", self.inner(name, parameters)))
         return [self.add(ArrayOperation("result", (whole,), *kind, value=i)) for i, kind in enumerate(types)]
 
-    def one(self, name: str, equation: Any, arguments: list[int], result: tuple) -> int:
+    def one(self, name: str, equation: JaxprEqn, arguments: list[int], result: tuple) -> int:
         """The name of the only result of an equation."""
         how = Entrywise.of(equation)
         if (
@@ -217,7 +221,7 @@ def _known(operation: ArrayOperation, values: list[np.ndarray]) -> np.ndarray | 
     return np.array(known, DTYPES[operation.kind]).reshape(shape)
 
 
-def _type(aval: Any) -> tuple[tuple[int, ...], str]:
+def _type(aval: ShapedArray) -> tuple[tuple[int, ...], str]:
     return tuple(aval.shape), KINDS[type_of(aval.dtype)]
 
 

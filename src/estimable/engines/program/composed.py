@@ -4,22 +4,26 @@
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import jax
 import numpy as np
+from jax.extend.core import JaxprEqn
 
-from .primitives import BOOL, FLOAT, INTEGER, NAMES, NARROW, PYTHON, UnsupportedError, folded, row, type_of
+from .jaxprs import array_of
+from .primitives import BOOL, FLOAT, INTEGER, NAMES, NARROW, PYTHON, Scalar, UnsupportedError, folded, row, type_of
+
+Entry = TypeVar("Entry")
 
 
-class Entries(Protocol):
+class Entries(Protocol[Entry]):
     """What entries are made of."""
 
-    def each(self, name: str, *operands: Any) -> Any:
+    def each(self, name: str, *operands: Entry) -> Entry:
         """A row of the table applied to entries."""
         ...
 
-    def constant(self, value: Any) -> Any:
+    def constant(self, value: Scalar) -> Entry:
         """An entry with a known value."""
         ...
 
@@ -32,9 +36,11 @@ class Entrywise(NamedTuple):
     result: np.dtype
 
     @classmethod
-    def of(cls, equation: Any) -> "Entrywise":
+    def of(cls, equation: JaxprEqn) -> "Entrywise":
         """That of an equation of a jaxpr."""
-        return cls(equation.params, tuple([v.aval.dtype for v in equation.invars]), equation.outvars[0].aval.dtype)
+        return cls(
+            equation.params, tuple([array_of(v).dtype for v in equation.invars]), array_of(equation.outvars[0]).dtype
+        )
 
 
 def is_entrywise(name: str) -> bool:
@@ -42,7 +48,7 @@ def is_entrywise(name: str) -> bool:
     return name in COMPOSED or name in NAMES
 
 
-def composed(do: Entries, name: str, how: Entrywise, *operands: Any) -> Any:
+def composed(do: Entries[Entry], name: str, how: Entrywise, *operands: Entry) -> Entry:
     """A primitive applied to entries. Raises `UnsupportedError` where the table has no rows for it."""
     result = COMPOSED[name](do, how, *operands) if name in COMPOSED else do.each(name, *operands)
     return do.each(NARROW[how.result], result) if how.result in NARROW else result
@@ -51,24 +57,24 @@ def composed(do: Entries, name: str, how: Entrywise, *operands: Any) -> Any:
 class Values:
     """Known values. Raises `UnsupportedError` where an operation on them is left to the machine."""
 
-    def each(self, name: str, *values: Any) -> Any:
+    def each(self, name: str, *values: Scalar) -> Scalar:
         """A row of the table, folded."""
         found = folded(row(name, tuple(type_of_value(value) for value in values)), list(values))
         if found is None:
             raise UnsupportedError(f"{name} of {values} is not folded")
         return found
 
-    def constant(self, value: Any) -> Any:
+    def constant(self, value: Scalar) -> Scalar:
         """The value itself."""
         return value
 
 
-def type_of_value(value: Any) -> str:
+def type_of_value(value: Scalar) -> str:
     """The type of a scalar in Python."""
     return BOOL if isinstance(value, bool) else INTEGER if isinstance(value, int) else FLOAT
 
 
-def _power(do: Entries, how: Entrywise, base: Any) -> Any:
+def _power(do: Entries[Entry], how: Entrywise, base: Entry) -> Entry:
     """By squaring, as JAX does it."""
     exponent, one = how.parameters["y"], PYTHON[type_of(how.result)](1)
     power, left = None, abs(exponent)
@@ -81,11 +87,11 @@ def _power(do: Entries, how: Entrywise, base: Any) -> Any:
     return power if exponent >= 0 else do.each("div", do.constant(one), power)
 
 
-def _clamped(do: Entries, how: Entrywise, least: Any, x: Any, most: Any) -> Any:
+def _clamped(do: Entries[Entry], how: Entrywise, least: Entry, x: Entry, most: Entry) -> Entry:
     return do.each("min", do.each("max", least, x), most)
 
 
-def _chosen(do: Entries, how: Entrywise, which: Any, *cases: Any) -> Any:
+def _chosen(do: Entries[Entry], how: Entrywise, which: Entry, *cases: Entry) -> Entry:
     """The first case for false or 0, the second for true or 1, .., the last for more."""
     if type_of(how.given[0]) == BOOL:
         return do.each("select", which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
@@ -95,7 +101,7 @@ def _chosen(do: Entries, how: Entrywise, which: Any, *cases: Any) -> Any:
     return chosen
 
 
-def _converted(do: Entries, how: Entrywise, x: Any) -> Any:
+def _converted(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     """Integers of fewer bits saturate where they come from a float, and wrap where they come from an integer."""
     old, new = type_of(how.given[0]), type_of(how.result)
     if old == new:
@@ -106,42 +112,42 @@ def _converted(do: Entries, how: Entrywise, x: Any) -> Any:
     return _clamped(do, how, do.constant(int(limits.min)), do.each("to_integer", x), do.constant(int(limits.max)))
 
 
-def _rounded(do: Entries, how: Entrywise, x: Any) -> Any:
+def _rounded(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     even = how.parameters["rounding_method"] == jax.lax.RoundingMethod.TO_NEAREST_EVEN
     return do.each("round" if even else "round_away", x)
 
 
-def _raised(do: Entries, how: Entrywise, base: Any, exponent: Any) -> Any:
+def _raised(do: Entries[Entry], how: Entrywise, base: Entry, exponent: Entry) -> Entry:
     return do.each("pow", base, exponent if type_of(how.given[1]) == FLOAT else do.each("to_float", exponent))
 
 
-def _as(do: Entries, kind: str, dtype: np.dtype, x: Any) -> Any:
+def _as(do: Entries[Entry], kind: str, dtype: np.dtype, x: Entry) -> Entry:
     """The integer with the same bits, of the same width, with a sign (kind "i") or without one ("u")."""
     name = NARROW.get(np.dtype(f"{kind}{dtype.itemsize}"))
     return do.each(name, x) if name else x
 
 
-def _shifted_right(do: Entries, how: Entrywise, x: Any, by: Any) -> Any:
+def _shifted_right(do: Entries[Entry], how: Entrywise, x: Entry, by: Entry) -> Entry:
     """The sign is that of the highest bit, also of an unsigned integer."""
     return do.each("shift_right_arithmetic", _as(do, "i", how.result, x), by)
 
 
-def _shifted_right_logically(do: Entries, how: Entrywise, x: Any, by: Any) -> Any:
+def _shifted_right_logically(do: Entries[Entry], how: Entrywise, x: Entry, by: Entry) -> Entry:
     return do.each("shift_right_logical", _as(do, "u", how.result, x), by)
 
 
-def _counted(do: Entries, how: Entrywise, x: Any) -> Any:
+def _counted(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     return do.each("population_count", _as(do, "u", how.result, x))
 
 
-def _reread(do: Entries, how: Entrywise, x: Any) -> Any:
+def _reread(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     old, new = how.given[0], how.result
     if {old, new} != {np.dtype(float), np.dtype(int)}:
         raise UnsupportedError(f"the bits of {old} as {new}")
     return do.each("bits" if type_of(old) == FLOAT else "from_bits", x)
 
 
-def _logistic(do: Entries, how: Entrywise, x: Any) -> Any:
+def _logistic(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     one = do.constant(1.0)
     return do.each("div", one, do.each("add", one, do.each("exp", do.each("neg", x))))
 

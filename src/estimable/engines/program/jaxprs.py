@@ -1,15 +1,19 @@
 """What a jaxpr calls, and what its names are here."""
 
-from typing import Any
+from typing import Any, TypeAlias
+
+from jax.core import ShapedArray
+from jax.extend.core import JaxprEqn, Literal, Var
 
 from .primitives import UnsupportedError
 
+Atom: TypeAlias = Var | Literal
 SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
 CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat", "remat2",
          "custom_vmap_call"}  # fmt: skip
 
 
-def name_of(equation: Any) -> str:
+def name_of(equation: JaxprEqn) -> str:
     """The primitive of an equation. Raises `UnsupportedError` where it does something besides its results."""
     name: str = equation.primitive.name
     if name not in CALLS and (equation.effects or not equation.outvars):
@@ -21,3 +25,10 @@ def called(parameters: dict) -> tuple[Any, Any]:
     """The jaxpr that is called, and its constants."""
     inner = next(parameters[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr", "call") if name in parameters)
     return (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
+
+
+def array_of(atom: Atom) -> ShapedArray:
+    """The shape and type of an array in a jaxpr. Raises `UnsupportedError` for what is no array."""
+    if not isinstance(atom.aval, ShapedArray):
+        raise UnsupportedError(f"a value of the kind {type(atom.aval).__name__}")
+    return atom.aval

@@ -16,16 +16,19 @@ import math
 import operator
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jax import lax
+
+from ...annotations import Array
 
 FLOAT, INTEGER, BOOL = "float", "integer", "bool"
 LEAST, MOST = -(2**63), 2**63 - 1
 NARROW = {np.dtype(name): name for name in ("int8", "int16", "int32", "uint8", "uint16", "uint32")}  # of fewer bits
 TYPES = {np.dtype(float): FLOAT, np.dtype("int64"): INTEGER, np.dtype(bool): BOOL, **dict.fromkeys(NARROW, INTEGER)}
 PYTHON = {FLOAT: float, INTEGER: int, BOOL: bool}
+Scalar: TypeAlias = float | int | bool
 LETTERS = {"f": FLOAT, "i": INTEGER, "b": BOOL}
 
 
@@ -72,7 +75,7 @@ def folded(found: Primitive, values: list) -> Any:
     return value
 
 
-def type_of(dtype: Any) -> str:
+def type_of(dtype: np.dtype) -> str:
     """The type of a scalar of an array. Raises `UnsupportedError` for float32, complex numbers and the like."""
     if dtype not in TYPES:
         raise UnsupportedError(f"numbers of the kind {dtype}")
@@ -136,7 +139,7 @@ def _to_nearest(method: lax.RoundingMethod) -> Callable[[Any], Any]:
     return lambda a: lax.round(a, method)
 
 
-def _magnitude(a: Any) -> Any:
+def _magnitude(a: Array) -> Any:
     """abs: XLA takes abs of a product x x for the product, although that may wrap."""
     return lax.max(a, lax.neg(a))
 

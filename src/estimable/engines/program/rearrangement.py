@@ -2,21 +2,30 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import JaxprEqn, Primitive
 
+from .jaxprs import array_of
 from .primitives import UnsupportedError
+from .reductions import Line
 
 
-def _spread(array: np.ndarray, *, shape, broadcast_dimensions, **_) -> np.ndarray:
+def _spread(array: np.ndarray, *, shape: tuple[int, ...], broadcast_dimensions: tuple[int, ...], **_) -> np.ndarray:
     ones = [array.shape[broadcast_dimensions.index(i)] if i in broadcast_dimensions else 1 for i in range(len(shape))]
     return np.broadcast_to(array.reshape(ones), shape)
 
 
-def _sliced(array: np.ndarray, *, start_indices, limit_indices, strides, **_) -> np.ndarray:
+def _sliced(
+    array: np.ndarray,
+    *,
+    start_indices: tuple[int, ...],
+    limit_indices: tuple[int, ...],
+    strides: tuple[int, ...] | None,
+    **_,
+) -> np.ndarray:
     steps = strides or (1,) * array.ndim
     return array[tuple(map(slice, start_indices, limit_indices, steps))]
 
@@ -33,7 +42,7 @@ MOVES = {*BY_NUMPY, "expand_dims", "rev", "pad", "split", "stack"}
 INDEXED = {"gather": 1, "dynamic_slice": 1, "scatter": 1, "dynamic_update_slice": 2}  # arrays before the indices
 
 
-def moved(primitive: Any, arrays: list[np.ndarray], parameters: dict) -> list[np.ndarray]:
+def moved(primitive: Primitive, arrays: list[np.ndarray], parameters: dict) -> list[np.ndarray]:
     """The results of one of `MOVES`."""
     if primitive.name in BY_NUMPY:
         return [BY_NUMPY[primitive.name](*arrays, **parameters)]
@@ -42,7 +51,7 @@ def moved(primitive: Any, arrays: list[np.ndarray], parameters: dict) -> list[np
     return [np.asarray(array) for array in (results if isinstance(results, list | tuple) else [results])]
 
 
-def indexed(line: Any, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+def indexed(line: Line, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndarray:
     """The result of one of `INDEXED`, whose indices must be constants."""
     name, parameters = equation.primitive.name, equation.params
     if name == "gather":
@@ -57,7 +66,7 @@ def indexed(line: Any, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
         values = [line.values[entry] for entry in array.ravel()]
         if any(v is None for v in values):
             raise UnsupportedError(f"{name} at an index that is computed")
-        operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), equation.invars[i].aval.dtype))
+        operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), array_of(equation.invars[i]).dtype))
     with jax.ensure_compile_time_eval():
         result = np.asarray(equation.primitive.bind(*operands, **parameters))
     if (result < 0).any():
@@ -65,7 +74,7 @@ def indexed(line: Any, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
     return result
 
 
-def _gathered(line: Any, equation: Any, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
+def _gathered(line: Line, equation: JaxprEqn, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
     """What is gathered at known indices that are inside, as rows of a matrix, without JAX; None for anything else."""
     numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
     leading, values = indices.shape[:-1], [line.values[entry] for entry in indices.ravel()]

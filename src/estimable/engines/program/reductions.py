@@ -2,18 +2,35 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from jax.extend.core import JaxprEqn
 
-from .primitives import BOOL, FLOAT, type_of
+from .jaxprs import array_of
+from .primitives import BOOL, FLOAT, Scalar, type_of
+
+
+class Line(Protocol):
+    """Scalars in order, of which arrays of names are made."""
+
+    values: list[Any]
+
+    def each(self, name: str, *arrays: np.ndarray) -> np.ndarray:
+        """A row of the table applied entry by entry."""
+        ...
+
+    def constant(self, value: Scalar) -> np.ndarray:
+        """The name of a known scalar."""
+        ...
+
 
 FOLDS = {"reduce_sum": "add", "reduce_prod": "mul", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and",
          "reduce_or": "or", "reduce_xor": "xor"}  # fmt: skip
 RUNNING = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
 
 
-def empty(name: str, dtype: Any) -> Any:
+def empty(name: str, dtype: np.dtype) -> Any:
     """What a row of the table gives for no entries at all."""
     kind = type_of(dtype)
     if name in ("max", "min"):
@@ -28,7 +45,7 @@ def empty(name: str, dtype: Any) -> Any:
     return float(value) if kind == FLOAT else bool(value) if kind == BOOL else value
 
 
-def folded_along(line: Any, name: str, array: np.ndarray, axes: tuple[int, ...], dtype: Any) -> np.ndarray:
+def folded_along(line: Line, name: str, array: np.ndarray, axes: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     """A reduction, as a balanced tree: short chains run side by side."""
     left = [axis for axis in range(array.ndim) if axis not in axes]
     rows = np.moveaxis(array, axes, range(len(left), array.ndim))
@@ -42,12 +59,12 @@ def folded_along(line: Any, name: str, array: np.ndarray, axes: tuple[int, ...],
     return rows[..., 0]
 
 
-def _reduction(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
-    axes, dtype = tuple(equation.params["axes"]), equation.outvars[0].aval.dtype
+def _reduction(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
+    axes, dtype = tuple(equation.params["axes"]), array_of(equation.outvars[0]).dtype
     return folded_along(line, FOLDS[equation.primitive.name], array, axes, dtype)
 
 
-def _running(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
+def _running(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     """Sums (products, ..) of all entries up to each, along an axis."""
     name, axis, backwards = RUNNING[equation.primitive.name], equation.params["axis"], equation.params["reverse"]
     rows = np.moveaxis(array, axis, 0)[:: -1 if backwards else 1]
@@ -57,7 +74,7 @@ def _running(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(totals, int).reshape(rows.shape)[:: -1 if backwards else 1], 0, axis)
 
 
-def _extreme(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
+def _extreme(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     """Where the largest (least) entry along an axis is: the first one, and the first NaN before all."""
     (axis,) = equation.params["axes"]
     rows, beyond = np.moveaxis(array, axis, -1), "gt" if equation.primitive.name == "argmax" else "lt"
@@ -65,7 +82,7 @@ def _extreme(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
     for i in range(1, rows.shape[-1]):
         here = rows[..., i]
         further = line.each(beyond, here, best)
-        if equation.invars[0].aval.dtype == float:
+        if array_of(equation.invars[0]).dtype == float:
             undefined = line.each("and", line.each("ne", here, here), line.each("eq", best, best))
             further = line.each("or", further, undefined)
         best = line.each("select", further, here, best)
@@ -73,7 +90,7 @@ def _extreme(line: Any, equation: Any, array: np.ndarray) -> np.ndarray:
     return where
 
 
-def _product(line: Any, equation: Any, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _product(line: Line, equation: JaxprEqn, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     contract, batch = equation.params["dimension_numbers"]
     leading, free, sides = [a.shape[axis] for axis in batch[0]], [], []
     for array, summed, shared in zip((a, b), contract, batch, strict=True):
@@ -82,7 +99,7 @@ def _product(line: Any, equation: Any, a: np.ndarray, b: np.ndarray) -> np.ndarr
         moved = array.transpose(*shared, *left, *summed)
         sides.append(moved.reshape(math.prod(leading), math.prod(free[-1]), math.prod(array.shape[i] for i in summed)))
     products = line.each("mul", sides[0][:, :, None, :], sides[1][:, None, :, :])
-    total = folded_along(line, "add", products, (3,), equation.outvars[0].aval.dtype)
+    total = folded_along(line, "add", products, (3,), array_of(equation.outvars[0]).dtype)
     return total.reshape(*leading, *free[0], *free[1])
 
 

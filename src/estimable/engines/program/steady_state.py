@@ -6,6 +6,8 @@ whatever depends on them alone, and on the same choices, is the same too. Found 
 
 from typing import Any, NamedTuple
 
+from .straight_line import Program
+
 WORTH = 64  # operations: less is computed as fast as it is compared
 
 
@@ -71,5 +73,5 @@ def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
     return slow
 
 
-def _closed(program: Any, slow: list[bool], same: list[bool], name: int) -> bool:
+def _closed(program: Program, slow: list[bool], same: list[bool], name: int) -> bool:
     return slow[name] or same[name] or program.is_bool(name)

@@ -5,15 +5,18 @@ equal scalars are one (a symmetric matrix is computed once), constants are folde
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
+from ...annotations import Array
 from .composed import Entrywise, composed, is_entrywise, type_of_value
-from .jaxprs import CALLS, SAME, called, name_of
-from .primitives import BOOL, FLOAT, NARROW, PYTHON, UnsupportedError, folded, row, type_of
+from .jaxprs import CALLS, SAME, Atom, array_of, called, name_of
+from .primitives import BOOL, FLOAT, NARROW, PYTHON, Scalar, UnsupportedError, folded, row, type_of
 from .rearrangement import INDEXED, MOVES, indexed, moved
 from .reductions import REDUCTIONS
 from .simplification import simplify
@@ -49,14 +52,14 @@ def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any]
     return lower_jaxpr(jax.make_jaxpr(function)(*arguments), known)
 
 
-def lower_jaxpr(closed: Any, known: dict[tuple[int, int], Any] | None = None, most: int = MOST) -> Program:
+def lower_jaxpr(closed: ClosedJaxpr, known: dict[tuple[int, int], Any] | None = None, most: int = MOST) -> Program:
     """The straight line of what has been traced. Raises `UnsupportedError`.
 
     `known`: the values of input entries (array, entry) that are always the same, as the zeros of a triangular matrix.
     `most`: the operations that it may have.
     """
     line = _ScalarLine(known or {}, most)
-    names = [line.inputs(i, v.aval) for i, v in enumerate(closed.jaxpr.invars)]
+    names = [line.inputs(i, array_of(v)) for i, v in enumerate(closed.jaxpr.invars)]
     outputs = line.run(closed.jaxpr, closed.consts, names)
     return line.program(names, outputs)
 
@@ -84,7 +87,7 @@ class _ScalarLine:
             self.values.append(value if operation.name == "constant" else None)
         return self.found[key]
 
-    def inputs(self, place: int, aval: Any) -> np.ndarray:
+    def inputs(self, place: int, aval: ShapedArray) -> np.ndarray:
         """Names for the entries of an input array."""
         kind = type_of(aval.dtype)
         places = [(place, i) for i in range(math.prod(aval.shape))]
@@ -94,17 +97,17 @@ class _ScalarLine:
         ]
         return np.array(names, int).reshape(aval.shape)
 
-    def constants(self, values: Any, dtype: Any = None) -> np.ndarray:
+    def constants(self, values: Array | float, dtype: np.dtype | None = None) -> np.ndarray:
         """Names for the entries of a known array."""
         array = np.asarray(values, dtype)
         cast = PYTHON[type_of(array.dtype)]
         return np.array([self.known_scalar(cast(v)) for v in array.ravel()], int).reshape(array.shape)
 
-    def constant(self, value: Any) -> np.ndarray:
+    def constant(self, value: Scalar) -> np.ndarray:
         """The name of a known scalar, as an array of no axes."""
         return np.array(self.known_scalar(value))
 
-    def known_scalar(self, value: Any) -> int:
+    def known_scalar(self, value: Scalar) -> int:
         """The name of a known scalar."""
         return self.add(ScalarOperation("constant", (), value, type_of_value(value)))
 
@@ -134,20 +137,20 @@ class _ScalarLine:
         flat = [self.scalar(name, *entries) for entries in zip(*[a.ravel().tolist() for a in arrays], strict=True)]
         return np.array(flat, int).reshape(shape)
 
-    def run(self, jaxpr: Any, consts: Any, arguments: list[np.ndarray]) -> list[np.ndarray]:
+    def run(self, jaxpr: Jaxpr, consts: Sequence[Array], arguments: list[np.ndarray]) -> list[np.ndarray]:
         """Names of the outputs of a jaxpr."""
         names = dict(zip(jaxpr.invars, arguments, strict=True))
         names |= {var: self.constants(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
-        def read(atom):
-            return self.constants(atom.val, atom.aval.dtype) if hasattr(atom, "val") else names[atom]
+        def read(atom: Atom):
+            return self.constants(atom.val, array_of(atom).dtype) if isinstance(atom, Literal) else names[atom]
 
         for equation in jaxpr.eqns:
             results = self.equation(equation, [read(atom) for atom in equation.invars])
             names |= dict(zip(equation.outvars, results, strict=True))
         return [read(atom) for atom in jaxpr.outvars]
 
-    def equation(self, equation: Any, arrays: list[np.ndarray]) -> list[np.ndarray]:
+    def equation(self, equation: JaxprEqn, arrays: list[np.ndarray]) -> list[np.ndarray]:
         """Names of the results of one equation."""
         name, parameters = name_of(equation), equation.params
         if name in CALLS:
@@ -160,9 +163,9 @@ class _ScalarLine:
             return moved(equation.primitive, arrays, parameters)
         return [self.result(name, equation, arrays)]
 
-    def result(self, name: str, equation: Any, arrays: list[np.ndarray]) -> np.ndarray:
+    def result(self, name: str, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndarray:
         """Names of the result of one equation that has one."""
-        aval = equation.outvars[0].aval
+        aval = array_of(equation.outvars[0])
         kind, dtype = type_of(aval.dtype), aval.dtype
         if name in INDEXED:
             result = indexed(self, equation, arrays)
@@ -195,7 +198,7 @@ class _ScalarLine:
         operations = (self.operations[name] for name in order)
         left = tuple([ScalarOperation(n, tuple([new[a] for a in given]), v, t) for n, given, v, t in operations])
 
-        def renamed(array):
+        def renamed(array: np.ndarray):
             return np.array([new.get(int(name), -1) for name in array.ravel()], int).reshape(array.shape)
 
         return Program(left, tuple(map(renamed, inputs)), tuple(map(renamed, outputs)))
