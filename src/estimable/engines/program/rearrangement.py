@@ -10,7 +10,7 @@ from jax.extend.core import JaxprEqn, Primitive
 
 from .jaxprs import array_of
 from .primitives import UnsupportedError
-from .reductions import Line
+from .reductions import ScalarNames
 
 
 def _spread(array: np.ndarray, *, shape: tuple[int, ...], broadcast_dimensions: tuple[int, ...], **_) -> np.ndarray:
@@ -51,7 +51,7 @@ def moved(primitive: Primitive, arrays: list[np.ndarray], parameters: dict) -> l
     return [np.asarray(array) for array in (results if isinstance(results, list | tuple) else [results])]
 
 
-def indexed(line: Line, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndarray:
+def indexed(line: ScalarNames, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndarray:
     """The result of one of `INDEXED`, whose indices must be constants."""
     name, parameters = equation.primitive.name, equation.params
     if name == "gather":
@@ -74,7 +74,7 @@ def indexed(line: Line, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndar
     return result
 
 
-def _gathered(line: Line, equation: JaxprEqn, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
+def _gathered(line: ScalarNames, equation: JaxprEqn, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
     """What is gathered at known indices that are inside, as rows of a matrix, without JAX; None for anything else."""
     numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
     leading, values = indices.shape[:-1], [line.values[entry] for entry in indices.ravel()]

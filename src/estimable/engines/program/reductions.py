@@ -11,7 +11,7 @@ from .jaxprs import array_of
 from .primitives import BOOL, FLOAT, Scalar, type_of
 
 
-class Line(Protocol):
+class ScalarNames(Protocol):
     """Scalars in order, of which arrays of names are made."""
 
     values: list[Any]
@@ -45,7 +45,7 @@ def empty(name: str, dtype: np.dtype) -> Any:
     return float(value) if kind == FLOAT else bool(value) if kind == BOOL else value
 
 
-def folded_along(line: Line, name: str, array: np.ndarray, axes: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+def folded_along(line: ScalarNames, name: str, array: np.ndarray, axes: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     """A reduction, as a balanced tree: short chains run side by side."""
     left = [axis for axis in range(array.ndim) if axis not in axes]
     rows = np.moveaxis(array, axes, range(len(left), array.ndim))
@@ -59,12 +59,12 @@ def folded_along(line: Line, name: str, array: np.ndarray, axes: tuple[int, ...]
     return rows[..., 0]
 
 
-def _reduction(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
+def _reduction(line: ScalarNames, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     axes, dtype = tuple(equation.params["axes"]), array_of(equation.outvars[0]).dtype
     return folded_along(line, FOLDS[equation.primitive.name], array, axes, dtype)
 
 
-def _running(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
+def _running(line: ScalarNames, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     """Sums (products, ..) of all entries up to each, along an axis."""
     name, axis, backwards = RUNNING[equation.primitive.name], equation.params["axis"], equation.params["reverse"]
     rows = np.moveaxis(array, axis, 0)[:: -1 if backwards else 1]
@@ -74,7 +74,7 @@ def _running(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(totals, int).reshape(rows.shape)[:: -1 if backwards else 1], 0, axis)
 
 
-def _extreme(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
+def _extreme(line: ScalarNames, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     """Where the largest (least) entry along an axis is: the first one, and the first NaN before all."""
     (axis,) = equation.params["axes"]
     rows, beyond = np.moveaxis(array, axis, -1), "gt" if equation.primitive.name == "argmax" else "lt"
@@ -90,7 +90,7 @@ def _extreme(line: Line, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
     return where
 
 
-def _product(line: Line, equation: JaxprEqn, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _product(line: ScalarNames, equation: JaxprEqn, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     contract, batch = equation.params["dimension_numbers"]
     leading, free, sides = [a.shape[axis] for axis in batch[0]], [], []
     for array, summed, shared in zip((a, b), contract, batch, strict=True):
