@@ -1,7 +1,10 @@
 """A report is one page that needs nothing else, and shows what the result says."""
 
 import base64
+import hashlib
+import html
 import json
+import os
 import re
 
 import numpy as np
@@ -78,7 +81,7 @@ def test_equal_reports_are_equal_pages_that_load_nothing():
     page, again = (report.page_of(report_of(commands=[("Type:", "estimable demo")])[1]) for _ in range(2))
     assert page == again
     ours = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
-    assert "http" not in ours
+    assert "://" not in ours
     assert "src=" not in ours
     assert "<pre>estimable demo</pre>" in ours
     assert "Plotly.newPlot" in page
@@ -101,6 +104,36 @@ def test_what_a_user_named_cannot_break_the_page():
     assert name not in page
     assert embedded(page)["charts"][0]["traces"][-1]["name"] == name
     assert "&lt;b&gt;&amp;&lt;/script&gt;" in page
+
+
+def test_names_that_look_like_markup_end_no_script(tmp_path):
+    names = ("<!--", "<script")
+    model = StateSpace(0.9 * np.eye(2), C=np.eye(2), Q=np.eye(2), R=np.eye(2), dt=0.5, states=names, outputs=names)
+    record = Record(NOISE, dt=0.5, outputs=names)
+    page = report.page_of(report_of(record, Kalman(model), Prior([0.0, 0.0], np.eye(2)))[1])
+    data = page.split('id="data">')[1].split("</script>")[0]
+    assert "<" not in data
+    assert page.count("<script") == 3
+
+
+def test_only_the_scripts_of_the_page_may_run():
+    page = report.page_of(report_of()[1])
+    policy = html.unescape(re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1])
+    scripts = re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL)
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    assert len(hashes) == 2
+    assert policy.startswith(f"default-src 'none'; script-src 'sha256-{hashes[0]}' 'sha256-{hashes[1]}';")
+
+
+def test_a_page_that_cannot_be_written_leaves_the_older_one(tmp_path):
+    older = tmp_path / "page.html"
+    older.write_text("older")
+    older.chmod(0o400)
+    if os.access(older, os.W_OK):
+        older = tmp_path
+    with pytest.raises(InputError, match="could not be written"):
+        report.write_report(report_of()[1], older)
+    assert list(tmp_path.iterdir()) == [tmp_path / "page.html"]
 
 
 def test_what_is_not_known_is_a_gap_and_said_in_words():

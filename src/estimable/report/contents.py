@@ -33,6 +33,16 @@ class Chart(NamedTuple):
     caption: str = ""
     part: str = "What was estimated"
 
+    @property
+    def over(self) -> str:
+        """The title of its own axis; empty where it has none."""
+        return self.layout["xaxis"]["title"]["text"] if "xaxis" in self.layout else ""
+
+    @property
+    def is_square(self) -> bool:
+        """Whether both axes have one scale."""
+        return "scaleanchor" in self.layout.get("yaxis", {})
+
 
 class Finding(NamedTuple):
     """One consistency check: its name, what it says, and whether it is met (None: it says nothing of that)."""
