@@ -8,9 +8,9 @@ With Y = C Z and U = diag r of the outputs that were seen, and of the others Y_j
     Z <- [-K U, Z - K Y],  K = G L^-1       Joseph's form of a factor                                             (4)
     -2 log p = Σ_j log 2π L_jj² + z_j²                                                                            (5)
 
-(4) is what is left of the rows of [0, Z] without those of [U, Y]. So modified Gram-Schmidt gives all of (1), (2) and (4) where S is
-near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states, products
-of matrices are faster than one output after the other (`independent`); the factor gets p more columns.
+(4) is what is left of the rows of [0, Z] without those of [U, Y]. So modified Gram-Schmidt gives all of (1), (2) and (4) where S
+is near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states,
+products of matrices are faster than one output after the other (`independent`); the factor gets p more columns.
 
 References: P. D. Joseph, in R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes (1968), ch. XVI; Å. Björck, BIT 7
 (1967) 1-21.
@@ -69,18 +69,18 @@ def _conditioned(Z: Float[Real, "n k"], Y: Float[Real, "p k"], U: Float[Real, "p
 
 
 @_conditioned.defjvp
-def _conditioned_jvp(values, tangents):
+def _conditioned_jvp(values: tuple[Real, ...], tangents: tuple[Real, ...]) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
     Z, Y, U, known = values
     slope = jax.jvp(lambda Z, Y, U: _row_by_row(Z, Y, U, known), (Z, Y, U), tangents[:3])[1]
     return _conditioned(Z, Y, U, known), slope
 
 
 @jax.custom_batching.sequential_vmap
-def _by_products(Z, Y, U, known):
+def _by_products(Z: Real, Y: Real, U: Real, known: Real) -> tuple[Real, Real, Real]:
     """`_conditioned` by Cholesky's factor of S where that is good."""
     L, good = cholesky(gram(Y) + gram(U))                                                  # (1)
 
-    def joseph(L):
+    def joseph(L: Real) -> tuple[Real, Real, Real]:
         G = product(Z, solve_lower(L, Y).T)                                                # (2)
         K = solve_lower(L, G.T, transpose=True).T
         return L, G, jnp.concatenate([-product(K, U), Z - product(K, Y)], axis=1)          # (4)
@@ -88,7 +88,7 @@ def _by_products(Z, Y, U, known):
     return lax.cond(jnp.all(good & (diagonal(L) ** 2 > known)), joseph, lambda L: _row_by_row(Z, Y, U, known), L)
 
 
-def _row_by_row(Z, Y, U, known):
+def _row_by_row(Z: Real, Y: Real, U: Real, known: Real) -> tuple[Real, Real, Real]:
     """`_conditioned` by modified Gram-Schmidt."""
     p = len(Y)
     outputs, states = jnp.concatenate([U, Y], axis=1), jnp.concatenate([jnp.zeros((len(Z), p)), Z], axis=1)
