@@ -6,16 +6,16 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Array", "ArrayLike", "FrozenRecord", "Numbers", "Tree"]
+__all__ = ["AnyRecord", "Array", "ArrayLike", "Numbers", "Tree"]
 
 Array: TypeAlias = jax.Array | np.ndarray
 Numbers: TypeAlias = ArrayLike | jax.Array  # what a user may give for an array
 
 
-class FrozenRecord(Protocol):
+class AnyRecord(Protocol):
     """A frozen record: a dataclass that JAX knows as a tree."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
-Tree: TypeAlias = "Array | float | str | FrozenRecord | tuple[Tree, ...] | list[Tree] | dict[str, Tree] | None"
+Tree: TypeAlias = Array | float | str | AnyRecord | tuple["Tree", ...] | list["Tree"] | dict[str, "Tree"] | None

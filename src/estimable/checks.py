@@ -6,12 +6,13 @@ import numbers
 import os
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeGuard
 
 import jax
 import numpy as np
 from jax.core import Tracer
 
+from .annotations import Numbers
 from .errors import InputError
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
@@ -48,7 +49,9 @@ class Faults:
         self.sizes.setdefault(axis, size)
         self.sources.setdefault(axis, source)
 
-    def array(self, name: str, value: Any, axes: str, *, leading: str | None = None, nan: bool = False) -> Any:
+    def array(
+        self, name: str, value: Numbers | None, axes: str, *, leading: str | None = None, nan: bool = False
+    ) -> Any:
         """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; None where it is at fault.
 
         Booleans count as 1 and 0; nothing else is converted. Of values that are being traced by JAX nothing is checked,
@@ -63,7 +66,7 @@ class Faults:
             return None
         return number_array if self._fits(name, number_array, axes.split(), leading) else None
 
-    def _numbers(self, name: str, value: Any, nan: bool) -> np.ndarray | None:
+    def _numbers(self, name: str, value: Numbers | None, nan: bool) -> np.ndarray | None:
         if np.ma.is_masked(value):
             hint = f": pass {name}.filled(np.nan), where NaN means not known" if nan else ""
             self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
@@ -123,7 +126,7 @@ class Faults:
         remedy = _remedy(name, shape, axes, wanted, core)
         return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
 
-    def covariance(self, name: str, value: Any, axes: str, *, leading: str | None = None) -> Any:
+    def covariance(self, name: str, value: Numbers | None, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
         P = self.array(name, value, axes, leading=leading)
         if P is None or isinstance(P, Tracer) or P.size == 0:
@@ -170,7 +173,7 @@ class Faults:
     def number(
         self,
         name: str,
-        value: Any,
+        value: Numbers | None,
         *,
         lower: float | None = None,
         above: float | None = None,
@@ -196,8 +199,8 @@ class Faults:
                 return None
         return given
 
-    def whole(self, name: str, value: Any, lower: int) -> None:
-        """`value` must be a whole number, at least `lower`."""
+    def whole(self, name: str, value: Numbers | None, lower: int) -> None:
+        """`value` must be an integer, at least `lower`."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
             self.add(f"`{name}` must be a whole number, at least {lower}. Got {short(value)}.")
 
@@ -247,7 +250,7 @@ def refuse(*sentences: str) -> NoReturn:
     raise InputError(*sentences)
 
 
-def existing_file(path: Any) -> Path:
+def existing_file(path: str | os.PathLike[str]) -> Path:
     """`path` as the path of a file that is there; an `InputError` otherwise."""
     if not isinstance(path, str | os.PathLike):
         refuse(f"`path` must be the name of a file. Got {short(path)}.")
@@ -294,7 +297,7 @@ def is_traced(*values: Any) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
-def _is_finite_number(value: Any) -> bool:
+def _is_finite_number(value: Numbers | None) -> TypeGuard[float]:
     """Whether it is a real number, finite as a float, and not a boolean."""
     try:
         return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))

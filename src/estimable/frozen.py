@@ -8,12 +8,15 @@ a shape or a branch, and must be hashable. A leaf that holds a text (a named cho
 
 import dataclasses
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
 
+from .annotations import AnyRecord
+
 Cls = TypeVar("Cls")
+Aux = tuple[tuple[Any, ...], tuple[str | None, ...]]  # the static fields of a record, and its leaves that are words
 PACKAGE = __name__.partition(".")[0]
 RECORDS: dict[str, type] = {}  # by name: the records that `save` writes and `load` makes
 
@@ -64,21 +67,24 @@ def frozen(cls: type[Cls]) -> type[Cls]:
     leaves, statics = leaf_fields(record), static_fields(record)
     numbers, fixed, no_words = _getter(leaves), _getter(statics), (None,) * len(leaves)
 
-    def flatten(thing):  # some thirty times in a call of a driver: as short as it can be
+    def flatten(
+        thing: Cls,
+    ) -> tuple[tuple[Any, ...], Aux]:  # some thirty times in a call of a driver: as short as it can be
         values = numbers(thing)
         if not any([isinstance(value, str) for value in values]):
             return values, (fixed(thing), no_words)
         words = tuple(value if isinstance(value, str) else None for value in values)
         return tuple(None if isinstance(value, str) else value for value in values), (fixed(thing), words)
 
-    def flatten_with_keys(thing):
+    def flatten_with_keys(thing: Cls) -> tuple[list[tuple[Any, Any]], Aux]:
         children, aux = flatten(thing)
         return list(zip(map(jax.tree_util.GetAttrKey, leaves), children, strict=True)), aux
 
-    def unflatten(aux, children):
+    def unflatten(aux: Aux, children: Iterable[Any]) -> Cls:
         fixed, words = aux
         thing = object.__new__(record)
-        set_field(thing, **dict(zip(statics, fixed, strict=True)))
+        for name, value in zip(statics, fixed, strict=True):
+            object.__setattr__(thing, name, value)
         for name, child, word in zip(leaves, children, words, strict=True):
             object.__setattr__(thing, name, child if word is None else word)
         return thing
@@ -105,7 +111,7 @@ def replace(thing: Cls, **changes: Any) -> Cls:
     return copy
 
 
-def set_field(thing: Any, **values: Any) -> None:
+def set_field(thing: AnyRecord, **values: Any) -> None:
     """Set fields of a record under construction (in `__post_init__` only)."""
     for name, value in values.items():
         object.__setattr__(thing, name, value)

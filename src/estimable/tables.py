@@ -34,7 +34,7 @@ def _diagonal(matrices: np.ndarray) -> np.ndarray:
     return np.diagonal(np.asarray(matrices, float), axis1=-2, axis2=-1)
 
 
-def at_its_instant(field: str, values: np.ndarray, delay: int) -> Any:
+def at_its_instant(field: str, values: np.ndarray | None, delay: int) -> Any:
     """An unknown input that is told `delay` rows later, in its own row; what is not told any more is NaN.
 
     >>> at_its_instant("unknown_input", np.array([0.0, 1.0, 2.0]), 1).tolist()

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 from . import checks
 
 
-def write(path: Any, fill: Callable[[BinaryIO], Any]) -> None:
+def write(path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any]) -> None:
     """Write the file `path` with `fill(stream)`. Until the new file is on the disk, an older one of that name stays.
 
     `fill` writes a draft in the same folder, which then takes the name, with the permissions of the older file. A link stays

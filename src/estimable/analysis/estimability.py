@@ -111,7 +111,8 @@ def read_horizon(model: StateSpace, horizon: float | None, faults: checks.Faults
 
 def read_prior(prior: Prior | str | None, n: int, faults: checks.Faults) -> None:
     """A prior with a finite covariance, of this many states."""
-    if not faults.instance("prior", prior, Prior):
+    if not isinstance(prior, Prior):
+        faults.instance("prior", prior, Prior)
         return
     if prior.diffuse is not None:
         faults.add("`prior` must have a finite covariance: a direction without one shrinks by an infinite amount.")

@@ -56,14 +56,14 @@ def gain_information(
         faults.finish()
     given = gain_blocks.read_directions(directions, model, faults)
     p = faults.sizes.get("p", 0)
-    feedthrough = gain_blocks.read_feedthrough(feedthrough, directions, faults)
+    passing = gain_blocks.read_feedthrough(feedthrough, directions, faults)
     _check_prior("state", state, model.n, "state", faults)
     _check_prior("gain", gain, p, "gain", faults)
-    u, seen, clock = _read_inputs(model, u, dt, faults)
-    dither = None if dither is None else faults.array("dither", dither, "T m")
+    inputs, seen, clock = _read_inputs(model, u, dt, faults)
+    added = None if dither is None else faults.array("dither", dither, "T m")
     faults.finish()
-    blocks = gain_blocks.in_blocks(model, p, directions=given, feedthrough=feedthrough)
-    rows = _rows(sample(blocks, clock), u, dither, seen, p)
+    blocks = gain_blocks.in_blocks(model, p, directions=given, feedthrough=passing)
+    rows = _rows(sample(blocks, clock), inputs, added, seen, p)
     try:
         factor = information_factor(rows, model.n, model.n + p * (1 if dither is None else 2))
     except np.linalg.LinAlgError:
@@ -83,14 +83,15 @@ def _read_inputs(model: StateSpace, u: Numbers | Record, dt: float | None, fault
     """What the actuators do (T, m), which outputs are seen (T, p), and the steps."""
     if isinstance(u, Record):
         return _from_record(model, u, dt, faults)
-    u = faults.array("u", u, "T m")
+    inputs = faults.array("u", u, "T m")
     if dt is None and model.is_continuous:
         faults.add("`dt` is needed: the model is continuous (dt = 0), and `u` has no time.")
     dt = model.dt if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
     if dt and not model.is_continuous and dt != model.dt:
         faults.add(f"`dt` must be the model's own step, {model.dt:g} s. Got {dt:g}.")
-    _check_length(model, u, faults)
-    return u, None if u is None else np.ones((len(u), model.p), bool), Clock.every(dt or 1.0)
+    _check_length(model, inputs, faults)
+    seen = None if inputs is None else np.ones((len(inputs), model.p), bool)
+    return inputs, seen, Clock.every(dt or 1.0)
 
 
 def _from_record(model: StateSpace, record: Record, dt: float | None, faults: checks.Faults) -> Any:
@@ -113,14 +114,14 @@ def _from_record(model: StateSpace, record: Record, dt: float | None, faults: ch
     return u, record.seen[:, columns[1]], record.clock(model.dt or None)
 
 
-def _check_length(model: StateSpace, u: Numbers | Record, faults: checks.Faults) -> None:
+def _check_length(model: StateSpace, u: np.ndarray | None, faults: checks.Faults) -> None:
     if u is not None and len(u) == 0:
         faults.add("`u` must have at least one row.")
     if u is not None and model.steps not in (None, len(u)):
         faults.add(f"`u` must have {model.steps} rows: the model varies over as many. Got {len(u)}.")
 
 
-def _rows(ready: SampledModel, u: Numbers | Record, dither: Numbers, seen: Numbers, p: int) -> Any:
+def _rows(ready: SampledModel, u: np.ndarray, dither: np.ndarray | None, seen: np.ndarray, p: int) -> Any:
     """(A, N, C, M, Q, R, Ω V', seen) of every row, with columns for (x[0], θ by u, θ by the dither)."""
     n, point = ready.A.shape[-1], np.asarray(ready.point.inputs)
     acts = [u - point] if dither is None else [u - point, np.asarray(dither)]

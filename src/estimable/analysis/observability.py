@@ -32,9 +32,9 @@ def observability(model: StateSpace, *, horizon: float | None = None) -> Observa
     >>> seen.observable, seen.detectable, seen.sentences[0]
     (False, False, 'x2 never shows in y1.')
     """
-    A, C, horizon, _ = _read(model, "C", horizon)
-    found = _structure(model, np.swapaxes(A, -1, -2), np.swapaxes(C, -1, -2), horizon, reverse=True)
-    return Observability(**found, states=model.states, channels=model.outputs, horizon=horizon)
+    A, C, until, _ = _read(model, "C", horizon)
+    found = _structure(model, np.swapaxes(A, -1, -2), np.swapaxes(C, -1, -2), until, reverse=True)
+    return Observability(**found, states=model.states, channels=model.outputs, horizon=until)
 
 
 def reachability(model: StateSpace, *, horizon: float | None = None, by: str = "inputs") -> Reachability:
@@ -50,10 +50,10 @@ def reachability(model: StateSpace, *, horizon: float | None = None, by: str = "
     faults = checks.Faults()
     faults.choice("by", by, ("inputs", "noise"))
     faults.finish()
-    A, _, horizon, M = _read(model, by, horizon)
-    found = _structure(model, A, M, horizon)
+    A, _, until, M = _read(model, by, horizon)
+    found = _structure(model, A, M, until)
     channels = model.inputs if by == "inputs" else ("process noise",)
-    return Reachability(**found, states=model.states, channels=channels, horizon=horizon)
+    return Reachability(**found, states=model.states, channels=channels, horizon=until)
 
 
 def _read(model: StateSpace, which: str, horizon: float | None):
@@ -73,7 +73,7 @@ def noise_factor(model: StateSpace) -> np.ndarray:
 
 
 def _structure(
-    model: StateSpace, F: np.ndarray, M: np.ndarray, horizon: int | None, *, reverse: bool = False
+    model: StateSpace, F: np.ndarray, M: np.ndarray, horizon: float | None, *, reverse: bool = False
 ) -> dict[str, Any]:
     """The fields of a structure, of the pair (F, M)."""
     if horizon is not None:

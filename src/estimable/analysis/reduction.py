@@ -127,7 +127,7 @@ def _shown(A: np.ndarray, C: np.ndarray, to: np.ndarray, back: np.ndarray):
     return (shown.T * T) @ to, back @ (shown / T[:, None])
 
 
-def _project(model: StateSpace, to: np.ndarray, back: np.ndarray, **noise) -> StateSpace:
+def _project(model: StateSpace, to: np.ndarray, back: np.ndarray, **noise: np.ndarray | None) -> StateSpace:
     """The model of z = to x; one state that is nothing where none is left."""
     if len(to) == 0:
         checks.refuse("nothing is left to model: neither inputs nor noise move anything that an output shows.")

@@ -1,5 +1,7 @@
 """Can control lower a quadratic cost, from every state?"""
 
+from typing import Any
+
 import numpy as np
 
 from .. import checks
@@ -42,12 +44,12 @@ def regulability(
         weights = _read_weights(model, L, M, terminal, faults)
     faults.finish()
     assert weights is not None
-    L, M, terminal = weights
+    state, control, end = weights
     steps = None if horizon is None or model.is_continuous else int(horizon)
-    problem = dual(model, L, M, steps)
-    if horizon is not None and terminal is None:
-        terminal = start_of(problem, model.is_continuous, otherwise=problem.at(0).Q)
-    moments = moments_of(problem, terminal, horizon, model.is_continuous)
+    problem = dual(model, state, control, steps)
+    if horizon is not None and end is None:
+        end = start_of(problem, model.is_continuous, otherwise=problem.at(0).Q)
+    moments = moments_of(problem, end, horizon, model.is_continuous)
     return Regulability(**assess(moments), states=model.states, inputs=model.inputs, horizon=horizon)
 
 
@@ -60,7 +62,7 @@ def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = No
     return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
 
 
-def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers, faults: checks.Faults):
+def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers | None, faults: checks.Faults) -> Any:
     """L, M and the terminal weight; None where one is at fault."""
     for axis in ("n", "m"):
         size = getattr(model, axis)
@@ -70,11 +72,10 @@ def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers, 
     if model.m == 0:
         faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
         return None
-    L, M = faults.covariance("L", L, "n n", leading="T"), faults.covariance("M", M, "m m", leading="T")
-    if terminal is not None:
-        terminal = faults.covariance("terminal", terminal, "n n")
-    if M is not None:
-        for each in M.reshape(-1, model.m, model.m):
+    state, control = faults.covariance("L", L, "n n", leading="T"), faults.covariance("M", M, "m m", leading="T")
+    end = None if terminal is None else faults.covariance("terminal", terminal, "n n")
+    if control is not None:
+        for each in control.reshape(-1, model.m, model.m):
             if not faults.positive_definite("M", each):
                 break
-    return None if L is None or M is None else (L, M, terminal)
+    return None if state is None or control is None else (state, control, end)

@@ -30,14 +30,14 @@ def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoM
     (0.5, 10.0)
     """
     A, dt = _read(A, dt)
-    scaling = _scaling(A, scaling)
-    A = A * scaling / scaling[:, None]
+    units = _scaling(A, scaling)
+    A = A * units / units[:, None]
     course, total = _decay(A, dt == 0)
     rates = DecayRates(course, dt == 0)
     rate = rates.best(lambda λ: log(rates.decay(λ)) - log(rates.overshoot(λ)))
     γ, speed = rates.overshoot(rate), rates.decay(rate)
     radius = decay.nearest_instability(A, dt == 0)[0]
-    return RhoMargin(speed / γ, speed if dt == 0 else rate, γ, 1 / total, radius, scaling, course, dt)
+    return RhoMargin(speed / γ, speed if dt == 0 else rate, γ, 1 / total, radius, units, course, dt)
 
 
 def stability_radius(A: Numbers, *, dt: float) -> StabilityRadius:
@@ -76,7 +76,7 @@ def _read(A: Numbers, dt: float) -> tuple[np.ndarray, float]:
     return A, dt
 
 
-def _scaling(A: np.ndarray, scaling: Numbers) -> np.ndarray:
+def _scaling(A: np.ndarray, scaling: Numbers | None) -> np.ndarray:
     if scaling is None:
         return np.ones(len(A))
     if isinstance(scaling, str):

@@ -203,7 +203,13 @@ def _method(rank_D: int, delay: int) -> str:
     return "delayed"
 
 
-def _sentence(model: StateSpace, columns: list[int], ranks: Sequence[int], outside: np.ndarray, radius: float) -> str:
+def _sentence(
+    model: StateSpace,
+    columns: tuple[int, ...],
+    ranks: tuple[int, int, int | None],
+    outside: np.ndarray,
+    radius: float | None,
+) -> str:
     rank_D, rank_next, delay = ranks
     d, names = len(columns), checks.listed(model.inputs[i] for i in columns)
     if d > model.p:

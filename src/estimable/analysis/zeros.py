@@ -25,7 +25,7 @@ def invariant_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) 
     ([-1.5], 1)
     """
     A, B, C, D = _scaled(*(np.atleast_2d(np.asarray(M, float)) for M in (A, B, C, D)))
-    tolerance = RANK * max(np.linalg.norm(np.block([[A, B], [C, D]]), 2), 1e-300)
+    tolerance = RANK * max(float(np.linalg.norm(np.block([[A, B], [C, D]]), 2)), 1e-300)
     A, B, C, D = _without_silent_states(A, B, C, D, tolerance)
     A, C, B, D = (M.T for M in _without_silent_states(A.T, C.T, B.T, D.T, tolerance))
     if len(A) == 0:

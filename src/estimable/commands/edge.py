@@ -8,7 +8,6 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from ..annotations import Array
 from ..errors import EstimableError, InputError
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
@@ -37,9 +36,10 @@ class Edge(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _usage(error: Array) -> str:
+def _usage(error: Exception) -> str:
     """What was wrong with the options, and where to read about them."""
-    message = " ".join(error.format_message().split())
+    worded = getattr(error, "format_message", error.__str__)
+    message = " ".join(worded().split())
     message += "" if message.endswith((".", "?")) else "."
     context = getattr(error, "ctx", None)
     return message if context is None else f"{message} Try: {context.command_path} --help."

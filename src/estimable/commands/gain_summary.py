@@ -122,9 +122,10 @@ def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, firs
 
 def is_effectiveness(algorithm: Algorithm[Any]) -> bool:
     """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
-    algorithm = algorithm.innermost
-    scaled = isinstance(algorithm, UnknownGain) and isinstance(algorithm.directions, str)
-    return scaled and algorithm.directions in ("one", "per_input") and algorithm.fixed is None
+    inner = algorithm.innermost
+    if not isinstance(inner, UnknownGain) or not isinstance(inner.directions, str):
+        return False
+    return inner.directions in ("one", "per_input") and inner.fixed is None
 
 
 def by_name(names: tuple[str, ...], values: np.ndarray) -> Any:

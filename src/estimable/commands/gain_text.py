@@ -2,16 +2,22 @@
 
 import shlex
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..annotations import Tree
+from ..diagnostics.consistency import Consistency
 from ..tables import standard_deviation
 from . import innovation_checks, run_filter
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
 from .run_filter import FilterRun
 from .terminal_plot import ASCII, UNICODE, plot
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
 
 PLOTS = 4  # gains drawn at most: the screen is short
 WIDEST = 100
@@ -42,7 +48,7 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
     }
 
 
-def as_text(run: FilterRun, summary: GainSummary, console: Any) -> list[Any]:
+def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[Any]:
     """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
@@ -53,7 +59,7 @@ def as_text(run: FilterRun, summary: GainSummary, console: Any) -> list[Any]:
     ]  # fmt: skip
 
 
-def findings(summary: GainSummary, check: Any) -> tuple[str, ...]:
+def findings(summary: GainSummary, check: Consistency | None) -> tuple[str, ...]:
     """What the record says of each gain; first of all, whether the model explains the record."""
     return (*innovation_checks.warning(check), *summary.findings)
 
@@ -81,7 +87,7 @@ def _settings(run: FilterRun) -> Iterable[str]:
         yield escape(f"With {', '.join(f'{name}={_written(value)}' for name, value in settings.items())}.")
 
 
-def _written(value: Any) -> str:
+def _written(value: Tree) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value).replace(" ", "")
 
 
@@ -157,7 +163,7 @@ def _plots(run: FilterRun, summary: GainSummary, width: int, unicode: bool) -> l
     return lines
 
 
-def _coloured(line: str) -> Any:
+def _coloured(line: "Text") -> "Text":
     line.highlight_regex("[░:]+", "blue")
     line.highlight_regex("[\u2800-\u28ff*]+", "bold bright_cyan")
     return line

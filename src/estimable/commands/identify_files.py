@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.record import Record
+from ..frozen import field_names
 from ..models.state_space import StateSpace
 from ..protocols import Method
 from ..results import Comparison, Ranked
@@ -115,7 +116,6 @@ def _script(found: Comparison, record: Record, source: Path) -> str:
 
 
 def _call(method: Method) -> str:
-    fields = type(method).__dataclass_fields__
-    given = {name: getattr(method, name) for name in fields if name != "_"}
+    given = {name: getattr(method, name) for name in field_names(type(method))}
     shown = ", ".join(f"{name}={value!r}" for name, value in given.items() if isinstance(value, bool | int | str))
     return f"es.{type(method).__name__}({shown})"

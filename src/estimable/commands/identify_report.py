@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..results import Fit
 from .identify_files import Asked, WrittenFiles, write_model_file, write_page
 from .numbers import counted, decimals
 from .settings import read_settings
+
+if TYPE_CHECKING:
+    from ..catalogue import Entry
 
 RECURSIVE = ("joint-output-error", "recursive-output-error")  # which need the noise variance
 
@@ -53,7 +56,7 @@ def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int |
     return Identified(asked, record, name, given, chosen, fit, written)
 
 
-def _choose(entry: Any, record: Record, given: dict[str, Any], order: int | None) -> str | None:
+def _choose(entry: "Entry", record: Record, given: dict[str, Any], order: int | None) -> str | None:
     """Fill in what was not given; the sentence on the orders where they were chosen."""
     fields, chosen = entry.cls.__dataclass_fields__, None
     if "order" in fields and "order" not in given:
@@ -66,7 +69,7 @@ def _choose(entry: Any, record: Record, given: dict[str, Any], order: int | None
     return chosen
 
 
-def _made(entry: Any, given: dict[str, Any]) -> Any:
+def _made(entry: "Entry", given: dict[str, Any]) -> Any:
     """The method with its settings; those without a default in their places."""
     fields = [field for field in entry.cls.__dataclass_fields__ if field != "_"]
     places = [given[name] for name in fields if name in ("na", "nb", "order", "length") and name in given]

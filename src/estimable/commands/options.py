@@ -1,13 +1,16 @@
 """The options that commands share: each with its type and a sentence of help."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+Callback = Callable[[typer.Context, bool], bool]
 
-def _option(name: str, metavar: str | None, help: str, **more: Any) -> Any:
-    return typer.Option(name, metavar=metavar, help=help, show_default=False, **more)
+
+def _option(name: str, metavar: str | None, help: str, callback: Callback | None = None) -> Any:
+    return typer.Option(name, metavar=metavar, help=help, show_default=False, callback=callback)
 
 
 def _at_either_end(context: typer.Context, value: bool) -> bool:

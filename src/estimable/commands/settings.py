@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .. import catalogue, checks
+from ..annotations import Tree
 from ..protocols import Algorithm
 
 WORD = re.compile(r"[A-Za-z_][\w.-]*")
@@ -50,7 +51,7 @@ def settings_in_force(algorithm: Algorithm[Any]) -> dict[str, Any]:
     return {name: value for name, value in both.items() if value is not None}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Tree) -> Any:
     """A number, a word, or a list; the number of a multiple of the identity, and of numbers that are alike; else None."""
     if isinstance(value, np.ndarray) and value.size:
         alike = value.flat[0] * (np.eye(len(value)) if value.ndim == 2 else np.ones(value.shape))

@@ -5,11 +5,27 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import typer
 
 from .. import checks
+from ..annotations import Tree
+
+Run = TypeVar("Run")
+OneRun = TypeVar("OneRun", contravariant=True)
+
+
+class Words(Protocol[OneRun]):
+    """What says what was found: the module of a command."""
+
+    def as_data(self, run: OneRun) -> dict[str, Any]:
+        """What a command says to a machine."""
+        ...
+
+    def as_text(self, run: OneRun) -> list[Any]:
+        """What a command says to people."""
+        ...
 
 
 def front_page(context: typer.Context, version: bool, machine: bool) -> None:
@@ -27,7 +43,7 @@ def data(command: str, found: dict[str, Any]) -> None:
     print(json.dumps(plain({"command": command, "version": _version(), **found}), indent=2, allow_nan=False))
 
 
-def plain(value: Any) -> Any:
+def plain(value: Tree) -> Tree:
     """`value` as JSON holds it; what is not a finite number is None.
 
     >>> plain({"a": float("nan"), "b": (1, float("inf"))})
@@ -84,8 +100,8 @@ def counted(sentence: str) -> Iterator[Callable[[str, int, int], None] | None]:
         )
 
 
-def both(command: str, machine: bool, words: Any, run: Any) -> None:
-    """What was found, for machines or for people: `words` has `as_data(run)` and `as_text(run)`."""
+def both(command: str, machine: bool, words: Words[Run], run: Run) -> None:
+    """What was found, for machines or for people."""
     if machine:
         data(command, words.as_data(run))
     else:

@@ -1,7 +1,7 @@
 """Named columns of a table as channels."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,18 +9,21 @@ from .. import checks
 from ..annotations import Numbers
 from .na_values import without_na
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 REMEDY = "sort the rows, and drop repeated ones"
 
 
 def channels_of(
-    frame,
+    frame: "pd.DataFrame",
     *,
     outputs: Sequence[str],
     inputs: Sequence[str],
     time: str | None,
     dt: float | None,
     arrived: str | Sequence[str] | None,
-    na_values: Numbers,
+    na_values: Numbers | None,
 ) -> dict[str, Any]:
     """The arguments `y`, `u`, `t`, `arrived`, `outputs` and `inputs` of a `Record` of named columns.
 
@@ -47,7 +50,7 @@ def channels_of(
     columns |= {name: without_na(np.asarray(columns[name]), name, marks, faults) for name in (*outputs, *inputs)}
     faults.finish()
 
-    def together(names: Sequence[str]):
+    def together(names: Sequence[str]) -> np.ndarray:
         return np.stack([np.asarray(columns[name]) for name in names], axis=1) if names else np.zeros((len(frame), 0))
 
     repeated = arrivals * len(inputs) if len(arrivals) == 1 else arrivals
@@ -57,27 +60,29 @@ def channels_of(
     }  # fmt: skip
 
 
-def _column(frame, name: str, faults: checks.Faults):
+def _column(frame: "pd.DataFrame", name: str, faults: checks.Faults) -> "pd.Series | None":
     """The column of a name, or None."""
+    import pandas as pd
+
     if name not in frame.columns:
         columns = [str(column) for column in frame.columns]
         near = checks.suggestion(name, columns)
         faults.add(f"there is no column {name!r}. The columns are {checks.listed(columns)}.{near}")
         return None
     column = frame[name]
-    if getattr(column, "ndim", 1) != 1:
+    if not isinstance(column, pd.Series):
         faults.add(f"there is more than one column {name!r}.")
         return None
     return column
 
 
-def _numbers(frame, name: str, faults: checks.Faults) -> np.ndarray | None:
+def _numbers(frame: "pd.DataFrame", name: str, faults: checks.Faults) -> np.ndarray | None:
     """A column as float64; empty cells are NaN."""
     column = _column(frame, name, faults)
     return None if column is None else _as_numbers(column, f"column {name!r}", "numbers", faults)
 
 
-def _as_numbers(column, label: str, wanted: str, faults: checks.Faults) -> np.ndarray | None:
+def _as_numbers(column: "pd.Series", label: str, wanted: str, faults: checks.Faults) -> np.ndarray | None:
     import pandas as pd
 
     if getattr(column.dtype, "kind", "O") in "mMc" or isinstance(column.dtype, pd.PeriodDtype):
@@ -101,7 +106,7 @@ def _as_numbers(column, label: str, wanted: str, faults: checks.Faults) -> np.nd
 
 
 def _time(
-    frame, time: str | None, dt: float | None, outputs: tuple[str, ...], faults: checks.Faults
+    frame: "pd.DataFrame", time: str | None, dt: float | None, outputs: tuple[str, ...], faults: checks.Faults
 ) -> np.ndarray | None:
     """Seconds from a column, or from the index; None where `dt` counts, or something is at fault."""
     import pandas as pd
@@ -122,7 +127,7 @@ def _time(
     return None if column is None else _seconds(column, f"the time column {time!r}", faults)
 
 
-def _seconds(column, label: str, faults: checks.Faults) -> np.ndarray | None:
+def _seconds(column: "pd.Series", label: str, faults: checks.Faults) -> np.ndarray | None:
     """Timestamps as seconds after the first; durations and numbers as they are."""
     import pandas as pd
 

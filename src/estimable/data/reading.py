@@ -2,16 +2,20 @@
 
 import csv
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from .record import Record
+from .record import Record, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from scipy.sparse import spmatrix
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces", ",": "commas"}
@@ -28,7 +32,7 @@ def read_record(
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
-    units: Mapping[str, str] | Sequence[tuple[str, str]] = (),
+    units: Units = (),
     na_values: Numbers | None = None,
 ) -> Record:
     """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
@@ -52,13 +56,13 @@ def read_record(
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None
 
 
-def _wanted(*arguments: Any) -> list[str]:
+def _wanted(*arguments: str | Sequence[str] | None) -> list[str]:
     """Every name among the arguments; what is not a name is refused later, with the rest."""
     lists = [[given] if isinstance(given, str) else given for given in arguments if isinstance(given, str | Sequence)]
     return [name for names in lists for name in names if isinstance(name, str)]
 
 
-def _read_frame(path: Path, wanted: list[str]):
+def _read_frame(path: Path, wanted: list[str]) -> "pd.DataFrame":
     """The file as a table."""
     import pandas as pd
 
@@ -82,7 +86,7 @@ def _read_frame(path: Path, wanted: list[str]):
         checks.refuse(f"it could not be read as {kind[1:]}: {first}")
 
 
-def _read_csv(path: Path, separator: str, wanted: list[str]):
+def _read_csv(path: Path, separator: str, wanted: list[str]) -> "pd.DataFrame":
     import pandas as pd
 
     names = _header(path, separator, wanted)
@@ -150,7 +154,7 @@ def _check_cells(path: Path, separator: str, columns: int) -> None:
                 checks.refuse(f"row {number} below the header has {cells}, the header {columns}: is the line cut off?")
 
 
-def _read_mat(path: Path, wanted: list[str]):
+def _read_mat(path: Path, wanted: list[str]) -> "pd.DataFrame":
     import pandas as pd
     from scipy.io import loadmat
 
@@ -177,12 +181,13 @@ def _read_mat(path: Path, wanted: list[str]):
     return pd.DataFrame({name: value for name, value in vectors.items() if len(value) == length})
 
 
-def _is_vector(value: Any) -> bool:
-    numeric = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
-    return numeric and value.size in (0, max(value.shape, default=1))
+def _is_vector(value: "np.ndarray | spmatrix") -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+        return False
+    return value.size in (0, max(value.shape, default=1))
 
 
-def _kind(value: Any) -> str:
+def _kind(value: "np.ndarray | spmatrix") -> str:
     """What a MATLAB variable is, in words."""
     if not isinstance(value, np.ndarray):
         return "sparse"

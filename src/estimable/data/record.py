@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
+from jax.core import Tracer
 
 from .. import checks
 from ..annotations import Numbers
@@ -12,6 +13,10 @@ from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
 from .frames import REMEDY, channels_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+Units: TypeAlias = Mapping[str, str] | Sequence[tuple[str, str]]  # {channel: unit}
 
 LOST = ("zero", "hold")
 UNIFORM = 1e-6  # relative scatter of time steps up to which sampling counts as regular: what rounding in a file leaves
@@ -75,7 +80,7 @@ class Record:
 
     @staticmethod
     def from_pandas(
-        frame,
+        frame: "pd.DataFrame",
         *,
         outputs: Sequence[str],
         inputs: Sequence[str] = (),
@@ -84,7 +89,7 @@ class Record:
         arrived: str | Sequence[str] | None = None,
         lost: str = "zero",
         hold: str = "zero_order",
-        units=(),
+        units: Units = (),
         na_values: Numbers | None = None,
     ) -> "Record":
         """A record of named columns of a DataFrame.
@@ -168,9 +173,9 @@ class Record:
         return applied
 
 
-def _column(value: Any) -> Any:
+def _column(value: Numbers) -> Numbers:
     """A 1-D array of numbers as one channel."""
-    if checks.is_traced(value):
+    if isinstance(value, Tracer):
         return value[:, None] if value.ndim == 1 else value
     try:
         array = np.asarray(value)
@@ -179,12 +184,12 @@ def _column(value: Any) -> Any:
     return array[:, None] if array.ndim == 1 and array.dtype.kind in "fiub" else value
 
 
-def _is_whole(*bounds: Any) -> bool:
-    """Whether each is a whole number or None."""
+def _is_whole(*bounds: int | None) -> bool:
+    """Whether each is an integer or None."""
     return all(bound is None or isinstance(bound, int | np.integer) for bound in bounds)
 
 
-def _read_units(units: Any, channels: tuple[str, ...], faults: checks.Faults) -> tuple[tuple[str, str], ...]:
+def _read_units(units: Units, channels: tuple[str, ...], faults: checks.Faults) -> tuple[tuple[str, str], ...]:
     """(name, unit) of each channel that has one."""
     pairs = tuple(units.items()) if isinstance(units, Mapping) else units
     texts = isinstance(pairs, tuple) and all(
@@ -213,7 +218,7 @@ def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndar
 
 
 def _read_time(
-    dt: float | None, t: Numbers, rows: int, faults: checks.Faults
+    dt: float | None, t: Numbers | None, rows: int, faults: checks.Faults
 ) -> tuple[float | None, np.ndarray | None]:
     """The regular step (None if there is none) and the times (None if the record has none)."""
     if dt is not None:
@@ -224,22 +229,21 @@ def _read_time(
     if getattr(getattr(t, "dtype", None), "kind", "f") in "mM":
         faults.add("`t` must be seconds, not dates. Did you mean `(t - t[0]) / np.timedelta64(1, 's')`?")
         return dt, None
-    t = faults.array("t", t, "T")
-    if t is None or rows == 0:
+    times = faults.array("t", t, "T")
+    if times is None or rows == 0:
         return dt, None
-    if np.any(back := np.diff(t) <= 0):
+    if np.any(back := np.diff(times) <= 0):
         k = int(np.argmax(back))
-        faults.add(
-            f"`t` must increase. From t[{k}] to t[{k + 1}] it goes from {float(t[k])} to {float(t[k + 1])} s: {REMEDY}."
-        )
+        before, after = float(times[k]), float(times[k + 1])
+        faults.add(f"`t` must increase. From t[{k}] to t[{k + 1}] it goes from {before} to {after} s: {REMEDY}.")
         return dt, None
     if rows == 1:
-        return dt, t
-    mean, regular = float((t[-1] - t[0]) / (rows - 1)), _regular_step(t)
-    if dt is not None and (regular is None or abs(dt - mean) > scatter(t, mean)):
+        return dt, times
+    mean, regular = float((times[-1] - times[0]) / (rows - 1)), _regular_step(times)
+    if dt is not None and (regular is None or abs(dt - mean) > scatter(times, mean)):
         scattered = ", not regular" if regular is None else ""
         faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{scattered}. Give one.")
-    return regular, t
+    return regular, times
 
 
 def _regular_step(t: np.ndarray) -> float | None:

@@ -4,7 +4,7 @@ Letters of the source: d = H z enters by F, Γ cancels it; Π is the state that 
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def disturbance_accommodation(
     M: Numbers,
     mode: str = "absorption",
     walk: Numbers = 1.0,
-    freed: Sequence[str] | str | None = None,
+    freed: Sequence[str] | Numbers | None = None,
 ) -> DisturbanceAccommodation:
     """Estimate a disturbance of known form beside the state, and cancel it, free the outputs of it, or use it.
 
@@ -77,7 +77,7 @@ def disturbance_accommodation(
     elif mode == "minimisation":
         K_z = _freeing(model, plan, A)
     else:
-        K_z = _using(model, plan, law, A, M)
+        K_z = _using(model, plan, law, A, np.asarray(M))
     Π = _steady(A, plan, plan.FH - model.B @ K_z)
     size = max(float(np.abs(plan.C).max() * np.abs(_steady(A, plan, plan.FH)).max()), 1e-300)
     left = plan.C @ Π
@@ -88,7 +88,12 @@ def disturbance_accommodation(
 
 
 def _read(
-    model: StateSpace, disturbance: Any, through: Numbers, mode: str, walk: Numbers, freed: Sequence[str] | str
+    model: StateSpace,
+    disturbance: Waveform,
+    through: Numbers,
+    mode: str,
+    walk: Numbers,
+    freed: Sequence[str] | Numbers | None,
 ) -> _Plan:
     faults = checks.Faults()
     if faults.instance("model", model, StateSpace):
@@ -115,23 +120,29 @@ def _read(
 
 def _read_walk(walk: Numbers, disturbance: Waveform, faults: checks.Faults) -> Any:
     """The covariance per second of z, (q, q)."""
-    given = np.asarray(walk) if np.ndim(walk) < 2 else walk
-    if np.ndim(walk) < 2 and given.dtype.kind in "fiu" and np.shape(walk) in ((), (disturbance.order,)):
+    if np.ndim(walk) >= 2:
+        return faults.covariance("walk", walk, "q q")
+    given = np.asarray(walk)
+    if given.dtype.kind in "fiu" and given.shape in ((), (disturbance.order,)):
         given = given * np.eye(disturbance.order)
     return faults.covariance("walk", given, "q q")
 
 
-def _read_freed(freed: Sequence[str] | str, model: StateSpace, faults: checks.Faults) -> Any:
+def _read_freed(freed: Sequence[str] | Numbers | None, model: StateSpace, faults: checks.Faults) -> Any:
     """The combinations of states that are to be freed, (r, n)."""
     if freed is None:
         return model.C
-    if np.ndim(freed) == 1 and all(isinstance(name, str) for name in freed):
-        for name in freed:
-            if name not in model.outputs:
-                near = checks.suggestion(name, model.outputs)
-                faults.add(f"`freed`: there is no output {name!r}. There are {checks.listed(model.outputs)}.{near}")
-        return model.C[[model.outputs.index(name) for name in freed if name in model.outputs]]
-    return faults.array("freed", freed, "r n")
+    if not _are_names(freed):
+        return faults.array("freed", freed, "r n")
+    for name in freed:
+        if name not in model.outputs:
+            near = checks.suggestion(name, model.outputs)
+            faults.add(f"`freed`: there is no output {name!r}. There are {checks.listed(model.outputs)}.{near}")
+    return model.C[[model.outputs.index(name) for name in freed if name in model.outputs]]
+
+
+def _are_names(freed: Sequence[str] | Numbers) -> TypeGuard[Sequence[str]]:
+    return np.ndim(freed) == 1 and all(isinstance(name, str) for name in np.asarray(freed, object).tolist())
 
 
 def _sampled(D: np.ndarray, dt: float) -> tuple[Any]:

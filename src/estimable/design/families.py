@@ -119,7 +119,7 @@ class DesignFamily:
         return replace(_approaching(model, model.A.T, (model.C @ model.A).T, weight), next_output=True)
 
 
-def _approaching(model: StateSpace, A: np.ndarray, B: np.ndarray, weight: Numbers) -> DesignFamily:
+def _approaching(model: StateSpace, A: np.ndarray, B: np.ndarray, weight: Numbers | None) -> DesignFamily:
     dt = None if model.is_continuous else model.dt
     return DesignFamily.factored(A, np.eye(len(A)), B, weight=weight, dt=dt)
 
@@ -128,7 +128,7 @@ def _even(M: np.ndarray) -> Any:
     return (M + M.T) / 2
 
 
-def joint(Q: Any, S: Any, R: Any) -> float:
+def joint(Q: np.ndarray, S: np.ndarray, R: np.ndarray) -> float:
     """The smallest eigenvalue of [[Q, S], [S', R]], of its largest entry; -0 is 0."""
     M = np.block([[Q, S], [S.T, R]])
     return float(np.linalg.eigvalsh(M)[0] / (np.abs(M).max() or 1.0))

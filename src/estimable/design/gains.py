@@ -113,7 +113,7 @@ def lqr_gain(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None = None
     return FeedbackGain(K, X, _poles(F, continuous=model.is_continuous))
 
 
-def _weights(model: StateSpace, L: Numbers, M: Numbers, N: Numbers, faults: checks.Faults):
+def _weights(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None, faults: checks.Faults) -> Any:
     """L, M and N, checked alone and together; None where at fault."""
     for axis in ("n", "m"):
         size = getattr(model, axis)
@@ -121,14 +121,14 @@ def _weights(model: StateSpace, L: Numbers, M: Numbers, N: Numbers, faults: chec
     if model.m == 0:
         faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
         return None
-    L, M = faults.covariance("L", L, "n n"), faults.covariance("M", M, "m m")
-    N = np.zeros((model.n, model.m)) if N is None else faults.array("N", N, "n m")
-    if L is None or M is None or N is None:
+    state, control = faults.covariance("L", L, "n n"), faults.covariance("M", M, "m m")
+    cross = np.zeros((model.n, model.m)) if N is None else faults.array("N", N, "n m")
+    if state is None or control is None or cross is None:
         return None
     if model.is_continuous:
-        faults.positive_definite("M", M)
-    joint = np.block([[L, N], [N.T, M]])
+        faults.positive_definite("M", control)
+    joint = np.block([[state, cross], [cross.T, control]])
     smallest = np.linalg.eigvalsh(joint)[0]
     if smallest < -checks.ROUNDING * len(joint) * np.abs(joint).max():
         faults.add(f"[[L, N], [N.T, M]] must be positive semidefinite: its smallest eigenvalue is {smallest:.6g}.")
-    return L, M, N
+    return state, control, cross

@@ -1,7 +1,7 @@
 """A call of `rho_synthesis`, read and checked."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..annotations import Numbers
 from ..errors import AssumptionError
 from ..models.constant import check_constant
 from ..models.state_space import StateSpace
+from ..results import Observability, Reachability
 from ..results.designs import BEST
 from .families import DesignFamily, joint
 from .gains import kalman_gain
@@ -25,34 +26,40 @@ INDEFINITE = 1e-11  # of the largest entry: how far below zero rounding may leav
 class Plan(NamedTuple):
     """A call, read: `control` and `filter` are families or fixed gains."""
 
-    eta: Any
-    control: Any
-    filter: Any
+    eta: np.ndarray
+    control: DesignFamily | np.ndarray
+    filter: DesignFamily | np.ndarray
     weights: dict[str, float]
-    scaling: Any
+    scaling: np.ndarray
 
 
-def read_plan(model: StateSpace, eta: Numbers, control: Any, filter: Any, weights: Any, scaling: Numbers) -> Plan:
+Part: TypeAlias = DesignFamily | Numbers | None  # of a design, as it is given: a family, or a fixed gain
+
+
+def read_plan(
+    model: StateSpace,
+    eta: Numbers | None,
+    control: Part,
+    filter: Part,
+    weights: Mapping[str, float] | None,
+    scaling: Numbers | None,
+) -> Plan:
     """Check everything together."""
     faults = checks.Faults()
     _read_model(model, faults)
     n, m = model.n, model.m
-    eta = faults.array("eta", default_eta(model) if eta is None else eta, "N")
-    if eta is not None and (len(eta) == 0 or np.any(eta <= 0) or np.any(np.diff(eta) <= 0)):
-        faults.add("`eta` must be rates per second, greater than 0 and increasing.")
-    control = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
-    filter = _read_filter(filter, model, faults)
-    weights = _read_weights(weights, faults)
-    scaling = faults.array("scaling", np.ones(n) if scaling is None else scaling, "n")
-    if scaling is not None and np.any(scaling <= 0):
-        faults.add(f"`scaling` must be sizes, greater than 0. Got {scaling.min():g}.")
-    if not faults.sentences and not isinstance(control, DesignFamily) and not isinstance(filter, DesignFamily):
+    rates = _read_eta(default_eta(model) if eta is None else eta, faults)
+    law = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
+    observer = _read_filter(filter, model, faults)
+    counted = _read_weights(weights, faults)
+    sizes = _read_scaling(np.ones(n) if scaling is None else scaling, faults)
+    if not faults.sentences and not isinstance(law, DesignFamily) and not isinstance(observer, DesignFamily):
         faults.add("`control` and `filter` are both fixed gains, so that nothing depends on `eta`: leave one out.")
     if not faults.sentences:
-        _check_families(eta, control, filter, model, faults)
+        _check_families(rates, law, observer, model, faults)
     faults.finish()
     _check_reach(model)
-    return Plan(eta, control, filter, weights, scaling)
+    return Plan(rates, law, observer, counted, sizes)
 
 
 def _read_model(model: StateSpace, faults: checks.Faults) -> None:
@@ -68,8 +75,28 @@ def _read_model(model: StateSpace, faults: checks.Faults) -> None:
         faults.learn(axis, size, f"the model has {checks.counted(size, noun)}")
 
 
+def _read_eta(given: Numbers, faults: checks.Faults) -> Any:
+    eta = faults.array("eta", given, "N")
+    if eta is not None and (len(eta) == 0 or np.any(eta <= 0) or np.any(np.diff(eta) <= 0)):
+        faults.add("`eta` must be rates per second, greater than 0 and increasing.")
+    return eta
+
+
+def _read_scaling(given: Numbers, faults: checks.Faults) -> Any:
+    scaling = faults.array("scaling", given, "n")
+    if scaling is not None and np.any(scaling <= 0):
+        faults.add(f"`scaling` must be sizes, greater than 0. Got {scaling.min():g}.")
+    return scaling
+
+
 def _read_part(
-    name: str, given: Any, default: Any, sizes: tuple[int, int], axes: str, model: StateSpace, faults: checks.Faults
+    name: str,
+    given: Part,
+    default: Callable[[StateSpace], DesignFamily],
+    sizes: tuple[int, int],
+    axes: str,
+    model: StateSpace,
+    faults: checks.Faults,
 ) -> Any:
     """A family of the right sizes, or a fixed gain."""
     if given is None:
@@ -81,7 +108,7 @@ def _read_part(
     return given
 
 
-def _read_filter(given: Any, model: StateSpace, faults: checks.Faults) -> Any:
+def _read_filter(given: Part, model: StateSpace, faults: checks.Faults) -> Any:
     if isinstance(given, str):
         faults.choice("filter", given, ("kalman",))
         return kalman_gain(model).filter if given == "kalman" and model.R is not None else _without_noise(given, faults)
@@ -93,7 +120,7 @@ def _without_noise(given: str, faults: checks.Faults) -> None:
         faults.add('`filter` = "kalman" needs `R` and Q in the model: StateSpace(..., Q=..., R=...).')
 
 
-def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
+def _read_weights(given: Mapping[str, float] | None, faults: checks.Faults) -> dict[str, float]:
     """Weights of known criteria, not all zero."""
     if given is None:
         return dict.fromkeys(ALIKE, 1.0)
@@ -110,7 +137,13 @@ def _read_weights(given: Any, faults: checks.Faults) -> dict[str, float]:
     return read
 
 
-def _check_families(eta: Numbers, control, filter, model: StateSpace, faults: checks.Faults) -> None:
+def _check_families(
+    eta: np.ndarray,
+    control: DesignFamily | np.ndarray,
+    filter: DesignFamily | np.ndarray,
+    model: StateSpace,
+    faults: checks.Faults,
+) -> None:
     """Weights must be positive semidefinite together, and what costs nothing must not be free for ever."""
     for name, family in (("control", control), ("filter", filter)):
         if not isinstance(family, DesignFamily):
@@ -147,7 +180,7 @@ def _check_reach(model: StateSpace) -> None:
         raise AssumptionError(f"`model` is not detectable: a mode that does not die out is not seen. {_said(seen)}")
 
 
-def _said(found: Any) -> str:
+def _said(found: Reachability | Observability) -> str:
     return " ".join(found.sentences)
 
 

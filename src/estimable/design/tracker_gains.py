@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..annotations import Numbers
 from ..kernels import tracker_error as kernel
 from ..models.state_space import StateSpace
 from ..results import TrackerChoices
@@ -56,18 +55,19 @@ def alpha_beta_gains(choice: str, *, index: float | None = None, alpha: float | 
     [0.886554, 1.411793]
     """
     needs = {"kalata": "index", "benedict_bordner": "alpha", "critically_damped": "alpha"}
-    return _gains(choice, *_numbers(choice, CHOICES, needs, index, alpha))
+    return _gains(choice, _number(choice, CHOICES, needs, index, alpha))
 
 
-def _gains(choice: str, Λ: np.ndarray, α: float) -> tuple[float, float]:
-    """(α, β) of a choice whose number is in range."""
+def _gains(choice: str, number: float = 0.0) -> tuple[float, float]:
+    """(α, β) of a choice whose number, Λ or α, is in range."""
     if choice == "least_worst":
         s = np.sqrt((3 - np.sqrt(3)) / 2)
         α = 2 * s / (1 + s)
         return float(α), float((3 - np.sqrt(3)) * (2 - α))
     if choice == "kalata":
-        α, β = kernel.kalata(Λ)
+        α, β = kernel.kalata(number)
         return float(α), float(β)
+    α = number
     return (α, α**2 / (2 - α)) if choice == "benedict_bordner" else (α, float((1 - np.sqrt(1 - α)) ** 2))
 
 
@@ -88,29 +88,29 @@ def alpha_beta_gamma_gains(
     [0.875, 0.5625, 0.125]
     """
     needs = {"kalata": "index", "critically_damped": "alpha"}
-    Λ, α = _numbers(choice, tuple(needs), needs, index, alpha)
+    number = _number(choice, tuple(needs), needs, index, alpha)
     if choice == "kalata":
-        return kernel.kalata_gamma(Λ)
-    return kernel.fading(float(np.cbrt(1 - α)))
+        return kernel.kalata_gamma(number)
+    return kernel.fading(float(np.cbrt(1 - number)))
 
 
-def _numbers(
-    choice: str, choices: tuple[str, ...], needs: dict[str, str], index: Numbers, alpha: Numbers
-) -> tuple[Any, Any]:
-    """`index` and `alpha`, the one that the choice needs and no other, in range."""
+def _number(
+    choice: str, choices: tuple[str, ...], needs: dict[str, str], index: float | None, alpha: float | None
+) -> float:
+    """`index` or `alpha`, the one that the choice needs and no other, in range; 0 where it needs none."""
     faults = checks.Faults()
     faults.choice("choice", choice, choices)
-    given = {"index": index, "alpha": alpha}
-    for name, value in given.items():
+    number = 0.0
+    for name, value in (("index", index), ("alpha", alpha)):
         wanted = needs.get(choice) == name
         if wanted and value is None:
             faults.add(f"`{name}` must be given for {choice!r}.")
         elif wanted:
-            given[name] = faults.number(name, value, above=0.0, upper=1.0 if name == "alpha" else None)
+            number = faults.number(name, value, above=0.0, upper=1.0 if name == "alpha" else None)
         elif value is not None:
             faults.add(f"`{name}` has no meaning for {choice!r}.")
     faults.finish()
-    return given["index"], given["alpha"]
+    return number
 
 
 def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> TrackerChoices:
@@ -133,10 +133,10 @@ def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> Tracke
     noises = {"dt": dt, "sigma_a2": σ_a2, "sigma_s2": σ_s2}
     gains = {
         "kalman": _kalman(dt, σ_a2, σ_s2),
-        "kalata": _gains("kalata", dt**2 * np.sqrt(σ_a2 / σ_s2), None),
+        "kalata": _gains("kalata", dt**2 * np.sqrt(σ_a2 / σ_s2)),
         "benedict_bordner": _best("benedict_bordner", noises),
         "critically_damped": _best("critically_damped", noises),
-        "least_worst": _gains("least_worst", None, None),
+        "least_worst": _gains("least_worst"),
     }
     covariance = np.array([alpha_beta_covariance(*pair, **noises) for pair in gains.values()])
     variances = np.diagonal(covariance, axis1=1, axis2=2)
@@ -158,9 +158,9 @@ def _best(choice: str, noises: dict[str, float]) -> tuple[float, float]:
     from scipy.optimize import minimize_scalar
 
     def variance(α: float) -> float:
-        return np.log(alpha_beta_covariance(*_gains(choice, None, α), **noises)[0, 0])
+        return np.log(alpha_beta_covariance(*_gains(choice, α), **noises)[0, 0])
 
     found: Any = minimize_scalar(
         lambda z: variance(1 / (1 + np.exp(-z))), bounds=(-20, 20), method="bounded", options={"xatol": 1e-9}
     )
-    return _gains(choice, None, float(1 / (1 + np.exp(-found.x))))
+    return _gains(choice, float(1 / (1 + np.exp(-found.x))))

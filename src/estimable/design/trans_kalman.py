@@ -1,6 +1,7 @@
 """The Trans-Kalman filter, given an exact meaning: the best constant gain over a set of noises, or of a given sparsity."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,13 +15,15 @@ from ..models.constant import check_constant, check_noise
 from ..models.state_space import StateSpace
 from ..results import TransKalman
 
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # (Q, R) of each corner
+
 CRITERIA = ("relative_regret", "regret", "cost")
 
 
 def trans_kalman(
     model: StateSpace,
     *,
-    noises: Any = None,
+    noises: Sequence[tuple[Numbers, Numbers]] | None = None,
     criterion: str = "relative_regret",
     weight: Numbers | None = None,
     free: Numbers | None = None,
@@ -56,22 +59,30 @@ def trans_kalman(
     if faults.instance("model", model, StateSpace):
         _check_model(model, faults)
     faults.finish()
-    noises = _noises(model, noises, faults)
+    pairs = _noises(model, noises, faults)
     W = _weight(model, weight, faults)
     allowed = _free(model, free, faults)
     faults.finish()
     plant = kernel.Plant(model.A, model.C, W)
-    corners = _corners(plant, model, noises)
+    corners = _corners(plant, model, pairs)
     a, s = _charges(corners, criterion)
     best = kernel.mixture(plant, corners, a, s)
     K = best.corner.K
     if not allowed.all():
         K = _sparse(plant, corners, a, s, K, allowed)
-    return _told(model, plant, corners, noises, (a, s), best, K, criterion, allowed.all())
+    return _told(model, plant, corners, pairs, (a, s), best, K, criterion, bool(allowed.all()))
 
 
 def _told(
-    model: StateSpace, plant, corners, noises, charge, best: float, K: np.ndarray, criterion: str, full
+    model: StateSpace,
+    plant: kernel.Plant,
+    corners: list[kernel.Corner],
+    noises: Pairs,
+    charge: tuple[np.ndarray, np.ndarray],
+    best: kernel.Mixture,
+    K: np.ndarray,
+    criterion: str,
+    full: bool,
 ) -> TransKalman:
     """The result, and what proves it."""
     a, s = charge
@@ -96,7 +107,7 @@ def _told(
     )
 
 
-def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[Any, Any]:
+def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[np.ndarray, np.ndarray]:
     """(a, s): the criterion at a corner is a + s loss."""
     optimal = np.array([one.cost for one in corners])
     if criterion == "cost":
@@ -111,7 +122,7 @@ def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[Any, Any]:
     return np.zeros(len(corners)), 1 / optimal
 
 
-def _corners(plant: kernel.Plant, model: StateSpace, noises: list) -> list[kernel.Corner]:
+def _corners(plant: kernel.Plant, model: StateSpace, noises: Pairs) -> list[kernel.Corner]:
     """The Kalman filter of each corner."""
     found = []
     for i, (Q, R) in enumerate(noises):
@@ -122,7 +133,14 @@ def _corners(plant: kernel.Plant, model: StateSpace, noises: list) -> list[kerne
     return found
 
 
-def _sparse(plant, corners, a: np.ndarray, s: float, K: np.ndarray, allowed: np.ndarray) -> Any:
+def _sparse(
+    plant: kernel.Plant,
+    corners: list[kernel.Corner],
+    a: np.ndarray,
+    s: np.ndarray,
+    K: np.ndarray,
+    allowed: np.ndarray,
+) -> np.ndarray:
     """The gain that is zero where it must be."""
     found = kernel.restricted(plant, corners, a, s, K, allowed)
     if found is None:
@@ -143,7 +161,7 @@ def _check_model(model: StateSpace, faults: checks.Faults) -> None:
         faults.add("`model` has cross noise S, which this design does not use: give a model without it.")
 
 
-def _noises(model: StateSpace, noises: Any, faults: checks.Faults) -> list:
+def _noises(model: StateSpace, noises: Sequence[tuple[Numbers, Numbers]] | None, faults: checks.Faults) -> Pairs:
     """The corners as pairs of arrays."""
     if noises is None:
         return [(model.Q, model.R)]
@@ -165,7 +183,7 @@ def _noises(model: StateSpace, noises: Any, faults: checks.Faults) -> list:
     ]
 
 
-def _weight(model: StateSpace, weight: Numbers, faults: checks.Faults) -> Any:
+def _weight(model: StateSpace, weight: Numbers | None, faults: checks.Faults) -> Any:
     """W (n, n)."""
     faults.learn("n", model.n, model.size_source)
     if weight is None:
@@ -180,7 +198,7 @@ def _weight(model: StateSpace, weight: Numbers, faults: checks.Faults) -> Any:
     return W
 
 
-def _free(model: StateSpace, free: Numbers, faults: checks.Faults) -> Any:
+def _free(model: StateSpace, free: Numbers | None, faults: checks.Faults) -> Any:
     """Where the gain may be other than zero, (n, p)."""
     if free is None:
         return np.ones((model.n, model.p), bool)

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from ..annotations import Array, FrozenRecord, Tree
+from ..annotations import Array, AnyRecord, Tree
 
 Part = TypeVar("Part")
 Select = Callable[[Any, str], Tree]  # of an info and of `keep`, what is kept
 
 
-class Samples(FrozenRecord, Protocol):
+class Samples(AnyRecord, Protocol):
     """The samples of a run, row by row: which outputs were seen, and whatever else the algorithm takes."""
 
     @property
@@ -18,7 +18,7 @@ class Samples(FrozenRecord, Protocol):
         ...
 
 
-class Stepping(FrozenRecord, Protocol):
+class Stepping(AnyRecord, Protocol):
     """What an engine runs: the steps of an algorithm, or anything with the same three and `at`."""
 
     def at(self, k: int | Array) -> "Stepping":

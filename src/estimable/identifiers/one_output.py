@@ -9,6 +9,7 @@ from ..diagnostics.cramer_rao import scale_of, undetermined
 from ..kernels import impulse_start
 from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
+from ..kernels.impulse_start import Datum
 
 CONVERGED = (
     1e-13  # relative change of the parameters, of the sum of squares, and angle to the gradient, that end a search
@@ -24,14 +25,6 @@ class Orders(NamedTuple):
     nb: int
     delay: int
     past: int
-
-
-class Datum(NamedTuple):
-    """One record of one output: inputs applied u (T, m), output y (T,), and which were seen (T,)."""
-
-    u: np.ndarray
-    y: np.ndarray
-    seen: np.ndarray
 
 
 class OneOutput(NamedTuple):

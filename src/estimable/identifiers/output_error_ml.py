@@ -12,10 +12,11 @@ from ..data.record import Record
 from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..frozen import frozen, set_field, static
 from ..kernels import impulse_start
+from ..kernels.impulse_start import Datum
 from ..models.output_error import OutputError
 from ..protocols import StartedIdentifier
 from ..results import Fit
-from .one_output import Datum, OneOutput, Orders, fit_output
+from .one_output import OneOutput, Orders, fit_output
 from .recursive_output_error import RecursiveOutputError
 from .uncertain_inputs import expected, fit_uncertain
 from .validation import validated

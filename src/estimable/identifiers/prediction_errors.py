@@ -13,6 +13,7 @@ from ..diagnostics.cramer_rao import undetermined
 from ..frozen import frozen, static
 from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
+from ..kernels.impulse_start import Datum
 from ..kernels.innovations_form import System
 from ..kernels.regression import lagged, regress
 from ..models.armax import ARMAX
@@ -20,7 +21,7 @@ from ..models.polynomials import companion
 from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares
-from .one_output import FAR, Datum, marginal
+from .one_output import FAR, marginal
 from .output_error_ml import block_diagonal, by_output, covariance
 from .realised import check_records
 from .standing import validation_of

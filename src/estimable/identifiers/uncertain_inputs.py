@@ -11,7 +11,8 @@ import numpy as np
 from .. import checks
 from ..data.record import Record
 from ..kernels import uncertain_input_likelihood as kernel
-from .one_output import Datum, OneOutput, Orders, fit_output, marginal
+from ..kernels.impulse_start import Datum
+from .one_output import OneOutput, Orders, fit_output, marginal
 
 PATIENCE = 200  # steps of a search
 STEEP = 1e-5  # of the gradient of the log-likelihood in scaled unknowns, that ends a search

@@ -69,18 +69,18 @@ def _conditioned(Z: Float[Real, "n k"], Y: Float[Real, "p k"], U: Float[Real, "p
 
 
 @_conditioned.defjvp
-def _conditioned_jvp(values, tangents):
+def _conditioned_jvp(values: tuple[Real, ...], tangents: tuple[Real, ...]) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
     Z, Y, U, known = values
     slope = jax.jvp(lambda Z, Y, U: _row_by_row(Z, Y, U, known), (Z, Y, U), tangents[:3])[1]
     return _conditioned(Z, Y, U, known), slope
 
 
 @jax.custom_batching.sequential_vmap
-def _by_products(Z, Y, U, known):
+def _by_products(Z: Real, Y: Real, U: Real, known: Real) -> tuple[Real, Real, Real]:
     """`_conditioned` by Cholesky's factor of S where that is good."""
     L, good = cholesky(gram(Y) + gram(U))                                                  # (1)
 
-    def joseph(L):
+    def joseph(L: Real) -> tuple[Real, Real, Real]:
         G = product(Z, solve_lower(L, Y).T)                                                # (2)
         K = solve_lower(L, G.T, transpose=True).T
         return L, G, jnp.concatenate([-product(K, U), Z - product(K, Y)], axis=1)          # (4)
@@ -88,7 +88,7 @@ def _by_products(Z, Y, U, known):
     return lax.cond(jnp.all(good & (diagonal(L) ** 2 > known)), joseph, lambda L: _row_by_row(Z, Y, U, known), L)
 
 
-def _row_by_row(Z, Y, U, known):
+def _row_by_row(Z: Real, Y: Real, U: Real, known: Real) -> tuple[Real, Real, Real]:
     """`_conditioned` by modified Gram-Schmidt."""
     p = len(Y)
     outputs, states = jnp.concatenate([U, Y], axis=1), jnp.concatenate([jnp.zeros((len(Z), p)), Z], axis=1)

@@ -54,7 +54,7 @@ def spread(
     w: Float[Real, ""],
 ) -> Float[Real, "d d"]:
     """The factor of Σ after θ + K (ψ'(θ° - θ) + v) and then θ + K_recalled h'(θ0 - θ), at any gains (Joseph's form)."""
-    def without(M, K, g):
+    def without(M: Real, K: Real, g: Real) -> Real:
         """M - K (g' M)."""
         return M - K[:, None] * jnp.sum(g[:, None] * M, axis=0)[None, :]
 

@@ -48,7 +48,7 @@ def correlated(Z: np.ndarray, e: np.ndarray, at: np.ndarray, q: int) -> np.ndarr
     full[at - at[0]] = Z
     moments = [full[j:].T @ full[: len(full) - j] for j in range(len(tapered))]
 
-    def total(r):
+    def total(r: np.ndarray) -> np.ndarray:
         """The sum of the moments, weighted by the autocovariances r."""
         return r[0] * moments[0] + sum(r_j * (M + M.T) for r_j, M in zip(r[1:], moments[1:], strict=True))
 

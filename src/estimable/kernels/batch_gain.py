@@ -54,7 +54,9 @@ def batch_gain(
     return BatchGain(mean + gain @ (e - H @ mean), J @ P @ J.T + gain @ V @ gain.T, noise)
 
 
-def _stack(A, B0, B, C, Q, R, u, N):
+def _stack(
+    A: np.ndarray, B0: np.ndarray, B: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray, u: np.ndarray, N: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H of (72)-(74), what the known part of the input adds, and the full covariance of V that replaces (76)."""
     n, p, y = len(A), len(B), len(C)
     Φ, forced, known = np.eye(n), np.zeros((n, p)), np.zeros(n)

@@ -55,7 +55,7 @@ class DecayRates:
         return max((λ for λ in (at(float(found.x)), at(0.0)) if λ > 0 or self.dead), key=value)
 
 
-def log(a: Any) -> Any:
+def log(a: float | np.ndarray) -> Any:
     """The logarithm; minus infinity of 0."""
     with np.errstate(divide="ignore"):
         return np.log(a)

@@ -31,7 +31,7 @@ SAFE = 2.0**100  # X is scaled back when it leaves 1 / SAFE .. SAFE: only its sp
 
 
 def remaining(
-    B: Float[Real, "s r"], A: Float[Real, "s _"], β: Float[Real, " r"], g: Float[Real, " _"], opens, seen
+    B: Float[Real, "s r"], A: Float[Real, "s _"], β: Float[Real, " r"], g: Float[Real, " _"], opens: Real, seen: Real
 ) -> Float[Real, "s r"]:
     """B after a datum. `opens`: (1), it determines a diffuse direction; else (3) where it was `seen`; else B stays.
 

@@ -8,7 +8,7 @@ L. Schwartz, J. Math. Anal. Appl. 16 (1966) 152-164 (the same equations, second 
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,8 @@ from .expansion import hessian, jacobian
 from .shapes import Float
 from .small import Real, gram, product
 
+Y = TypeVar("Y")  # an array, or a tree of arrays
+Derivative: TypeAlias = Callable[[Any, Y], Y]  # of t and y
 RELATIVE, ABSOLUTE, MOST = 1e-9, 1e-12, 4096  # tolerances and steps of the adaptive integrator
 
 
@@ -35,7 +37,7 @@ def moment_derivative(f: Callable, W: Callable, order: int, *, factor_columns: i
     depends on the state has on the average, Σ_ij P_ij ∂_i W ∂_j W'.
     """
 
-    def derivative(t, b: Moments) -> Moments:
+    def derivative(t: Real | float, b: Moments) -> Moments:
         """The moment equations at time t."""
         if order == 1:
             drift, F = jacobian(lambda x: f(x, t), b.m)
@@ -58,7 +60,7 @@ def _mean_noise(W: Callable, m: Float[Real, " n"], P: Float[Real, "n n"]) -> Rea
     return gram(value) + jnp.sum(PW[:, None] * slopes[None, :], axis=(2, 3))
 
 
-def integrate(derivative: Callable, start: Any, dt: Any, substeps: int | None) -> tuple[Any, Any]:
+def integrate(derivative: Derivative[Y], start: Y, dt: Real | float, substeps: int | None) -> tuple[Y, Any]:
     """The solution at dt of d/dt y = derivative(t, y), and whether it was reached.
 
     `substeps`: that many steps of the classical Runge-Kutta method; None: the adaptive method of Tsitouras (diffrax), to 1e-9.
@@ -66,11 +68,11 @@ def integrate(derivative: Callable, start: Any, dt: Any, substeps: int | None) -
     return _adaptive(derivative, start, dt) if substeps is None else (runge_kutta(derivative, start, dt, substeps), True)
 
 
-def runge_kutta(derivative: Callable, start: Any, dt: Any, substeps: int) -> Any:
+def runge_kutta(derivative: Derivative[Y], start: Y, dt: Real | float, substeps: int) -> Y:
     """`substeps` classical fourth-order steps."""
     h, y = dt / substeps, start
 
-    def moved(y, slope, step):
+    def moved(y: Y, slope: Y, step: Real | float) -> Y:
         """y after `step` along `slope`, leaf by leaf."""
         return jax.tree_util.tree_map(lambda a, b: a + step * b, y, slope)
 
@@ -84,7 +86,7 @@ def runge_kutta(derivative: Callable, start: Any, dt: Any, substeps: int) -> Any
     return y
 
 
-def _adaptive(derivative: Callable, start: Any, dt: Any) -> tuple[Any, Any]:
+def _adaptive(derivative: Derivative[Y], start: Y, dt: Real | float) -> tuple[Y, Any]:
     import diffrax
 
     solution = diffrax.diffeqsolve(

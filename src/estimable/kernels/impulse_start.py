@@ -3,6 +3,9 @@
 Letters: g (m, L) the impulse response y[k] = Σ g_jl u_j[k-l], linear in the data whatever is missing; A g = B past its end.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 LONGEST = 40  # lags of an input that are fitted at most
@@ -10,7 +13,15 @@ PER_LAG = 3  # outputs seen for each coefficient, at least
 RIDGE = 1e-8  # of the largest: keeps what is not excited at zero
 
 
-def start(na: int, nb: int, delay: int, data) -> np.ndarray:
+class Datum(NamedTuple):
+    """One record of one output: inputs applied u (T, m), output y (T,), and which were seen (T,)."""
+
+    u: np.ndarray
+    y: np.ndarray
+    seen: np.ndarray
+
+
+def start(na: int, nb: int, delay: int, data: Sequence[Datum]) -> np.ndarray:
     """θ = (a, b) from records (u, y, seen); zeros where there are too few data."""
     m = data[0].u.shape[1]
     lags = _lags(na, nb, delay, data)
@@ -20,7 +31,7 @@ def start(na: int, nb: int, delay: int, data) -> np.ndarray:
     return np.concatenate([a, np.pad(b, ((0, 0), (0, nb + 1 - b.shape[1]))).reshape(m * (nb + 1))])
 
 
-def residual_variance(na: int, nb: int, delay: int, data) -> float:
+def residual_variance(na: int, nb: int, delay: int, data: Sequence[Datum]) -> float:
     """Of the noise, from what a long impulse response leaves."""
     lags = _lags(na, nb, delay, data)
     g = _impulse_response(data, lags)
@@ -28,7 +39,7 @@ def residual_variance(na: int, nb: int, delay: int, data) -> float:
     return float(e @ e / max(len(e) - g.size, 1)) if len(e) else 0.0
 
 
-def _lags(na: int, nb: int, delay: int, data) -> int:
+def _lags(na: int, nb: int, delay: int, data: Sequence[Datum]) -> int:
     m, seen = data[0].u.shape[1], sum(int(datum.seen.sum()) for datum in data)
     wanted = min(LONGEST, 8 * (na + 1) + nb + delay)
     return max(min(wanted, seen // (PER_LAG * m)), nb + delay + 1)
@@ -42,7 +53,7 @@ def _lagged(u: np.ndarray, lags: int) -> np.ndarray:
     return rows.reshape(T, m * lags)
 
 
-def _impulse_response(data, lags: int) -> np.ndarray:
+def _impulse_response(data: Sequence[Datum], lags: int) -> np.ndarray:
     """g by least squares on the rows that were seen."""
     M, c = 0.0, 0.0
     for datum in data:

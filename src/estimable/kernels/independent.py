@@ -71,7 +71,7 @@ def _joint_factor(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, "
     return jnp.concatenate([product(C, Z), Z])
 
 
-def _condition_on_row(a: _Weighted, j, r, seen, known) -> _Weighted:
+def _condition_on_row(a: _Weighted, j: int | Real, r: Real, seen: Real, known: Real) -> _Weighted:
     """Condition every row of the array on row j having its datum, where it was seen."""
     g, error, at_j = a.A[j], a.residual[j], jnp.arange(a.error.shape[0]) == j
     wg = a.w * g

@@ -165,7 +165,7 @@ def _joint_directions(C: Float[Real, "p n"], X: Float[Real, "n r"], Ω: Float[Re
     return jnp.concatenate([product(C, X), X, jnp.zeros_like(X)])
 
 
-def _condition_on_row(a: _Array, j, seen, known, determined, k: int) -> _Array:
+def _condition_on_row(a: _Array, j: int | Real, seen: Real, known: Real, determined: Real, k: int) -> _Array:
     """Condition every row of the array on row j having its datum, where it was seen. k: how many of its columns are ξ."""
     g, β, error = a.A[j], a.B[j], a.residual[j]
     Ag, Bβ = apply(a.A, g), apply(a.B, β)

@@ -11,6 +11,7 @@ at the Kalman gain of Σ λ_i s_i (N_i, R_i). Where the λ that maximise this mi
 is the minimax, and that Kalman filter's noise is the least favourable.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -98,9 +99,9 @@ def mixture(plant: Plant, corners: list[Corner], a: Float[Real, " V"], s: Float[
     V = len(corners)
     size = max(float(charge(np.full(V, 1 / V)).max()), np.finfo(float).tiny)
 
-    def downhill(λ: Real):
+    def downhill(λ: Real) -> tuple[float, Real]:
         f = charge(λ) / size
-        return -np.maximum(λ, 0) @ f, -f                                   # the envelope: K(λ) is where the sum is least
+        return -float(np.maximum(λ, 0) @ f), -f                                   # the envelope: K(λ) is where the sum is least
 
     total = {"type": "eq", "fun": lambda λ: λ.sum() - 1, "jac": lambda λ: np.ones(V)}
     start = np.full(V, 1 / V)
@@ -111,7 +112,7 @@ def mixture(plant: Plant, corners: list[Corner], a: Float[Real, " V"], s: Float[
     return Mixture(λ, mixed(λ))
 
 
-def _levelled(charge, λ: Real, size: float) -> Real:
+def _levelled(charge: Callable[[Real], Real], λ: Real, size: float) -> Real:
     """λ after solving for equal charges of the corners that count, where that brings the largest one down."""
     from scipy.optimize import root
 

@@ -101,19 +101,20 @@ def dare(
     """
     T, A, B, Q, N = _balance(A, B, Q, R, np.zeros_like(B) if N is None else N)
 
-    def feedback(X):
+    def feedback(X: Real) -> Real:
         """K of X: (R + B' X B)^-1 (B' X A + N')."""
         return _solve(R + B.T @ X @ B, B.T @ X @ A + N.T)
 
-    def newton(X):
+    def newton(X: Real) -> Real:
         """One step of Newton's method: X of the gain that X gives."""
         K = feedback(X)
         return dlyap((A - B @ K).T, Q - N @ K - (N @ K).T + K.T @ R @ K)
 
-    def residual(X):
+    def residual(X: Real) -> float:
         """What the equation leaves, relative to its terms."""
         terms = A.T @ X @ A, X, feedback(X).T @ (B.T @ X @ A + N.T), Q
-        return np.linalg.norm(terms[0] - X - terms[2] + Q) / max(sum(map(np.linalg.norm, terms)), np.finfo(float).tiny)
+        size = sum(float(np.linalg.norm(term)) for term in terms)
+        return float(np.linalg.norm(terms[0] - X - terms[2] + Q)) / max(size, np.finfo(float).tiny)
 
     def doubling():
         """By doubling, without its cross term."""
@@ -145,19 +146,20 @@ def care(
     """
     T, A, B, Q, N = _balance(A, B, Q, R, np.zeros_like(B) if N is None else N)
 
-    def feedback(X):
+    def feedback(X: Real) -> Real:
         """K of X: R^-1 (B' X + N')."""
         return _solve(R, B.T @ X + N.T)
 
-    def newton(X):
+    def newton(X: Real) -> Real:
         """One step of Newton's method: X of the gain that X gives."""
         K = feedback(X)
         return clyap((A - B @ K).T, Q - N @ K - (N @ K).T + K.T @ R @ K)
 
-    def residual(X):
+    def residual(X: Real) -> float:
         """What the equation leaves, relative to its terms."""
         terms = A.T @ X, X @ A, feedback(X).T @ (B.T @ X + N.T), Q
-        return np.linalg.norm(terms[0] + terms[1] - terms[2] + Q) / max(sum(map(np.linalg.norm, terms)), np.finfo(float).tiny)
+        size = sum(float(np.linalg.norm(term)) for term in terms)
+        return float(np.linalg.norm(terms[0] + terms[1] - terms[2] + Q)) / max(size, np.finfo(float).tiny)
 
     def doubling():
         """By doubling, after a Cayley transform."""

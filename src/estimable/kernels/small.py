@@ -5,8 +5,10 @@ which cannot be fused); above it they call the library or loop at run time. Noth
 deadlock inside a compiled function: mapped over a batch, LAPACK takes one matrix after another.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import reduce
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +21,8 @@ from .shapes import Bool, Float
 SMALL = 8
 INDEPENDENT = 1e-3      # what must be left of a variance for three digits of sixteen to be all that N N' loses
 Real = jax.Array | np.ndarray
+Parts = tuple[Real, ...]
+Carry = TypeVar("Carry")  # an array, or a tree of arrays
 
 
 def product(A: Float[Real, "n k"], B: Float[Real, "k m"]) -> Float[Real, "n m"]:
@@ -53,7 +57,7 @@ def sums_after(A: Float[Real, "... k"]) -> Float[Real, "... k"]:
     return jnp.sum(A[..., :, None] * after, axis=-2)
 
 
-def repeat(count: int, step, carry):
+def repeat(count: int, step: Callable[[Any, Carry], Carry], carry: Carry) -> Carry:
     """`carry = step(j, carry)` for j = 0 .. count - 1: written out when small, a loop at run time otherwise."""
     if count > SMALL:
         return lax.fori_loop(0, count, step, carry)
@@ -85,7 +89,7 @@ def _triangularise(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
 
 
 @_triangularise.defjvp
-def _triangularise_jvp(values, tangents):
+def _triangularise_jvp(values: tuple[Parts], tangents: tuple[Parts]) -> tuple[Real, Real]:
     return _triangularise(*values), jax.jvp(lambda N: gram_schmidt(beside(N)), values, tangents)[1]
 
 
@@ -131,7 +135,7 @@ def orthogonalise(
     """
     n = N.shape[0]
 
-    def take(j, carry):
+    def take(j: int | Real, carry: tuple[Real, Real]) -> tuple[Real, Real]:
         """Take row j out of the rows below it, and note what they had in common."""
         N, L = carry
         done = j if isinstance(j, int) else 0                          # rows above are zero: left out where j is known
@@ -163,13 +167,13 @@ def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n
 
 
 @jax.jit
-def settles(only_rounding):
+def settles(only_rounding: Real) -> Real:
     """The choice of `settled`, under a name: an engine that looks for nothing that repeats may leave it out."""
     return only_rounding
 
 
 @settled.defjvp
-def _settled_jvp(values, tangents):
+def _settled_jvp(values: tuple[Real, Real], tangents: tuple[Real, Real]) -> tuple[Real, Real]:
     return settled(*values), tangents[0]
 
 
@@ -179,7 +183,7 @@ def solve_lower(L: Float[Real, "n n"], B: Float[Real, "n k"], *, transpose: bool
         return solve_upper(jnp.asarray(L).T, B)
     n = L.shape[0]
 
-    def eliminate(j, B):
+    def eliminate(j: int | Real, B: Real) -> Real:
         """Take unknown j out of the rows below."""
         pivot = L[j, j]
         row = jnp.where(pivot != 0, B[j] / jnp.where(pivot != 0, pivot, 1.0), 0.0)
@@ -203,7 +207,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     P = (P + P.T) / 2                                                  # so that derivatives are symmetric too
     floor = n * np.finfo(float).eps * diagonal(P)
 
-    def eliminate(j, carry):
+    def eliminate(j: int | Real, carry: tuple[Real, Real]) -> tuple[Real, Real]:
         """Take column j of L out of what is left of P."""
         P, L = carry
         pivot = P[j, j]

@@ -97,7 +97,7 @@ def _combined(data: Evidence, unknown: int) -> Evidence:
     s, columns = data.H.shape
     n = columns - unknown
 
-    def eliminate(j, carry):
+    def eliminate(j: int | Real, carry: tuple[Evidence, Real, Real]) -> tuple[Evidence, Real, Real]:
         """Take column j out of all free data but its pivot: δ first, then x."""
         data, free, chosen = carry
         column = jnp.where(j < unknown, j + n, j - unknown)
@@ -111,7 +111,7 @@ def _combined(data: Evidence, unknown: int) -> Evidence:
     return _scaled(H, triangularise(V), z, size)
 
 
-def _eliminated(data: Evidence, free: Bool[Real, " s"], column) -> tuple[Evidence, Real]:
+def _eliminated(data: Evidence, free: Bool[Real, " s"], column: Real) -> tuple[Evidence, Real]:
     """(4): the free data without one column, and which of them was its pivot."""
     h = jnp.sum(jnp.where(jnp.arange(data.H.shape[1])[None, :] == column, data.H, 0.0), axis=1)
     variance = jnp.sum(data.V * data.V, axis=1)
@@ -124,7 +124,7 @@ def _eliminated(data: Evidence, free: Bool[Real, " s"], column) -> tuple[Evidenc
     h_pivot = jnp.sum(p * h)
     ratio = jnp.where(free & ~pivot, h, 0.0) / jnp.where(h_pivot != 0, h_pivot, 1.0)       # H_lj / H_ij
 
-    def without(M):
+    def without(M: Real) -> Real:
         taken = ratio[:, None] * jnp.sum(p[:, None] * M, axis=0)[None, :]
         return jnp.where(is_rounding(M - taken, jnp.abs(M) + jnp.abs(taken)), 0.0, M - taken)
 
@@ -137,7 +137,7 @@ def _eliminated(data: Evidence, free: Bool[Real, " s"], column) -> tuple[Evidenc
     ), pivot
 
 
-def _condition_on_noise(data: Evidence, i, free: Bool[Real, " s"]) -> Evidence:
+def _condition_on_noise(data: Evidence, i: int | Real, free: Bool[Real, " s"]) -> Evidence:
     """(5), where row i is a datum on the noises alone."""
     ν = data.V[i]
     f = jnp.sum(ν * ν)
@@ -146,7 +146,7 @@ def _condition_on_noise(data: Evidence, i, free: Bool[Real, " s"]) -> Evidence:
     return data._replace(V=data.V - k[:, None] * ν[None, :], z=data.z - k * data.z[i])
 
 
-def _scaled(H, V, z, size) -> Evidence:
+def _scaled(H: Real, V: Real, z: Real, size: Real) -> Evidence:
     """Each row times a power of two, which changes its size only."""
     peak = jnp.maximum(jnp.max(jnp.abs(H), axis=1), jnp.max(jnp.abs(V), axis=1))
     power = jnp.where(peak > 0, jnp.exp2(-jnp.round(jnp.log2(jnp.where(peak > 0, peak, 1.0)))), 1.0)

@@ -5,23 +5,26 @@ predicted from y[0..k-1], e+ = F e + w - K v. Where D has a null space N, the pa
 Reference: H. Fang (2009), (2.22)-(2.30) and Algorithm 1; the exact filter by generalised least squares.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
+Real = np.ndarray
 STEPS = 3_000
 CONVERGED = 1e-13
 
 
-def closed_loop(A, B, C, D, Q, R, S) -> float | None:
+def closed_loop(A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real, S: Real) -> float | None:
     """Spectral radius of F of the exact filter, for an input known after one sample at most; None without a limit."""
     return _radius(lambda P: exact_step(A, B, C, D, Q, R, S, P), A, C)
 
 
-def fang_closed_loop(A, B, C, D, Q, R) -> float | None:
+def fang_closed_loop(A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real) -> float | None:
     """Spectral radius of A - L C - (B - L D) H C of Fang's Algorithm 1; None where its covariance has no limit."""
     return _radius(lambda P: fang_step(A, B, C, D, Q, R, P), A, C)
 
 
-def _radius(step, A, C) -> float | None:
+def _radius(step: Callable[[Real], tuple[Real, Real]], A: Real, C: Real) -> float | None:
     P, K = np.eye(len(A)), np.zeros(C.T.shape)
     for _ in range(STEPS):
         K, after = step(P)
@@ -33,7 +36,9 @@ def _radius(step, A, C) -> float | None:
     return float(np.abs(np.linalg.eigvals(A - K @ C)).max())
 
 
-def exact_step(A, B, C, D, Q, R, S, P):
+def exact_step(
+    A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real, S: Real, P: Real
+) -> tuple[Real, Real]:
     """Gain and next covariance: (d, and what was left of the last one) by least squares, then x and w."""
     _, s, V = np.linalg.svd(D)
     rank = int(np.sum(s > 1e-10 * max(s.max(initial=0.0), 1e-300)))
@@ -47,7 +52,7 @@ def exact_step(A, B, C, D, Q, R, S, P):
     return K, covariance(A - K @ C, K, P, Q, R, S)
 
 
-def fang_step(A, B, C, D, Q, R, P):
+def fang_step(A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real, P: Real) -> tuple[Real, Real]:
     """Gain and next P̂ of Algorithm 1, symmetrised."""
     W = np.linalg.pinv(C @ P @ C.T + R, hermitian=True)                # lines 3 and 4
     H = np.linalg.pinv(D.T @ W @ D, hermitian=True) @ D.T @ W
@@ -61,7 +66,7 @@ def fang_step(A, B, C, D, Q, R, P):
     return B @ H + L - L @ D @ H, (after + after.T) / 2
 
 
-def covariance(F, K, P, Q, R, S):
+def covariance(F: Real, K: Real, P: Real, Q: Real, R: Real, S: Real) -> Real:
     """Of F e + w - K v, (2.27)."""
     after = F @ P @ F.T + Q + K @ R @ K.T - K @ S.T - S @ K.T
     return (after + after.T) / 2

@@ -5,6 +5,9 @@ P11 = φ σ_a² T³/3 + ψ σ_s²/T as on the slides; P12 and P22 by the same Ly
 α-β-γ: x = (r, v, a), K = (α, β/T, γ/T²); others write γ/(2T²), twice our γ. P. R. Kalata, IEEE TAES 20 (1984) 174.
 """
 
+from typing import Any
+
+import jax
 import numpy as np
 
 UNSTABLE = "an α-β tracker is stable for 0 < α < 2 and 0 < β < 2 (2 - α) only. Got α = {:g}, β = {:g}."
@@ -39,7 +42,7 @@ def of_noise(α: float, β: float, T: float) -> tuple[float, float, float]:
     return noise(α, β) / T, β * (2 * α - β) / (common * T**2), 2 * β**2 / (common * T**3)
 
 
-def kalata(Λ):
+def kalata(Λ: float | jax.Array) -> tuple[Any, Any]:
     """α and β that are optimal where the acceleration is constant over each step, of index Λ = σ_w T² / σ_v. Arrays of JAX too.
 
     s² = 1 - α solves 2 (1 - s)² = Λ s (Kalata 1984), from which β = 2 (1 - s)²; 1 - s without its cancellation for a small Λ.

@@ -5,7 +5,6 @@ s+ = F s + G u, y = s_1 + D u + v, so that w is process noise and measurement no
 variance V, gain K.
 """
 
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,12 +24,12 @@ def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tu
 
 
 def log_likelihood(
-    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Any, s: Float[Real, " n"], delay: int, rows: tuple
+    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Real | float, s: Float[Real, " n"], delay: int, rows: tuple
 ) -> tuple[Float[Real, ""], Float[Real, " T"], Float[Real, " T"]]:
     """Of the outputs seen; with the innovations and their variances, row by row. `rows`: ū, W (T, m), y and seen (T,)."""
     F, G, D = companion(a, b, delay)
 
-    def step(carry, row):
+    def step(carry: tuple[Real, ...], row: tuple[Real, ...]) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
         s, P, total = carry
         ū, W, y, seen = row
         V = P[0, 0] + jnp.sum(D * D * W) + r

@@ -1,11 +1,10 @@
 """Arrays of one record: the same letter is the same size in each."""
 
-from typing import Any
-
 import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Numbers, Tree
 
 Shape = tuple[int, ...]
 
@@ -22,7 +21,7 @@ class Axes:
         self.known = ""
         self.faults: list[str] = []
 
-    def end(self, name: str, value: Any, axes: tuple[str, ...]) -> None:
+    def end(self, name: str, value: Numbers, axes: tuple[str, ...]) -> None:
         """Numbers whose shape must end with `axes`."""
         shape = np.shape(value)
         cut = max(len(shape) - len(axes), 0)
@@ -34,9 +33,9 @@ class Axes:
         else:
             self._add(name, axes, shape)
 
-    def begin(self, name: str, value: Any, axes: tuple[str, ...]) -> Shape:
+    def begin(self, name: str, value: Tree, axes: tuple[str, ...]) -> Shape:
         """A thing whose arrays must all begin with `axes`, or a tuple as long as an axis; the sizes of what they begin with."""
-        if type(value) in (tuple, list):
+        if type(value) is tuple or type(value) is list:
             if not self._fits(name, axes, (len(value),), (len(value),)):
                 self._add(name, axes, (len(value),))
             return ()
@@ -65,7 +64,7 @@ class Axes:
         )
 
 
-def asymmetry(name: str, value: Any) -> list[str]:
+def asymmetry(name: str, value: Numbers) -> list[str]:
     """A fault where a matrix, or one of a stack, is not symmetric; one that is not finite passes, as after a failure."""
     P = np.asarray(value)
     if P.ndim < 2 or P.shape[-1] != P.shape[-2]:

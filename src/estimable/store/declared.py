@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple
 import jax
 import numpy as np
 
+from ..annotations import Tree
 from ..frozen import field_names
 
 SCALARS = {bool: "b", int: "iu", float: "fiu", str: "U"}  # and the kinds of arrays of them
@@ -41,7 +42,7 @@ def _declared(name: str, hint: Any) -> Declared:
     return Declared(name, kind, tuple(axes.split()), "symmetric" in more)
 
 
-def may_hold(kind: Any, value: Any) -> bool:
+def may_hold(kind: Any, value: Tree) -> bool:
     """Whether a field of this kind may hold the value. A number may be an array of numbers, as in a batch."""
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, UnionType):
@@ -63,7 +64,7 @@ def may_hold(kind: Any, value: Any) -> bool:
     return isinstance(value, kind)
 
 
-def _dtype_kind(value: Any) -> str:
+def _dtype_kind(value: Tree) -> str:
     """The kind of an array's numbers; that of no array otherwise."""
     return np.dtype(value.dtype).kind if isinstance(value, np.ndarray | np.generic | jax.Array) else "none"
 

@@ -1,11 +1,16 @@
 """What a file says of itself: its format, and the classes of the records in it."""
 
 import re
+from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeAlias
 
 from .. import __version__, checks
+from ..annotations import Tree
 from ..frozen import PACKAGE, RECORDS
+from ..protocols import Resumable
+
+Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # what a JSON text holds
 
 FORMAT = 2
 # For older files: (module, class) as they say it: (module, class) of today; class: fields that they lack, as they would say them.
@@ -15,7 +20,7 @@ MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 FIELDS = {"format", "estimable", "modules", "thing"}
 
 
-def record_class(thing: Any) -> type | None:
+def record_class(thing: Tree | Resumable) -> type | None:
     """The class under which a thing is saved: its own, or the first base that is a record; None where it has none."""
     if type(thing).__module__.partition(".")[0] != PACKAGE:
         return None
@@ -27,12 +32,12 @@ def module_of(cls: type) -> str:
     return cls.__module__.partition(".")[2]
 
 
-def described(modules: dict[str, str], code: Any) -> dict[str, Any]:
+def described(modules: dict[str, str], code: Json) -> Mapping[str, Json]:
     """The header of a file."""
     return {"format": FORMAT, "estimable": __version__, "modules": modules, "thing": code}
 
 
-def check(header: Any) -> None:
+def check(header: Json) -> None:
     """Refuse a header of another format, or of another form."""
     if not isinstance(header, dict):
         checks.refuse("its header is no JSON object.")

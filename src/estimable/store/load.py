@@ -8,6 +8,7 @@ from typing import Any
 from zipfile import ZipFile
 
 from .. import checks
+from ..annotations import Tree
 from ..frozen import field_names, set_field
 from . import header, npz_arrays
 from .verify import verify
@@ -45,7 +46,7 @@ def _refuse_constant(name: str) -> Any:
     checks.refuse(f"its header holds {name}, which is no JSON.")
 
 
-def checked(thing: Any, where: str) -> Any:
+def checked(thing: Tree, where: str) -> Any:
     """The thing, once everything in it is verified."""
     if faults := verify(thing, where):
         checks.refuse(*faults)
@@ -59,7 +60,7 @@ class Reader:
         self.archive, self.modules = archive, modules
         self.read = {"header"}
 
-    def decode(self, code: Any, where: str) -> Any:
+    def decode(self, code: header.Json, where: str) -> Any:
         """The thing that a JSON value describes."""
         if isinstance(code, list):
             return [self.decode(item, f"{where}[{i}]") for i, item in enumerate(code)]

@@ -1,7 +1,7 @@
 """The arrays of an .npz file, each read only once its size is known to be what the file holds."""
 
 import math
-from typing import Any
+from typing import IO
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
@@ -38,7 +38,7 @@ def read(archive: ZipFile, name: str) -> np.ndarray:
         return np.lib.format.read_array(stream, allow_pickle=False)
 
 
-def _declared(stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype]:
+def _declared(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype]:
     """The shape and dtype that an entry begins with."""
     version = np.lib.format.read_magic(stream)
     if version not in READERS:

@@ -5,21 +5,23 @@ import math
 import re
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import Any, TypeAlias, TypeGuard
 
 import jax
 import numpy as np
 
 from .. import checks, writing
+from ..annotations import Array, Tree
 from ..frozen import field_names
 from ..protocols import Resumable
 from . import header, npz_arrays
 from .verify import verify
 
+Thing: TypeAlias = Tree | Resumable
 PLAIN = (NoneType, bool, int, float, str)
 
 
-def save(path: str | Path, thing: Any) -> None:
+def save(path: str | Path, thing: Thing) -> None:
     """Write an algorithm, model, prior, record, result or a running `online` to one .npz file, exactly.
 
     Tuples, lists and dictionaries of them are written too. Until the new file is whole, an older one of that name stays.
@@ -34,6 +36,10 @@ def save(path: str | Path, thing: Any) -> None:
     writing.write(path, lambda stream: np.savez_compressed(stream, header=text, **writer.arrays))
 
 
+def _is_plain(thing: Thing) -> TypeGuard[str | float | None]:
+    return type(thing) in PLAIN
+
+
 class Writer:
     """Things as JSON; their arrays are collected under the paths of their fields."""
 
@@ -41,20 +47,20 @@ class Writer:
         self.arrays: dict[str, Any] = {}
         self.modules: dict[str, str] = {}
 
-    def encode(self, thing: Any, where: str) -> Any:
+    def encode(self, thing: Thing, where: str) -> header.Json:
         """A thing as a JSON value."""
         if isinstance(thing, jax.Array | np.generic) or type(thing) is np.ndarray:
             return self._array(thing, where)
-        if type(thing) in (tuple, list):
+        if type(thing) is tuple or type(thing) is list:
             items = [self.encode(item, f"{where}[{i}]") for i, item in enumerate(thing)]
             return items if type(thing) is list else {"tuple": items}
         if type(thing) is dict:
             return {"dict": [[self.encode(k, where), self.encode(v, f"{where}[{k!r}]")] for k, v in thing.items()]}
         if type(thing) is float and not math.isfinite(thing):
             return {"float": str(thing)}
-        return thing if type(thing) in PLAIN else self._record(thing, where)
+        return thing if _is_plain(thing) else self._record(thing, where)
 
-    def _record(self, thing: Any, where: str) -> dict[str, Any]:
+    def _record(self, thing: Thing, where: str) -> dict[str, header.Json]:
         if (cls := header.record_class(thing)) is not None:
             self.modules[cls.__name__] = header.module_of(cls)
             fields = {name: self.encode(getattr(thing, name), f"{where}.{name}") for name in field_names(cls)}
@@ -69,7 +75,7 @@ class Writer:
             f"`thing` cannot be saved: {where} is of type {kind}. A file holds records of estimable, arrays, numbers and texts."
         )
 
-    def _array(self, thing: Any, where: str) -> dict[str, str]:
+    def _array(self, thing: Array | np.generic, where: str) -> dict[str, header.Json]:
         if getattr(thing.dtype, "kind", None) not in npz_arrays.KINDS:  # a random key has none
             checks.refuse(f"`thing` cannot be saved: {where} is an array of {thing.dtype}.")
         entry = re.sub(r"[^\w.\[\]-]", "_", where.replace("'", ""))

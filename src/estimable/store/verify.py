@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import AnyRecord, Tree
 from ..frozen import field_names
 from ..protocols import Resumable
 from .axes import Axes, Shape, asymmetry
@@ -15,7 +16,7 @@ from .declared import Declared, declared, may_hold, worded
 ARRAYS = np.ndarray | jax.Array | np.generic | float | int
 
 
-def verify(thing: Any, where: str, batch: Shape = ()) -> list[str]:
+def verify(thing: Tree | Resumable, where: str, batch: Shape = ()) -> list[str]:
     """Every fault of a thing and of what is in it. `batch`: leading axes of all its arrays, which no constructor knows."""
     if isinstance(thing, Resumable):
         return verify(thing.progress, where)
@@ -27,7 +28,7 @@ def verify(thing: Any, where: str, batch: Shape = ()) -> list[str]:
     return []
 
 
-def _of_record(thing: Any, where: str, batch: Shape) -> list[str]:
+def _of_record(thing: Tree, where: str, batch: Shape) -> list[str]:
     fields = declared(type(thing))
     faults = [
         f"`{field.name}` must be {worded(field.kind)}. Got {checks.short(getattr(thing, field.name))}."
@@ -41,12 +42,12 @@ def _of_record(thing: Any, where: str, batch: Shape) -> list[str]:
         return [f"{where}: {fault}" for fault in faults]
     values = {field.name: getattr(thing, field.name) for field in fields}
     faults = [fault for name, value in values.items() for fault in verify(value, f"{where}.{name}", batches[name])]
-    if faults or not hasattr(thing, "__post_init__"):
+    if faults or not dataclasses.is_dataclass(thing) or not hasattr(thing, "__post_init__"):
         return faults
     return [f"{where}: {fault}" for fault in _of_construction(thing, batch)]
 
 
-def _of_axes(thing: Any, fields: tuple[Declared, ...], batch: Shape) -> tuple[list[str], dict[str, Shape]]:
+def _of_axes(thing: Tree, fields: tuple[Declared, ...], batch: Shape) -> tuple[list[str], dict[str, Shape]]:
     """Which arrays do not fit the others; the leading axes of what is in each field."""
     counts = {field.name: value for field in fields if type(value := getattr(thing, field.name)) is int}
     axes, batches = Axes(batch, counts), {field.name: batch for field in fields}
@@ -61,7 +62,7 @@ def _of_axes(thing: Any, fields: tuple[Declared, ...], batch: Shape) -> tuple[li
     return axes.faults, batches
 
 
-def _of_construction(thing: Any, batch: Shape) -> list[str]:
+def _of_construction(thing: AnyRecord, batch: Shape) -> list[str]:
     """What the constructor refuses, or would make otherwise; of a batch, of the first item where that is so."""
     cls = type(thing)
     for i in np.ndindex(batch):
@@ -78,7 +79,7 @@ def _of_construction(thing: Any, batch: Shape) -> list[str]:
     return []
 
 
-def _differences(one: Any, again: Any) -> list[str]:
+def _differences(one: AnyRecord, again: AnyRecord) -> list[str]:
     """The fields that a constructor makes into something of another form."""
     faults = []
     for field in dataclasses.fields(again):
@@ -94,7 +95,7 @@ def _has_more_arguments(cls: type) -> bool:
     return any(isinstance(kind, dataclasses.InitVar) for kind in cls.__annotations__.values())
 
 
-def _form(value: Any) -> Any:
+def _form(value: Tree) -> tuple[Any, list[tuple[Shape, np.dtype]]]:
     """What is the same in two values that differ in their numbers alone."""
     leaves, structure = jax.tree_util.tree_flatten(value)
     return structure, [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves]
