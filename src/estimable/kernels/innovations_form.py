@@ -103,7 +103,7 @@ def _joined(predicted: list, covariances: list, later: np.ndarray, V: np.ndarray
     return np.concatenate([first, later]), spread
 
 
-class Step(NamedTuple):
+class RiccatiStep(NamedTuple):
     """Covariance V of the predicted outputs, the gain K of those seen, and P for the next row."""
 
     V: np.ndarray
@@ -111,10 +111,10 @@ class Step(NamedTuple):
     P: np.ndarray
 
 
-def _step(system: System, P: np.ndarray, seen: np.ndarray) -> Step:
+def _step(system: System, P: np.ndarray, seen: np.ndarray) -> RiccatiStep:
     A, _, C, _, Q, R, S = system
     V = C @ P @ C.T + R
     M = (A @ P @ C.T + S)[:, seen]
     K = np.linalg.lstsq(V[np.ix_(seen, seen)], M.T, rcond=1e-12)[0].T
     P = A @ P @ A.T + Q - K @ M.T
-    return Step(V, K, (P + P.T) / 2)
+    return RiccatiStep(V, K, (P + P.T) / 2)

@@ -27,7 +27,7 @@ ROUNDS = 60           # in which an unstable start is brought home
 STALLED = 1e-4        # gain of scale in a round that leads nowhere
 
 
-class Plant(NamedTuple):
+class WeightedPlant(NamedTuple):
     """A, C, and the weight W of the error."""
 
     A: Real
@@ -46,7 +46,7 @@ class Corner(NamedTuple):
     cost: float
 
 
-def corner(plant: Plant, N: Float[Real, "n n"], R: Float[Real, "p p"]) -> Corner:
+def corner(plant: WeightedPlant, N: Float[Real, "n n"], R: Float[Real, "p p"]) -> Corner:
     """The Kalman filter of one corner. Raises `AssumptionError` where it has no stationary one."""
     A, C, W = plant
     M = dare(A.T, C.T, N, R).X
@@ -57,7 +57,7 @@ def corner(plant: Plant, N: Float[Real, "n n"], R: Float[Real, "p p"]) -> Corner
     return Corner(N, R, K, (P + P.T) / 2, S, float(np.sum(W * P)))
 
 
-def losses(plant: Plant, corners: list[Corner], K: Float[Real, "n p"]) -> Float[Real, " V"]:
+def losses(plant: WeightedPlant, corners: list[Corner], K: Float[Real, "n p"]) -> Float[Real, " V"]:
     """tr W (P(K) - P*) at each corner; infinite where the error grows."""
     A, C, W = plant
     Ψ = A - K @ C @ A
@@ -67,7 +67,7 @@ def losses(plant: Plant, corners: list[Corner], K: Float[Real, "n p"]) -> Float[
     return np.array([np.sum(Y * ((K - one.K) @ one.S @ (K - one.K).T)) for one in corners])
 
 
-def slopes(plant: Plant, corners: list[Corner], K: Float[Real, "n p"]) -> Float[Real, "V n p"]:
+def slopes(plant: WeightedPlant, corners: list[Corner], K: Float[Real, "n p"]) -> Float[Real, "V n p"]:
     """The derivative of each loss: 2 Y (K S - M C'), M and S = C M C' + R those of the gain K."""
     A, C, W = plant
     Y = dlyap((A - K @ C @ A).T, W)
@@ -82,7 +82,7 @@ class Mixture(NamedTuple):
     corner: Corner
 
 
-def mixture(plant: Plant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"]) -> Mixture:
+def mixture(plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"]) -> Mixture:
     """The λ that maximise the minimum over K of Σ λ_i (a_i + s_i loss_i(K)); its Kalman gain is the minimax."""
     from scipy.optimize import minimize
 
@@ -133,7 +133,7 @@ def _levelled(charge: Callable[[Real], Real], λ: Real, size: float) -> Real:
 
 
 def restricted(
-    plant: Plant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"], K: Float[Real, "n p"], free: Real
+    plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"], K: Float[Real, "n p"], free: Real
 ) -> Real | None:
     """A gain that is zero but where `free` and has, near K, the least of the largest a_i + s_i loss_i; None where none was found.
 
@@ -154,7 +154,7 @@ def restricted(
     return None
 
 
-def _descend(plant: Plant, corners: list[Corner], a: Real, s: Real, K: Real, free: Real) -> Real:
+def _descend(plant: WeightedPlant, corners: list[Corner], a: Real, s: Real, K: Real, free: Real) -> Real:
     """Least t with a_i + s_i loss_i <= t, over the free entries of K, from a stable start."""
     from scipy.optimize import minimize
 

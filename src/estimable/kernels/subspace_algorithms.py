@@ -27,7 +27,7 @@ class Factor(NamedTuple):
     N: int
 
 
-class Dynamics(NamedTuple):
+class NoisyDynamics(NamedTuple):
     """A (n, n), C (p, n), the singular values, and the joint covariance (n + p, n + p) of the noises w and v."""
 
     A: np.ndarray
@@ -75,7 +75,7 @@ def shift(found: Factor, n: int, weighting: str) -> Shift:
     return Shift(np.linalg.lstsq(Γ[:-p], Γ[p:], rcond=None)[0], Γ[:p], Γ, values, told)
 
 
-def dynamics(found: Factor, n: int, weighting: str) -> Dynamics:
+def dynamics(found: Factor, n: int, weighting: str) -> NoisyDynamics:
     """A, C and the noise of a model with n states."""
     L, s, m, p, N = found
     f, k = s * m, s * (2 * m + p)
@@ -85,7 +85,7 @@ def dynamics(found: Factor, n: int, weighting: str) -> Dynamics:
     X, X_next = (np.linalg.lstsq(G, states, rcond=None)[0] for G, states in ((Γ, told), (Γ[:-p], later)))
     now = np.concatenate([X_next - A @ X, Y_f[:p] - C @ X])
     e = now - np.linalg.lstsq(U_f.T, now.T, rcond=None)[0].T @ U_f
-    return Dynamics(A, C, values, e @ e.T / N)
+    return NoisyDynamics(A, C, values, e @ e.T / N)
 
 
 def _oblique(Y: np.ndarray, U: np.ndarray, W: np.ndarray) -> np.ndarray:
