@@ -63,7 +63,7 @@ def trans_kalman(
     W = _weight(model, weight, faults)
     allowed = _free(model, free, faults)
     faults.finish()
-    plant = kernel.Plant(model.A, model.C, W)
+    plant = kernel.WeightedPlant(model.A, model.C, W)
     corners = _corners(plant, model, pairs)
     a, s = _charges(corners, criterion)
     best = kernel.mixture(plant, corners, a, s)
@@ -75,7 +75,7 @@ def trans_kalman(
 
 def _told(
     model: StateSpace,
-    plant: kernel.Plant,
+    plant: kernel.WeightedPlant,
     corners: list[kernel.Corner],
     noises: Pairs,
     charge: tuple[np.ndarray, np.ndarray],
@@ -122,7 +122,7 @@ def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[np.ndarray, 
     return np.zeros(len(corners)), 1 / optimal
 
 
-def _corners(plant: kernel.Plant, model: StateSpace, noises: Pairs) -> list[kernel.Corner]:
+def _corners(plant: kernel.WeightedPlant, model: StateSpace, noises: Pairs) -> list[kernel.Corner]:
     """The Kalman filter of each corner."""
     found = []
     for i, (Q, R) in enumerate(noises):
@@ -134,7 +134,7 @@ def _corners(plant: kernel.Plant, model: StateSpace, noises: Pairs) -> list[kern
 
 
 def _sparse(
-    plant: kernel.Plant,
+    plant: kernel.WeightedPlant,
     corners: list[kernel.Corner],
     a: np.ndarray,
     s: np.ndarray,
