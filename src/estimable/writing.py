@@ -12,36 +12,40 @@ from typing import Any, BinaryIO
 from . import checks
 
 
-def write(path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any]) -> None:
+def write(path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any], *, private: bool = False) -> None:
     """Write the file `path` with `fill(stream)`. Until the new file is on the disk, an older one of that name stays.
 
     `fill` writes a draft in the same folder, which then takes the name, with the permissions of the older file. A link stays
-    a link to the file that it names; a device or a pipe is written directly.
+    a link to the file that it names; a device or a pipe is written directly. `private`: only this user can read the new file.
 
     Raises `InputError` with the reason where that fails; no draft is left.
     """
     if not isinstance(path, str | os.PathLike) or "\0" in str(path):
         checks.refuse(f"`path` must be the name of a file. Got {checks.short(path)}.")
-    target = Path(os.path.realpath(path))
     try:
+        target = Path(os.path.realpath(path))
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:
                 fill(stream)
         else:
-            _replace(target, fill)
+            _replace(target, fill, private)
     except OSError as error:
         checks.refuse(f"{path} could not be written: {error.strerror or error}.")
+    except UnicodeError:
+        checks.refuse(f"{str(path)!a} could not be written: it holds characters that no file name may have.")
 
 
-def _replace(target: Path, fill: Callable[[BinaryIO], Any]) -> None:
-    older = target.exists()
+def _replace(target: Path, fill: Callable[[BinaryIO], Any], private: bool) -> None:
+    older = target.exists() and not private
     if older and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, "the file is read-only")
     draft = target.with_name(f".{secrets.token_hex(8)}.draft")
     try:
-        with draft.open("xb") as stream:
+        with os.fdopen(
+            os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if private else 0o666), "wb"
+        ) as stream:
             fill(stream)
             stream.flush()
             os.fsync(stream.fileno())

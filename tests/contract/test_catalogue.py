@@ -23,7 +23,7 @@ from estimable import (
     save,
     stack,
 )
-from estimable.engines import native, xla
+from estimable.engines import large, lowering, native, xla
 from estimable.estimation.binding import model_of
 from estimable.frozen import leaf_fields, replace
 from estimable.models.sampled import Clock
@@ -96,6 +96,21 @@ def test_new_numbers_do_not_compile_again(name, engine):
     once = compiled()
     estimate(scaled(0.8), record(2, rows=17), prior=FILE.prior, engine=engine)
     assert compiled() == once
+
+
+@pytest.mark.parametrize("name", [e.name for e in catalogue.ENTRIES if e.name not in catalogue.NONLINEAR])
+def test_a_second_process_traces_nothing(name, tmp_path, monkeypatch):
+    """The lowered step is found on the disk; a nonlinear model's functions are the user's, and have no name."""
+    monkeypatch.setenv("ESTIMABLE_CACHE", str(tmp_path))
+    results = []
+    for _ in range(2):
+        for cached in (lowering.write_shapes, large._large_step, native.compiled_step):
+            cached.cache_clear()
+        results.append(estimate(build(name), record(), prior=FILE.prior, engine="native", keep="last"))
+        monkeypatch.setattr(lowering, "trace", None)
+        monkeypatch.setattr(large, "trace", None)
+    assert list(tmp_path.glob("*.json"))
+    assert np.array_equal(results[0].mean, results[1].mean)
 
 
 @ENTRIES

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from estimable import ExtendedKalman, Kalman, NonlinearModel, Prior, Record, StateSpace, UnknownGain, estimate
-from estimable.engines import disk_cache as kept
-from estimable.engines import lowering as written
+from estimable.engines import disk_cache, lowering
 from estimable.engines.program.primitives import UnsupportedError
 from estimable.estimation.binding import select
 from estimable.estimation.windows import Replayed
@@ -26,9 +25,9 @@ def test_a_name_tells_apart_what_differs():
     prior = Prior([1.0], [[1.0]])
     parts = [structure(Kalman(MODEL)), structure(UnknownGain(MODEL, prior)), structure(StateSpace([[0.5]], R=[[1.0]], dt=1)),
              1, 1.0, True, "1", None, (1, "a"), (1, "a", 2), ("1, 'a'",), ((1,), "a"), select, Kalman]  # fmt: skip
-    names = [kept.name_of(part) for part in parts]
+    names = [disk_cache.name_of(part) for part in parts]
     assert len(set(names)) == len(names)
-    assert kept.name_of(structure(Kalman(MODEL))) == names[0]
+    assert disk_cache.name_of(structure(Kalman(MODEL))) == names[0]
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,14 @@ class Foreign:
     ids=lambda part: type(part).__name__,
 )
 def test_what_has_no_name_beyond_this_process_gets_none(part):
-    with pytest.raises(kept.UnnamedError):
-        kept.name_of(part)
+    with pytest.raises(disk_cache.UnnamedError):
+        disk_cache.name_of(part)
 
 
 def test_a_model_with_a_function_of_the_user_gets_no_name():
     model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: x, Q=[[1.0]], R=[[1.0]], dt=1)
-    with pytest.raises(kept.UnnamedError):
-        kept.name_of(structure(ExtendedKalman(model)))
+    with pytest.raises(disk_cache.UnnamedError):
+        disk_cache.name_of(structure(ExtendedKalman(model)))
 
 
 def test_a_step_is_written_out_once_for_all_processes(tmp_path, monkeypatch):
@@ -59,10 +58,10 @@ def test_a_step_is_written_out_once_for_all_processes(tmp_path, monkeypatch):
     record, prior = Record([1.0, 2.0], u=[0.0, 1.0], dt=1), Prior([0.0], [[1.0]])
 
     def run():
-        written.write_shapes.cache_clear()  # as in a new process
+        lowering.write_shapes.cache_clear()  # as in a new process
         return estimate(Kalman(MODEL), record, prior=prior, engine="native", keep="last").log_likelihood
 
-    first, (file,) = run(), tmp_path.glob("*.made")
+    first, (file,) = run(), tmp_path.glob("*.json")
     with monkeypatch.context() as m:
         m.setattr(jax, "make_jaxpr", None)  # nothing is traced
         assert run() == first
@@ -72,10 +71,10 @@ def test_a_step_is_written_out_once_for_all_processes(tmp_path, monkeypatch):
 
 def test_why_a_step_cannot_be_written_out_is_kept_too(tmp_path, monkeypatch):
     monkeypatch.setenv("ESTIMABLE_CACHE", str(tmp_path))
-    reasons = [kept.once(written.attempt, *arguments) for arguments in 2 * [_too_large()]]
+    reasons = [disk_cache.once(lowering.attempt, *arguments) for arguments in 2 * [_too_large()]]
     assert all(isinstance(reason, UnsupportedError) for reason in reasons)
     assert str(reasons[0]) == str(reasons[1]) != ""
-    assert len(list(tmp_path.glob("*.made"))) == 1
+    assert len(list(tmp_path.glob("*.json"))) == 1
 
 
 def _too_large():

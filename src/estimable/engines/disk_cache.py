@@ -1,14 +1,8 @@
-"""Files that one process leaves for the next, each under a name made of all that it depends on.
-
-They are kept in the folder ESTIMABLE_CACHE, or else in the user's cache.
-"""
+"""Entries that one process leaves for the next, each under a name made of all that it depends on."""
 
 import dataclasses
 import hashlib
-import os
-import pickle
 import platform
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -19,8 +13,9 @@ import jax
 import jaxlib.version
 import numpy as np
 
+from . import cache_folder, plain_format
+
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic)
-FAILURES = (pickle.PickleError, AttributeError, ImportError, LookupError, EOFError, TypeError, ValueError, RuntimeError)
 Made = TypeVar("Made")
 
 
@@ -28,48 +23,40 @@ class UnnamedError(Exception):
     """It depends on something that has no name beyond this process, as a function of the user's."""
 
 
-def place(words: str, ending: str) -> Path:
-    """The file of what depends on these words."""
-    given = os.environ.get("ESTIMABLE_CACHE")
-    folder = Path(
-        given or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "estimable")
-    )
-    return folder / f"{hashlib.sha256(words.encode()).hexdigest()}.{ending}"
+def read(words: str, ending: str) -> bytes | None:
+    """The entry of what depends on these words, if it is there, whole, and under its own name."""
+    found = cache_folder.read(_file(words, ending))
+    whole = found is not None and found[:32] == _digest(words, found[32:])
+    return found[32:] if found is not None and whole else None
 
 
-def read(path: Path) -> bytes | None:
-    """What was kept, if it is there and whole: damaged machine code would take the process with it."""
-    try:
-        found = path.read_bytes()
-    except OSError:
-        return None
-    return found[32:] if hashlib.sha256(found[32:]).digest() == found[:32] else None
+def write(words: str, ending: str, content: bytes) -> None:
+    """Leave an entry for later processes; where there is no folder to write in, there is none."""
+    cache_folder.write(_file(words, ending), _digest(words, content) + content)
 
 
-def write(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; a folder that cannot be written is no error."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
-        draft.write_bytes(hashlib.sha256(content).digest() + content)
-        draft.replace(path)
-    except OSError:
-        return
+def _file(words: str, ending: str) -> str:
+    return f"{hashlib.sha256(words.encode()).hexdigest()}.{ending}"
+
+
+def _digest(words: str, content: bytes) -> bytes:
+    """Of both: neither a damaged entry nor one under another's name is loaded, which would take the process with it."""
+    return hashlib.sha256(hashlib.sha256(words.encode()).digest() + content).digest()
 
 
 def once(make: Callable[..., Made], *arguments: Any) -> Made:
     """`make(*arguments)`, from the disk where a process has made it before from the same source and arguments."""
     try:
-        path = place("|".join((source(), name_of(make), *map(name_of, arguments))), "made")
+        words = "|".join((source(), name_of(make), *map(name_of, arguments)))
     except UnnamedError:
         return make(*arguments)
-    content = read(path)
-    with suppress(*FAILURES):
+    content = read(words, "json")
+    with suppress(ValueError):
         if content is not None:
-            return pickle.loads(content)
+            return plain_format.loads(content)
     made = make(*arguments)
-    with suppress(*FAILURES):  # what cannot be kept is made again
-        write(path, pickle.dumps(made))
+    with suppress(TypeError):  # what has no plain form is made again
+        write(words, "json", plain_format.dumps(made))
     return made
 
 

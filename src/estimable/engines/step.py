@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from ..annotations import Array, AnyRecord, Tree
+from ..annotations import AnyRecord, Array, Tree
 
 Part = TypeVar("Part")
 Select = Callable[[Any, str], Tree]  # of an info and of `keep`, what is kept

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar
 
 from ..program.arrays import Arrays
 from ..program.steady_state import SteadyPart, same_in_every_row, steady_part
@@ -14,21 +16,35 @@ BITS = {"double": "i64", "i64": "i64", "i1": "i1"}
 HELD = {"double": "double", "i64": "i64", "i1": "double"}  # how a word of eight bytes holds an entry
 
 
+@dataclass(eq=False)
 class ArrayLoop:
     """A program of arrays run row by row.
 
-    `start`: the fixed arrays to the first state; None where there is no state. `row`: the fixed arrays, a state and a row to
-    the next state, `each` arrays that are written of a row, and the rest, which are written of the last row only. `fixed` lie
-    in memory as words one after the other, and so does what is written last. `seek_steady` as in `ScalarLoop`.
+    `start`: the fixed arrays to the first state; None where there is no state. `program`: the fixed arrays, a state and a row to
+    the next state, `count` arrays that are written of each row, and the rest, which are written of the last row only. `fixed`
+    lie in memory as words one after the other, and so does what is written last. `seek_steady` as in `ScalarLoop`. `bytes`: of
+    memory, known once the assembly is.
     """
 
-    has_loops = True  # inside a row
-    integers = 1  # that the function takes before its arrays
+    program: Arrays
+    start: Arrays | None
+    fixed: int
+    states: int
+    count: int
+    seek_steady: bool = True
+    bytes: int = 0
+    has_loops: ClassVar[bool] = True  # inside a row
+    integers: ClassVar[int] = 1  # that the function takes before its arrays
 
-    def __init__(self, row: Arrays, start: Arrays | None, fixed: int, states: int, each: int, seek_steady: bool = True):
-        self.program, self.start, self.fixed, self.states, self.seek_steady = row, start, fixed, states, seek_steady
-        self.each, self.last = row.outputs[states : states + each], row.outputs[states + each :]
-        self.bytes = 0
+    @property
+    def each(self) -> tuple[int, ...]:
+        """The arrays that are written of each row."""
+        return self.program.outputs[self.states : self.states + self.count]
+
+    @property
+    def last(self) -> tuple[int, ...]:
+        """The arrays that are written of the last row."""
+        return self.program.outputs[self.states + self.count :]
 
     @property
     def rows(self) -> int:

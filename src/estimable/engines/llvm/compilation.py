@@ -83,8 +83,7 @@ def _engine(text: str, has_loops: bool) -> Any:
     import llvmlite.binding as llvm
 
     words = "|".join((text, llvmlite.__version__, *_processor()))
-    path = disk_cache.place(words, "o")
-    found = disk_cache.read(path)
+    found = disk_cache.read(words, "o")
     module = llvm.parse_assembly(text)
     module.verify()
     if found is None and has_loops:
@@ -93,6 +92,6 @@ def _engine(text: str, has_loops: bool) -> Any:
         builder = llvm.create_pass_builder(_machine(), options)
         builder.getModulePassManager().run(module, builder)
     engine = llvm.create_mcjit_compiler(module, _machine())
-    engine.set_object_cache(lambda _, compiled: disk_cache.write(path, compiled), lambda _: found)
+    engine.set_object_cache(lambda _, compiled: disk_cache.write(words, "o", compiled), lambda _: found)
     engine.finalize_object()
     return engine
