@@ -6,6 +6,7 @@ Machine code is loaded from it, so whoever writes there decides what runs. It is
 import logging
 import os
 import stat
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -77,7 +78,7 @@ def read(name: str) -> bytes | None:
         if not stat.S_ISREG(found.st_mode) or (hasattr(os, "getuid") and _anothers(found)):
             return None
         with suppress(OSError):
-            os.utime(descriptor)  # it is in use: others are deleted before it
+            os.utime(descriptor, ns=(time.time_ns(), found.st_mtime_ns))  # its use: others are deleted before it
         return stream.read()
 
 
@@ -109,7 +110,7 @@ def entries(place: Path) -> list[tuple[float, int, Path]]:
             with suppress(OSError):
                 if entry.is_file(follow_symlinks=False):
                     about = entry.stat(follow_symlinks=False)
-                    found.append((about.st_mtime, about.st_size, Path(entry.path)))
+                    found.append((about.st_atime, about.st_size, Path(entry.path)))
     return sorted(found)
 
 

@@ -96,10 +96,10 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "tuple": lambda held: tuple([_read(part) for part in held]),
     "list": lambda held: [_read(part) for part in held],
     "dict": lambda held: {_read(key): _read(part) for key, part in held},
-    "array": lambda held: np.array(held[2], np.dtype(held[0])).reshape(held[1]),
-    "number": lambda held: np.dtype(held[0]).type(held[1]),
-    "dtype": np.dtype,
-    "form": lambda held: jax.ShapeDtypeStruct(tuple(held[0]), np.dtype(held[1])),
+    "array": lambda held: np.array(held[2], _numbers(held[0])).reshape(held[1]),
+    "number": lambda held: _numbers(held[0]).type(held[1]),
+    "dtype": lambda held: _numbers(held),
+    "form": lambda held: jax.ShapeDtypeStruct(tuple(held[0]), _numbers(held[1])),
     "unsupported": lambda held: UnsupportedError(*held),
     "enum": lambda held: _class(held[0])[held[1]],
     "rows": _rows,
@@ -110,6 +110,11 @@ def _dtype(dtype: np.dtype) -> str:
     if dtype.kind not in "fiubc":
         raise TypeError(f"entries of the kind {dtype} have no plain form")
     return dtype.str
+
+
+def _numbers(name: str) -> np.dtype:
+    """The dtype of this name, if it is one of numbers."""
+    return np.dtype(_dtype(np.dtype(name)))
 
 
 def _is_record(kind: type) -> bool:
