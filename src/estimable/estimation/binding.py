@@ -1,5 +1,6 @@
 """An algorithm, a record and a prior made ready for an engine: matched by name, checked together, sampled."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ def bind(
     prior: Prior | None,
     *,
     bank: Record | None = None,
-    algorithms: Any = None,
+    algorithms: Algorithm[Any] | None = None,
 ) -> Bound:
     """Check everything together, then match by name, resolve what was applied, and sample the model.
 
@@ -87,21 +88,20 @@ def _fates(
     algorithm: Algorithm[Any], record: Record, rows: Record, faults: checks.Faults
 ) -> tuple[np.ndarray, np.ndarray]:
     """What was sent, and what is known of whether it arrived."""
-    if record.lost != algorithm.lost:
-        faults.add(
-            f'`lost` of the record is "{record.lost}", that of {type(algorithm).__name__} "{algorithm.lost}": they must be equal.'
-        )
+    lost, name = getattr(algorithm, "lost", "zero"), type(algorithm).__name__
+    if record.lost != lost:
+        faults.add(f'`lost` of the record is "{record.lost}", that of {name} "{lost}": they must be equal.')
     return rows.u, np.ones(rows.u.shape) if rows.arrived is None else rows.arrived
 
 
-def _check_kinds(algorithm: Any, record: Any, prior: Any, faults: checks.Faults) -> None:
+def _check_kinds(algorithm: Algorithm[Any], record: Record, prior: Prior | None, faults: checks.Faults) -> None:
     check_algorithm(algorithm, faults)
     if not isinstance(record, Record):
         faults.add(f"`record` must be a Record. Got {type(record).__name__}.{_batch_hint(record)}")
     check_prior_kind(algorithm, prior, faults, _batch_hint(prior))
 
 
-def check_prior_kind(algorithm: Any, prior: Any, faults: checks.Faults, hint: str = "") -> None:
+def check_prior_kind(algorithm: Algorithm[Any], prior: Prior | None, faults: checks.Faults, hint: str = "") -> None:
     """A `Prior` of the state for an algorithm that estimates one, and None for one that does not."""
     if not isinstance(algorithm, Algorithm) or algorithm.has_state_prior:
         if not isinstance(prior, Prior):
@@ -111,7 +111,7 @@ def check_prior_kind(algorithm: Any, prior: Any, faults: checks.Faults, hint: st
         faults.add(f"`prior` must be None: {name} has no prior of a state, and its own prior is a setting of {name}.")
 
 
-def _batch_hint(thing: Any) -> str:
+def _batch_hint(thing: Record | Prior | Stacked | Sequence[Any] | None) -> str:
     many = isinstance(thing, Stacked | list | tuple)
     return " For several at once use estimate_bank." if many else ""
 
@@ -134,9 +134,8 @@ def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
 
 
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
-    """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
     """The prior must describe the model's states."""
-    if prior.mean.shape[-1] != model.n:
+    if prior is not None and prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
 
 

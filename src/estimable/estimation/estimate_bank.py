@@ -1,7 +1,7 @@
 """Run many estimators, or one over many records, at once."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import numpy as np
@@ -16,6 +16,8 @@ from . import windows
 from .binding import Bound, bind, select
 from .estimate import check_options
 from .stack import stack
+
+Part: TypeAlias = Algorithm[Any] | Record | Prior | Stacked | Sequence[Any] | None  # of a bank: one, or several
 
 
 def estimate_bank(
@@ -40,7 +42,7 @@ def estimate_bank(
     [1.0, 2.0]
     """
     check_options(on_failure, engine, keep)
-    parts = [stack(part) if isinstance(part, list | tuple) else part for part in (algorithms, records, prior)]
+    parts = [_several(part) for part in (algorithms, records, prior)]
     bound = _bind(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
@@ -81,7 +83,12 @@ def _bind(
     )  # fmt: skip
 
 
-def _first(part: Any) -> Any:
+def _several(part: Part) -> Any:
+    """A list as a stack; what is one, or stacked, as it is."""
+    return stack(part) if isinstance(part, list | tuple) else part
+
+
+def _first(part: Part) -> Any:
     """The first of a stack, or what is shared."""
     return jax.tree_util.tree_map(lambda leaf: leaf[0], part.items) if isinstance(part, Stacked) else part
 

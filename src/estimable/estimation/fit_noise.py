@@ -1,7 +1,7 @@
 """Tune noise levels by the likelihood of records."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,9 @@ from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import Interval, NoiseFit, Sample
 from .binding import bind, select
-from .noise_parameters import Part, noise_of, parts
+from .noise_parameters import Free, Part, noise_of, parts
+
+Tunable: TypeAlias = Kalman | UnknownGain | UnknownInput
 
 STEP = 1e-4  # of a logarithm, for the differences of gradients: their error is then 1e-8 of the information
 TOLD_APART = 1e-7  # smallest eigenvalue of the scaled information from which it is more than the error of differences
@@ -35,7 +37,7 @@ def fit_noise(
     record: Record | Sequence[Record],
     *,
     prior: Prior,
-    free: str | Sequence[str] | Mapping[str, Any] = ("Q", "R"),
+    free: Free = ("Q", "R"),
 ) -> NoiseFit:
     """The noise covariances under which the record (or records) are most likely, with their standard errors.
 
@@ -56,6 +58,7 @@ def fit_noise(
     >>> fit.names, bool(np.all(abs(fit.parameters - [0.2, 0.5]) < 3 * fit.sigma))
     (('Q[x1]', 'R[y1]'), True)
     """
+    algorithm = _read(algorithm)
     found, terms = _prepare(algorithm, record, prior, free)
     value, begin = likelihood(found, terms)
     θ, iterations = _climb(value, begin)
@@ -70,21 +73,25 @@ def fit_noise(
     return NoiseFit(tuned, parameters, slope @ covariance @ slope.T, best, names, zeros, iterations)
 
 
+def _read(algorithm: Algorithm[Any]) -> Tunable:
+    if not isinstance(algorithm, Tunable):
+        checks.refuse(
+            f"fit_noise needs an algorithm of a model with noises, as Kalman(model). Got {checks.short(algorithm)}."
+        )
+    return algorithm
+
+
 def _prepare(
-    algorithm: Algorithm[Any],
+    algorithm: Tunable,
     record: Record | Sequence[Record],
     prior: Prior,
-    free: str | Sequence[str] | Mapping[str, Any],
+    free: Free,
 ) -> tuple[list[Part], list]:
     """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
     faults = checks.Faults()
-    if not isinstance(algorithm, Kalman | UnknownGain | UnknownInput):
-        faults.add(
-            f"fit_noise needs an algorithm of a model with noises, as Kalman(model). Got {checks.short(algorithm)}."
-        )
-        faults.finish()
+
     found = parts(algorithm, free, faults)
-    records = list(record) if isinstance(record, list | tuple) else [record]
+    records = list(record) if isinstance(record, Sequence) else [record]
     if not records:
         faults.add("`record` must hold at least one record.")
     faults.finish()
@@ -134,7 +141,7 @@ def _one(
     found: list[Part],
     θ: Array,
     noise: Callable[..., tuple],
-    algorithm,
+    algorithm: Tunable,
     prior: Prior,
     samples: Sample,
     intervals: Interval,
@@ -147,7 +154,7 @@ def _one(
     )
 
 
-def with_noise(found: list[Part], θ: Array, noise: Callable[..., tuple], algorithm):
+def with_noise(found: list[Part], θ: Array, noise: Callable[..., tuple], algorithm: Tunable):
     """The sampled algorithm with the covariances of θ."""
     from ..kernels.small import factors
 
@@ -171,7 +178,7 @@ def told(found: list[Part], θ: Array):
     return jnp.concatenate([part.told(θ[at]) for part, at in _slices(found)])
 
 
-def _tuned(algorithm: Any, found: list[Part], θ: Array):
+def _tuned(algorithm: Tunable, found: list[Part], θ: Array):
     """The user's algorithm with the covariances of θ."""
     given = {field: np.asarray(M) for field, M in _matrices(found, θ).items()}
     noises = {field: M for field, M in given.items() if field != "walk"}
@@ -185,7 +192,7 @@ def _climb(value: Callable[[np.ndarray], tuple[float, np.ndarray]], begin: np.nd
 
     scale = max(abs(value(begin)[0]), 1.0)
 
-    def scaled(θ: Array):
+    def scaled(θ: np.ndarray) -> tuple[float, np.ndarray]:
         total, slope = value(θ)
         return (total / scale, slope / scale) if np.isfinite(total) else (1e30, 0 * slope)
 

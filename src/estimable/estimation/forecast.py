@@ -49,7 +49,7 @@ def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = Non
     return Forecast(info, t, output, S, result.names)
 
 
-def _origin(result: Any) -> Origin:
+def _origin(result: Estimate) -> Origin:
     if not isinstance(result, Estimate) or result.origin is None:
         checks.refuse(f"`result` must be what estimate returned. Got {type(result).__name__}.")
     origin: Origin = result.origin
@@ -63,7 +63,7 @@ def _origin(result: Any) -> Origin:
     return origin
 
 
-def _read_inputs(record: Record, u: Numbers, steps: int | None) -> np.ndarray:
+def _read_inputs(record: Record, u: Numbers | None, steps: int | None) -> np.ndarray:
     faults = checks.Faults()
     m = record.u.shape[1]
     faults.learn("m", m, f"the record has {checks.counted(m, 'input')}")
@@ -77,13 +77,13 @@ def _read_inputs(record: Record, u: Numbers, steps: int | None) -> np.ndarray:
     if u is None:
         return np.zeros((int(steps or 0), 0))
     given = np.asarray(u, float)
-    u = faults.array("u", given[:, None] if given.ndim == 1 else given, "steps m")
-    if u is not None and steps is not None and len(u) != steps:
-        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
-    elif u is not None and len(u) == 0:
+    inputs = faults.array("u", given[:, None] if given.ndim == 1 else given, "steps m")
+    if inputs is not None and steps is not None and len(inputs) != steps:
+        faults.add(f"`steps` = {steps}, but `u` has {len(inputs)} rows: leave `steps` out.")
+    elif inputs is not None and len(inputs) == 0:
         faults.add("`u` must have at least one row.")
     faults.finish()
-    return np.asarray(u)
+    return np.asarray(inputs)
 
 
 def _extended(record: Record, u: np.ndarray) -> Record:
@@ -108,7 +108,7 @@ def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
 
 
 @jax.jit
-def _measured(algorithm: Any, samples: Sample, intervals: Interval, x: Array):
+def _measured(algorithm: Smoothable[Any], samples: Sample, intervals: Interval, x: Array):
     def row(sample: Sample, interval: Interval, x: Array):
         measurement = algorithm.at(0).instant(sample, interval).measurement
         return measurement.C @ x + measurement.d

@@ -1,6 +1,7 @@
 """Covariances as unconstrained numbers: what `fit_noise` moves, and what it keeps."""
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,9 @@ from ..frozen import replace
 from ..models.discretisation import over
 from ..models.sampled import Clock, sample
 from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 
+Free: TypeAlias = str | Sequence[str] | Mapping[str, str | Sequence[bool] | None]  # covariances, and how each moves
 WORDS = ("diagonal", "scale", "full")
 
 
@@ -78,7 +81,7 @@ class Part(NamedTuple):
         return jnp.stack([M[i, j] for i, j in pairs])
 
 
-def parts(algorithm: Any, free: Any, faults: checks.Faults) -> list[Part]:
+def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[Part]:
     """What is free, read."""
     model: StateSpace = algorithm.model
     noises = (
@@ -107,7 +110,11 @@ def parts(algorithm: Any, free: Any, faults: checks.Faults) -> list[Part]:
 
 
 def _part(
-    field: str, start: np.ndarray | None, channels: tuple[str, ...], how: Any, faults: checks.Faults
+    field: str,
+    start: np.ndarray | None,
+    channels: tuple[str, ...],
+    how: str | Sequence[bool] | None,
+    faults: checks.Faults,
 ) -> Part | None:
     if start is None or np.ndim(start) != 2:
         faults.add(

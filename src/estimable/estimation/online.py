@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..annotations import Array, Numbers
+from ..annotations import Array, Numbers, Tree
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
@@ -29,12 +29,12 @@ def _init(algorithm: Algorithm[Any], prior: Prior | None):
 
 
 @jax.jit
-def _correct(algorithm: Algorithm[Any], k: int | Array, state, sample: Sample):
+def _correct(algorithm: Algorithm[Any], k: int | Array, state: Tree, sample: Sample):
     return algorithm.at(k).correct(state, sample)
 
 
 @jax.jit
-def _predict(algorithm: Algorithm[Any], k: int | Array, state, interval: Interval):
+def _predict(algorithm: Algorithm[Any], k: int | Array, state: Tree, interval: Interval):
     return algorithm.at(k).predict(state, interval)
 
 
@@ -170,7 +170,7 @@ class Online:
             self._progress = None
             return
         faults = checks.Faults()
-        dt = self._step(dt, faults)
+        step = self._step(dt, faults)
         self._check_room(faults)
         if u is None and self._inputs:
             faults.add(f"`u` must be given to predict: the model has {self._counted_inputs()}.")
@@ -184,14 +184,14 @@ class Online:
         elif u_end is not None:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
         faults.finish()
-        if quick is not None and self._is_prepared(quick, "predict", dt):
+        if quick is not None and self._is_prepared(quick, "predict", step):
             quick.predict(applied, end if quick.moving_input else None, None)
             self._progress = None
             return
-        interval = Interval(applied, end, None, np.asarray(dt, float))
-        state = _predict(self._at_step(dt), self.progress.sample, self.progress.state, interval)
+        interval = Interval(applied, end, None, np.asarray(step, float))
+        state = _predict(self._at_step(step), self.progress.sample, self.progress.state, interval)
         self.progress = replace(
-            self.progress, state=state, held=applied, dt=dt, sample=self.progress.sample + 1, corrected=False
+            self.progress, state=state, held=applied, dt=step, sample=self.progress.sample + 1, corrected=False
         )
 
     def _machine_code(self, progress: Progress) -> Quick | None:
@@ -209,7 +209,7 @@ class Online:
         self._pass_over(why)
         return None
 
-    def _is_prepared(self, quick: Quick, kind: str, dt: float | None = None) -> bool:
+    def _is_prepared(self, quick: Quick, kind: str, dt: float = 0.0) -> bool:
         """Whether machine code is ready for a step; XLA goes on where it cannot be."""
         try:
             quick.prepare(kind, dt)
@@ -257,20 +257,20 @@ class Online:
             )
         return dt
 
-    def _applied(self, u: Numbers, arrived: Numbers, faults: checks.Faults):
+    def _applied(self, u: Numbers, arrived: Numbers | None, faults: checks.Faults) -> Any:
         """What the actuator applies: u where it arrived, else zero or what it holds."""
         faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
-        u = faults.array("u", u, "m")
-        if arrived is None or u is None:
-            return u
-        arrived = faults.array("arrived", arrived, "m", nan=True)
+        sent = faults.array("u", u, "m")
+        if arrived is None or sent is None:
+            return sent
+        fate = faults.array("arrived", arrived, "m", nan=True)
         if self.algorithm.takes_unknown_arrivals:
-            return u
-        if arrived is not None and not np.all((arrived == 0) | (arrived == 1)):
+            return sent
+        if fate is not None and not np.all((fate == 0) | (fate == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
-        return np.where(arrived == 1, u, self.progress.held if self._base.lost == "hold" else 0.0)
+        return np.where(fate == 1, sent, self.progress.held if self._base.lost == "hold" else 0.0)
 
-    def _rest(self):
+    def _rest(self) -> np.ndarray:
         point = model_of(self.algorithm).operating_point
         return np.zeros(len(self._inputs)) if point is None else point.inputs[self._inputs]
 

@@ -1,18 +1,20 @@
 """A run at one sample a call in machine code: where a call is plain, this is all of it; else `online` looks first."""
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..annotations import Array, Tree
+from ..annotations import Array, Numbers, Tree
 from ..engines.batches import words
 from ..engines.one_step import Place, Step, code_of, flat, form_of
 from ..engines.program.primitives import UnsupportedError
 from ..engines.time_varying import ByRow, looked_up
 from ..models.sampled import Clock
+from ..protocols import Algorithm
 from ..results import Info, Interval, Sample
 from .binding import model_of
 
@@ -21,18 +23,18 @@ REFUSED = -1  # the code of a step whose datum or input is no number
 LENGTHS = 64  # of steps, for which the sampled model is kept
 
 
-def _now(algorithm: Any, row: Tree) -> Any:
+def _now(algorithm: Algorithm[Any] | ByRow, row: Tree) -> Any:
     return algorithm.now(row) if isinstance(algorithm, ByRow) else algorithm
 
 
-def _correct(fixed, state, y: Array, u: Array, row: Tree):
+def _correct(fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], y: Array, u: Array, row: Tree):
     """`correct` of y, NaN where not seen, and what is told of it. A state is what is believed, and what the actuator holds."""
     (algorithm, _), (belief, held), seen = fixed, state, y == y
     belief, info = _now(algorithm, row).correct(belief, Sample(jnp.where(seen, y, 0.0), seen, u))
     return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) == jnp.inf), REFUSED, info.outcome)
 
 
-def _predict(fixed, state, u: Array, u_end, row: Tree):
+def _predict(fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], u: Array, u_end: Array, row: Tree):
     """`predict` under u, which is held where there is no u_end."""
     (algorithm, dt), (belief, _) = fixed, state
     interval = Interval(u, u_end if u_end.size else u, None, dt)
@@ -49,7 +51,7 @@ class InfoInMemory(Info):
     __slots__ = ("_fields", "_memory")
     __setattr__, __delattr__ = object.__setattr__, object.__delattr__  # its fields are properties
 
-    def __init__(self, fields: Any, memory: bytes):
+    def __init__(self, fields: Mapping[str, Callable[[bytes], Any]], memory: bytes):
         self._fields = fields
         self._memory = memory
 
@@ -91,7 +93,7 @@ class Quick:
         self.places: dict[Any, list[Place]] = {}
         self._begin((progress.state, progress.held))
 
-    def correct(self, y: Any, u: Any) -> int | None:
+    def correct(self, y: Numbers, u: Numbers | None) -> int | None:
         """The outcome code, and the run moves on where it is 0; None where an argument needs another look first."""
         if not _plain(y, self.outputs) or not (_plain(u, self.inputs) if u is not None else not self.direct):
             return None
@@ -114,7 +116,7 @@ class Quick:
             self.info = InfoInMemory(step.fields, step.told.tobytes())
         return code
 
-    def predict(self, u: Any, u_end: Any, dt: float | None) -> int | None:
+    def predict(self, u: Numbers | None, u_end: Numbers | None, dt: float | None) -> int | None:
         """0 where the run is at the next sample; None where an argument needs another look first."""
         step = self.here.after.get("predict")
         if step is None or self.sample >= self.end or not self._plain_inputs(u, u_end) or not self._lasts(dt):
@@ -134,7 +136,7 @@ class Quick:
             self.dt = self.clock
         return code
 
-    def prepare(self, kind: str, dt: float | None = None) -> None:
+    def prepare(self, kind: str, dt: float = 0.0) -> None:
         """Make the step of this kind from here, of `dt` seconds where the model is continuous. Raises `UnsupportedError`."""
         if kind == "predict" and self.continuous:
             self._set(dt, self._numbers(dt))
@@ -146,7 +148,7 @@ class Quick:
         """What is believed now, and what the actuator holds."""
         return self.here.state
 
-    def _plain_inputs(self, u: Any, u_end: Any) -> bool:
+    def _plain_inputs(self, u: Numbers | None, u_end: Numbers | None) -> bool:
         plain = _plain(u, self.inputs) if u is not None else not self.inputs[0]
         return plain and (_plain(u_end, self.inputs) if self.moving_input else u_end is None)
 
@@ -183,7 +185,7 @@ class Quick:
     def _sampled(self, dt: float) -> tuple[Any, list[np.ndarray]]:
         return looked_up(self.algorithm.sampled(Clock.every(dt, self.hold)), self.model.steps or 1)
 
-    def _begin(self, state: Any) -> None:
+    def _begin(self, state: tuple[Tree, Array]) -> None:
         """Where the run starts, and the steps of a cycle; `correct` may come before the first length is known."""
         self.clock, dt = self.dt, float(self.dt or self.model.dt or 0.0)
         algorithm, moving = self._sampled(dt)
@@ -207,7 +209,7 @@ class Quick:
             step.inputs[1 if kind == "correct" else 0][:] = self.rest
         return here.after[kind]
 
-    def _place(self, state: Any, other: Place | None = None) -> Place:
+    def _place(self, state: Tree, other: Place | None = None) -> Place:
         """A place for states of this form, which is not the other one: there are two of each form at most."""
         places = self.places.setdefault(_form(state), [])
         free = [place for place in places if place is not other]
@@ -217,7 +219,7 @@ class Quick:
         return free[0]
 
 
-def _plain(numbers: Any, shape: tuple[int]) -> bool:
+def _plain(numbers: Numbers | None, shape: tuple[int]) -> bool:
     """Whether these numbers need no more than a look: an array of floats, or a list of them, of the right shape."""
     if type(numbers) is np.ndarray:
         return numbers.dtype is FLOAT and numbers.shape == shape

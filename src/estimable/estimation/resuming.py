@@ -6,6 +6,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import Tree
 from ..models.sampled import Clock
 from ..results import Interval, Sample
 from .binding import model_of
@@ -25,7 +26,7 @@ def check_state(progress: Any) -> None:
         )
 
 
-def _cycle(progress: Any, state: Any, u: np.ndarray) -> Any:
+def _cycle(progress: Any, state: Tree, u: np.ndarray) -> Any:
     """The state one sample on, with what the actuator holds then, and what was said on the way."""
     model = model_of(progress.algorithm)
     dt, y = float(progress.dt or model.dt or 1.0), np.zeros(model.p)
@@ -38,6 +39,6 @@ def _cycle(progress: Any, state: Any, u: np.ndarray) -> Any:
     return (state if progress.corrected else algorithm.predict(state, interval), u), info
 
 
-def _shapes(tree: Any) -> Any:
+def _shapes(tree: Tree) -> Any:
     leaves, structure = jax.tree_util.tree_flatten(tree)
     return structure, [np.shape(leaf) for leaf in leaves]

@@ -17,7 +17,7 @@ from ..filters.wrapped import check_algorithm
 from ..frozen import frozen, replace
 from ..kernels.smoothing import Evidence, Instant, about_state, earlier, nothing
 from ..models.prior import Prior
-from ..protocols import Smoothable, Wrapper
+from ..protocols import Algorithm, Smoothable, Wrapper
 from ..results import Info, Interval, Outcome, Sample, SmoothedEstimate, outcome_code
 from .binding import Bound, bind
 from .estimate import check_options
@@ -81,7 +81,7 @@ def smooth(
     )
 
 
-def _check_call(algorithm: Any, lag: Any) -> None:
+def _check_call(algorithm: Algorithm[Any], lag: int | None) -> None:
     faults = checks.Faults()
     if lag is not None:
         faults.whole("lag", lag, 0)

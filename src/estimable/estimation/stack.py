@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from .. import checks
+from ..annotations import AnyRecord, Tree
 from ..frozen import static_fields
 from ..results import Stacked
 
@@ -25,7 +26,7 @@ def stack(items: Sequence[Any]) -> Stacked:
     things = list(items)
     if not things:
         checks.refuse("`items` must hold at least one thing to stack.")
-    if not dataclasses.is_dataclass(things[0]):
+    if not dataclasses.is_dataclass(type(things[0])):
         checks.refuse(f"`items` must be algorithms, models, records or priors. Got {checks.short(things[0])}.")
     first = jax.tree_util.tree_structure(things[0])
     shapes = _shapes(things[0])
@@ -41,24 +42,24 @@ def stack(items: Sequence[Any]) -> Stacked:
     return Stacked(jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *things), len(things))
 
 
-def _shapes(thing: Any) -> list[tuple[int, ...]]:
+def _shapes(thing: Tree) -> list[tuple[int, ...]]:
     return [np.shape(leaf) for leaf in jax.tree_util.tree_leaves(thing)]
 
 
-def _first_difference(a: Any, b: Any) -> str:
+def _first_difference(a: Tree, b: Tree) -> str:
     pairs = zip(jax.tree_util.tree_leaves_with_path(a), jax.tree_util.tree_leaves(b), strict=True)
     path, left, right = next((p, x, y) for (p, x), y in pairs if np.shape(x) != np.shape(y))
     return f"`{jax.tree_util.keystr(path).lstrip('.')}` is {np.shape(left)} and {np.shape(right)}"
 
 
-def _first_fixed_difference(a: Any, b: Any) -> str:
+def _first_fixed_difference(a: AnyRecord, b: AnyRecord) -> str:
     """The first field that is no number, and differs: a name, an option, or a part given in one only."""
     for field in dataclasses.fields(a):
         left, right = getattr(a, field.name), getattr(b, field.name)
         if jax.tree_util.tree_structure(left) != jax.tree_util.tree_structure(right) or field.name in static_fields(
             type(a)
         ):
-            if dataclasses.is_dataclass(left) and type(left) is type(right):
+            if dataclasses.is_dataclass(type(left)) and type(left) is type(right):
                 return f"`{field.name}`: {_first_fixed_difference(left, right)}"
             if field.name not in static_fields(type(a)) or left != right:
                 return f"`{field.name}`: {checks.short(left)} and {checks.short(right)}"

@@ -35,7 +35,7 @@ def fits(algorithm: Algorithm[Any]) -> bool:
     return ready.independent and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
 
 
-def _sizes(algorithm: Algorithm[Any]) -> tuple[int, int, int]:
+def _sizes(algorithm: Kalman | UnknownGain) -> tuple[int, int, int]:
     """States, states and gains, outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
     ready: Any = algorithm.ready
@@ -45,7 +45,7 @@ def _sizes(algorithm: Algorithm[Any]) -> tuple[int, int, int]:
 
 def scan_bank(
     engine: str,
-    algorithm: Kalman | UnknownGain,
+    algorithm: Algorithm[Any],
     length: int,
     prior: Prior,
     samples: Sample,

@@ -13,7 +13,7 @@ from ..filters.moving_window import MovingWindow
 from ..filters.smoothed import Smoothed
 from ..frozen import frozen, replace
 from ..models.prior import Prior
-from ..protocols import Wrapper
+from ..protocols import Algorithm, Wrapper
 from ..results import Info, Interval, Sample
 from . import window_scan
 from .binding import select as keep_of
@@ -41,20 +41,27 @@ class Replayed(Wrapper[tuple[()]]):
 
 
 def scan(
-    engine: str, algorithm: Any, prior: Any, samples: Sample, intervals: Interval, **options: Any
+    engine: str,
+    algorithm: Algorithm[Any],
+    prior: Prior | None,
+    samples: Sample,
+    intervals: Interval,
+    *,
+    keep: str,
+    select: Select,
 ) -> tuple[str, xla.Run]:
     """`choice.scan`, with the windows of a `MovingWindow` side by side where they can be."""
     if window_of(algorithm) is None:
-        return choice.scan(engine, algorithm, prior, samples, intervals, **options)
+        return choice.scan(engine, algorithm, prior, samples, intervals, keep=keep, select=select)
     rows = [jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[None], part) for part in (samples, intervals)]
-    engine, run = scan_bank(engine, algorithm, prior, *rows, axes=(None, 0, None), **options)
+    engine, run = scan_bank(engine, algorithm, prior, *rows, axes=(None, 0, None), keep=keep, select=select)
     return engine, jax.tree_util.tree_map(lambda leaf: leaf[0], run)
 
 
 def scan_bank(
     engine: str,
-    algorithm: Any,
-    prior: Any,
+    algorithm: Algorithm[Any],
+    prior: Prior | None,
     samples: Sample,
     intervals: Interval,
     *,
@@ -72,7 +79,7 @@ def scan_bank(
         return engine, _as_run(infos, keep, select)
     rows = replace(samples, extra=infos)
     _, run = choice.scan_bank(
-        engine, _replaying(algorithm), prior, rows, intervals, axes=axes, keep=keep, select=select
+        engine, _replaying(algorithm, window), prior, rows, intervals, axes=axes, keep=keep, select=select
     )
     return engine, run
 
@@ -88,7 +95,7 @@ def _as_run(infos: Info, keep: str, select: Select) -> xla.Run:
     return xla.Run(kept, infos.log_likelihood.sum(axis=1), code, failed_at, None)
 
 
-def window_of(algorithm: Any) -> MovingWindow | None:
+def window_of(algorithm: Algorithm[Any]) -> MovingWindow | None:
     """The window that can be replayed: around it are bounds and averages only, and its model does not vary in time."""
     while isinstance(algorithm, Bounded | Smoothed):
         algorithm = algorithm.algorithm
@@ -99,11 +106,11 @@ def window_of(algorithm: Any) -> MovingWindow | None:
     return algorithm if constant else None
 
 
-def _replaying(algorithm: Any) -> Any:
+def _replaying(algorithm: Algorithm[Any], window: MovingWindow) -> Wrapper[Any]:
     """The algorithm with its window replaced."""
-    if isinstance(algorithm, MovingWindow):
-        return Replayed(algorithm.algorithm)
-    return replace(algorithm, algorithm=_replaying(algorithm.algorithm))
+    if isinstance(algorithm, Bounded | Smoothed):
+        return replace(algorithm, algorithm=_replaying(algorithm.algorithm, window))
+    return Replayed(window.algorithm)
 
 
 def _all(info: Info, keep: str) -> Info:
@@ -140,13 +147,22 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
     return ran, infos
 
 
-def _write(whole: Tree, place: Any, part: Any) -> None:
+def _write(whole: Tree, place: tuple[slice | np.ndarray, ...], part: Tree) -> None:
     """Write a part into the arrays of the whole."""
     for leaf, values in zip(*map(jax.tree_util.tree_leaves, (whole, part)), strict=True):
         leaf[place] = values
 
 
-def _full(engine: str, length: int, algorithm: Any, own: Prior, rows: list, axes: tuple, kept: Select, scanned: bool):
+def _full(
+    engine: str,
+    length: int,
+    algorithm: Algorithm[Any],
+    own: Prior,
+    rows: list,
+    axes: tuple,
+    kept: Select,
+    scanned: bool,
+):
     """The engine that ran, and what every full window of some runs says: (runs, windows, ..)."""
     runs, T = rows[0].seen.shape[:2]
     if not scanned:
@@ -165,7 +181,14 @@ def _full(engine: str, length: int, algorithm: Any, own: Prior, rows: list, axes
 
 
 def _rerun(
-    engine: str, length: int, algorithm: Any, own: Prior, rows: list, axes: tuple, kept: Select, where: np.ndarray
+    engine: str,
+    length: int,
+    algorithm: Algorithm[Any],
+    own: Prior,
+    rows: list,
+    axes: tuple,
+    kept: Select,
+    where: np.ndarray,
 ):
     """The engine that ran, and what the windows say that begin at (run, row) `where`, each a run of its own."""
     columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
@@ -182,5 +205,5 @@ def _rerun(
     return ran, jax.tree_util.tree_map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
-def _cut(part: Any, axis: int | None, some: Any) -> Any:
+def _cut(part: Tree | Algorithm[Any], axis: int | None, some: slice | np.ndarray) -> Any:
     return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[some], part)

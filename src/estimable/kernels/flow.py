@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from .expansion import hessian, jacobian
 from .shapes import Float
-from .small import Real, gram, product
+from .small import Real, Scalar, gram, product
 
 Y = TypeVar("Y")  # an array, or a tree of arrays
 Derivative: TypeAlias = Callable[[Any, Y], Y]  # of t and y
@@ -37,7 +37,7 @@ def moment_derivative(f: Callable, W: Callable, order: int, *, factor_columns: i
     depends on the state has on the average, Σ_ij P_ij ∂_i W ∂_j W'.
     """
 
-    def derivative(t: Real | float, b: Moments) -> Moments:
+    def derivative(t: Scalar, b: Moments) -> Moments:
         """The moment equations at time t."""
         if order == 1:
             drift, F = jacobian(lambda x: f(x, t), b.m)
@@ -60,7 +60,7 @@ def _mean_noise(W: Callable, m: Float[Real, " n"], P: Float[Real, "n n"]) -> Rea
     return gram(value) + jnp.sum(PW[:, None] * slopes[None, :], axis=(2, 3))
 
 
-def integrate(derivative: Derivative[Y], start: Y, dt: Real | float, substeps: int | None) -> tuple[Y, Any]:
+def integrate(derivative: Derivative[Y], start: Y, dt: Scalar, substeps: int | None) -> tuple[Y, Any]:
     """The solution at dt of d/dt y = derivative(t, y), and whether it was reached.
 
     `substeps`: that many steps of the classical Runge-Kutta method; None: the adaptive method of Tsitouras (diffrax), to 1e-9.
@@ -68,11 +68,11 @@ def integrate(derivative: Derivative[Y], start: Y, dt: Real | float, substeps: i
     return _adaptive(derivative, start, dt) if substeps is None else (runge_kutta(derivative, start, dt, substeps), True)
 
 
-def runge_kutta(derivative: Derivative[Y], start: Y, dt: Real | float, substeps: int) -> Y:
+def runge_kutta(derivative: Derivative[Y], start: Y, dt: Scalar, substeps: int) -> Y:
     """`substeps` classical fourth-order steps."""
     h, y = dt / substeps, start
 
-    def moved(y: Y, slope: Y, step: Real | float) -> Y:
+    def moved(y: Y, slope: Y, step: Scalar) -> Y:
         """y after `step` along `slope`, leaf by leaf."""
         return jax.tree_util.tree_map(lambda a, b: a + step * b, y, slope)
 
@@ -86,7 +86,7 @@ def runge_kutta(derivative: Derivative[Y], start: Y, dt: Real | float, substeps:
     return y
 
 
-def _adaptive(derivative: Derivative[Y], start: Y, dt: Real | float) -> tuple[Y, Any]:
+def _adaptive(derivative: Derivative[Y], start: Y, dt: Scalar) -> tuple[Y, Any]:
     import diffrax
 
     solution = diffrax.diffeqsolve(

@@ -37,7 +37,7 @@ import jax.numpy as jnp
 from .kalman import Measurement, Transition
 from .rounding import KNOWN, MEMORY, is_rounding
 from .shapes import Bool, Float
-from .small import Real, apply, product, repeat, triangularise
+from .small import Real, Scalar, apply, product, repeat, triangularise
 
 
 class Evidence(NamedTuple):
@@ -111,7 +111,7 @@ def _combined(data: Evidence, unknown: int) -> Evidence:
     return _scaled(H, triangularise(V), z, size)
 
 
-def _eliminated(data: Evidence, free: Bool[Real, " s"], column: Real) -> tuple[Evidence, Real]:
+def _eliminated(data: Evidence, free: Bool[Real, " s"], column: Scalar) -> tuple[Evidence, Real]:
     """(4): the free data without one column, and which of them was its pivot."""
     h = jnp.sum(jnp.where(jnp.arange(data.H.shape[1])[None, :] == column, data.H, 0.0), axis=1)
     variance = jnp.sum(data.V * data.V, axis=1)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from .auxiliary_model import stabilise
 from .shapes import Float
-from .small import Real, apply, factor, product, solve_lower
+from .small import Real, Scalar, apply, factor, product, solve_lower
 
 DOUBT = 0.5  # standard deviations: a divisor smaller than that counts as that large
 LEAST = 1e-3  # of the sum of |b|: and none is smaller than that
@@ -55,13 +55,13 @@ def mirrored(b: Float[Real, " lags"], P: Float[Real, "lags lags"]) -> Numerator:
     return Numerator(D, D * jnp.concatenate([jnp.ones(1), inside]), variance, same)
 
 
-def guarded(divisor: Real, variance: Real, b: Float[Real, " lags"], lower: Real | float) -> Real:
+def guarded(divisor: Scalar, variance: Scalar, b: Float[Real, " lags"], lower: Scalar) -> Real:
     """The divisor, its sign kept, not nearer to zero than `lower` and than what is known of it."""
     floor = jnp.maximum(jnp.maximum(lower, DOUBT * jnp.sqrt(variance)), LEAST * jnp.sum(jnp.abs(b)))
     return jnp.where(jnp.abs(divisor) >= floor, divisor, jnp.where(divisor < 0, -floor, floor))
 
 
-def least_squares(B: Float[Real, "p p"], wanted: Float[Real, " p"], damping: Real | float) -> Float[Real, " p"]:
+def least_squares(B: Float[Real, "p p"], wanted: Float[Real, " p"], damping: Scalar) -> Float[Real, " p"]:
     """u with B u = wanted, and smaller where B is nearly singular: (B'B + damping I)^-1 B' wanted."""
     L = factor(product(B.T, B) + damping * jnp.eye(B.shape[0]))
     right = apply(B.T, wanted)[:, None]
@@ -69,7 +69,7 @@ def least_squares(B: Float[Real, "p p"], wanted: Float[Real, " p"], damping: Rea
 
 
 def deviate(
-    ε: Float[Real, " na"], P: Float[Real, "na na"], a: Float[Real, " na"], e: Real, seen: Real, q: Real | float
+    ε: Float[Real, " na"], P: Float[Real, "na na"], a: Float[Real, " na"], e: Scalar, seen: Scalar, q: Scalar
 ) -> tuple[Float[Real, " na"], Float[Real, "na na"]]:
     """Past deviations from the model's outputs, A ε = w, by a Kalman filter of e = ε + v; q = var w / var v."""
     na = ε.shape[0]

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from .shapes import Float
-from .small import Real
+from .small import Real, Scalar
 
 
 def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tuple:
@@ -24,7 +24,7 @@ def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tu
 
 
 def log_likelihood(
-    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Real | float, s: Float[Real, " n"], delay: int, rows: tuple
+    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Scalar, s: Float[Real, " n"], delay: int, rows: tuple
 ) -> tuple[Float[Real, ""], Float[Real, " T"], Float[Real, " T"]]:
     """Of the outputs seen; with the innovations and their variances, row by row. `rows`: ū, W (T, m), y and seen (T,)."""
     F, G, D = companion(a, b, delay)
