@@ -12,11 +12,14 @@ from typing import Any, BinaryIO
 from . import checks
 
 
-def write(path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any], *, private: bool = False) -> None:
+def write(
+    path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any], *, private: bool = False, option: str = ""
+) -> None:
     """Write the file `path` with `fill(stream)`. Until the new file is on the disk, an older one of that name stays.
 
     `fill` writes a draft in the same folder, which then takes the name, with the permissions of the older file. A link stays
     a link to the file that it names; a device or a pipe is written directly. `private`: only this user can read the new file.
+    `option`: of the command line, which gave the path.
 
     Raises `InputError` with the reason where that fails; no draft is left.
     """
@@ -32,7 +35,7 @@ def write(path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any], *, priv
         else:
             _replace(target, fill, private)
     except OSError as error:
-        checks.refuse(f"{path} could not be written: {error.strerror or error}.")
+        checks.refuse(f"{option} {path} could not be written: {error.strerror or error}.".lstrip())
     except UnicodeError:
         checks.refuse(f"{str(path)!a} could not be written: it holds characters that no file name may have.")
 

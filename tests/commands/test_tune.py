@@ -1,5 +1,7 @@
 """`estimable tune`."""
 
+import html
+
 import numpy as np
 import pytest
 
@@ -56,11 +58,8 @@ def test_the_page_can_be_made_again(run, tmp_path):
     page = (tmp_path / "tuning.html").read_text()
     assert "estimable tune model.toml --dt 0.01 --weight rho=2.0 --designs 7 --report tuning.html" in page
     assert "How fast should the loop of model.toml be?" in page
-    script = (
-        page.split("<p>In Python:</p><pre>")[1]
-        .split("</pre>")[0]
-        .replace("&#x27;", "'")
-        .replace("found.plot().show()", "")
+    script = html.unescape(page.split("<p>In Python:</p><pre>")[1].split("</pre>")[0]).replace(
+        "found.plot().show()", ""
     )
     names: dict = {}
     exec(script, names)

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from estimable.commands import app
 
 PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"
-COMMANDS = ("", "demo", "gain", "estimate", "check", "identify", "tune", "simulate", "reproduce")
+COMMANDS = ("", "demo", "gain", "estimate", "check", "identify", "tune", "simulate", "reproduce", "cache")
 HEAD = """# The command line
 
 Every command takes `--json`, which prints one object for machines on stdout: `{"command", "version", "outcome": {"code",

@@ -20,8 +20,9 @@ FILES = sorted(SOURCE.rglob("*.py"))
 ROOMS = (  # each may know those before it
     ("errors", "annotations", "frozen", "lazy", "precision", "checks", "packaged"),
     ("tables", "writing"),
+    ("cache_folder",),
     ("engines/program",),
-    ("engines/disk_cache", "engines/cache_folder", "engines/plain_format"),
+    ("engines/disk_cache", "engines/plain_format"),
     ("engines/llvm",),
     ("engines",),
     ("kernels",),
@@ -93,7 +94,7 @@ def test_engines_know_nothing_of_estimation_and_few_rooms_run_them():
     for module in MODULES:
         for other, _ in imported(module):
             if room(module).startswith("engines") and not room(other).startswith("engines"):
-                assert other in ("annotations", "frozen", "checks", "errors", "writing"), (
+                assert other in ("annotations", "frozen", "checks", "errors", "cache_folder"), (
                     f"{module} may not know {other}"
                 )
             if room(other).startswith("engines") and not room(module).startswith("engines"):
@@ -110,6 +111,21 @@ def test_no_files_import_each_other_in_a_circle():
 def test_no_two_files_have_one_name():
     names = [path.name for path in FILES if path.name not in ("__init__.py",)]
     assert sorted(set(names)) == sorted(names)
+
+
+WRITES = re.compile(r"""\.write_(text|bytes|html|image)\(|\.to_parquet\(|shutil\.(copy|move)
+                    |open\([^)]*"[wax]|np\.savez?\w*\((?!stream)|to_csv\(\w+,""", re.VERBOSE)  # fmt: skip
+
+
+def test_files_are_written_in_one_place():
+    """`writing.write` writes a file whole or not at all; what a simulator reads in a folder of its own is no user's file."""
+    found = {
+        (str(path.relative_to(SOURCE)), line.strip())
+        for path in FILES
+        for line in path.read_text().splitlines()
+        if WRITES.search(line)
+    }
+    assert {file for file, _ in found} == {"writing.py", "plants/jsbsim_f16.py"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))

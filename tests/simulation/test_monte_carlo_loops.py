@@ -80,6 +80,45 @@ def test_what_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     assert len(flown) == before + 13  # other seeds and summaries are other computations
 
 
+@pytest.mark.parametrize("damage", [
+    lambda file, other: file.write_bytes(b""),
+    lambda file, other: file.write_bytes(file.read_bytes()[:-40]),
+    lambda file, other: file.write_bytes(file.read_bytes()[: len(file.read_bytes()) // 2]),
+    lambda file, other: file.write_bytes(b"PK\x03\x04" + bytes(99)),
+    lambda file, other: file.write_bytes(other.read_bytes()),
+    lambda file, other: np.savez(file, failed=np.zeros(3, bool)),
+    lambda file, other: (file.unlink(), file.mkdir()),
+], ids=["empty", "torn", "half", "garbage", "another's", "foreign", "folder"])  # fmt: skip
+def test_a_part_that_is_damaged_is_flown_again_with_a_warning(damage, tmp_path, caplog):
+    found = fly(folder=tmp_path, chunk=3)
+    file, other, *_ = sorted(tmp_path.glob("*-0-3.npz"))
+    damage(file, other)
+    if file.is_dir():
+        with pytest.raises(es.InputError, match="could not be written: it is a folder"):
+            fly(folder=tmp_path, chunk=3)
+    else:
+        assert_same(fly(folder=tmp_path, chunk=3), found)
+    assert [record.getMessage() for record in caplog.records if record.name == "estimable.simulation"] == [
+        f"{file} is damaged, or of another computation: its runs are computed again."
+    ]
+    caplog.clear()
+    if not file.is_dir():
+        assert_same(fly(folder=tmp_path, chunk=3), found)
+        assert not [record for record in caplog.records if record.name == "estimable.simulation"]
+
+
+def test_a_changed_summary_is_computed_again(tmp_path):
+    scale = 1.0
+
+    def summary(closed):
+        return {"state": scale * closed.state[-1, 0]}
+
+    first = fly(folder=tmp_path, summary=summary)
+    scale = 2.0
+    second = fly(folder=tmp_path, summary=summary)
+    assert_array_equal(second["gain=0.3"].values["state"], 2 * first["gain=0.3"].values["state"])
+
+
 def test_a_cluster_flies_the_same_runs():
     distributed = pytest.importorskip("distributed", reason="needs dask[distributed]")
     with warnings.catch_warnings():
@@ -117,6 +156,7 @@ def test_runs_that_fail_are_named_or_kept():
     ({"scheduler": 8786}, "`scheduler` must be an address"),
     ({"on_failure": "stop"}, "`on_failure` must be one of"),
     ({"summary": lambda closed: 1.0}, r"`summary` must give \{name: number or array\}"),
+    ({"version": 1}, "`version` must be a text"),
     ({"folder": "/dev/null/x"}, "`folder` must be a folder that can be written"),
 ])  # fmt: skip
 def test_a_wrong_call_is_refused_in_one_sentence(given, sentence):

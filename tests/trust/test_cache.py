@@ -1,5 +1,6 @@
 """What is loaded from the cache is this user's own, whole, and under its own name; or nothing is loaded."""
 
+import json
 import os
 import stat
 import subprocess
@@ -7,8 +8,11 @@ import sys
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from estimable.engines import cache_folder, disk_cache, plain_format
+from estimable import cache_folder
+from estimable.commands import app
+from estimable.engines import disk_cache, plain_format
 from estimable.engines.llvm import compilation
 from estimable.engines.llvm.scalar_loop import RowArray
 
@@ -228,3 +232,27 @@ def test_values_come_back_as_they_were():
     assert nan != nan
     with pytest.raises(TypeError, match="has no plain form"):
         plain_format.dumps(compilation.Compiled)
+
+
+def invoked(*arguments):
+    result = CliRunner().invoke(app, ["cache", *arguments])
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_the_command_says_where_the_cache_is_and_clears_it(folder):
+    kept("one"), kept("two")
+    assert invoked("--where").split() == str(folder).split()
+    assert "2 entries, 0.0 MiB (at most 500 MiB)." in invoked()
+    assert json.loads(invoked("--json"))["entries"] == 2
+    assert "2 entries deleted." in invoked("--clear")
+    assert json.loads(invoked("--json")) | {"version": ""} == {
+        "command": "cache", "version": "", "outcome": {"code": 0, "sentence": ""}, "folder": str(folder), "entries": 0,
+        "bytes": 0, "deleted": 0,
+    }  # fmt: skip
+
+
+def test_the_command_says_that_there_is_no_cache(monkeypatch):
+    monkeypatch.setenv("ESTIMABLE_CACHE", "off")
+    assert invoked() == "There is no cache: steps are compiled in each process.\n"
+    assert json.loads(invoked("--json"))["folder"] is None

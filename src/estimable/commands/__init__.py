@@ -10,6 +10,7 @@ from io import TextIOWrapper
 import typer
 
 from . import options, show
+from .cache_command import cache
 from .check_command import check
 from .demo_command import demo
 from .edge import Edge
@@ -51,6 +52,7 @@ app.command("identify")(identify)
 app.command("tune")(tune)
 app.command("simulate")(simulate)
 app.command("reproduce")(reproduce)
+app.command("cache")(cache)
 
 
 def main() -> None:

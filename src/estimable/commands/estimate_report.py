@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .. import checks
+from .. import writing
 from ..figures.bands import bands
 from ..results import Estimate
 from . import innovation_checks, run_filter
@@ -80,10 +80,8 @@ def as_text(run: FilterRun) -> list[Any]:
 def write_table(run: FilterRun, out: Path) -> str:
     """Write every sample's estimate; the sentence that says so. Raises `InputError` where `out` cannot be written."""
     frame = run.result.to_pandas()
-    try:
-        frame.to_csv(out, index_label=frame.index.name or "sample")
-    except OSError as error:
-        checks.refuse(f"--out {out} could not be written: {error.strerror or error}.")
+    text = frame.to_csv(index_label=frame.index.name or "sample")
+    writing.write(out, lambda stream: stream.write(text.encode()), option="--out")
     return f"Wrote {counted(len(frame), 'row')} of {counted(len(frame.columns), 'column')} to {out}."
 
 

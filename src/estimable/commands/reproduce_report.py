@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .. import checks, reproductions
+from .. import checks, reproductions, writing
 from ..reproductions import Reproduced, ReproducedRow, Reproduction
 from . import show
 from .numbers import decimals
@@ -26,7 +26,8 @@ def write_figure(entry: Reproduction, result: Reproduced, figure: Path) -> str:
         checks.refuse(f"{entry.name} has no picture: leave --figure out.")
     drawing = result.figure()
     drawing.update_layout(title={"text": f"{entry.source}: {entry.title}", "font": {"size": 17}}, margin={"t": 60})
-    drawing.write_html(figure, include_plotlyjs=True, config={"displayModeBar": False, "responsive": True})
+    page = drawing.to_html(include_plotlyjs=True, config={"displayModeBar": False, "responsive": True})
+    writing.write(figure, lambda stream: stream.write(page.encode()), option="--figure")
     return f"Wrote {figure}."
 
 

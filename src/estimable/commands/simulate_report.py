@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
+from .. import checks, writing
 from ..results import Simulation
 from .numbers import counted
 from .settings import read_settings
@@ -74,10 +74,7 @@ def _short(names: tuple[str, ...], letter: str) -> list[str]:
 def write(simulation: Simulation, out: Path) -> str:
     """Write the record; the sentence that says so. Raises `InputError` where `out` cannot be written."""
     table = frame(simulation)
-    try:
-        table.to_csv(out, index=False)
-    except OSError as error:
-        checks.refuse(f"--out {out} could not be written: {error.strerror or error}.")
+    writing.write(out, lambda stream: stream.write(table.to_csv(index=False).encode()), option="--out")
     return f"Wrote {counted(len(table), 'row')} of {counted(len(table.columns), 'column')} to {out}."
 
 

@@ -13,7 +13,8 @@ import jax
 import jaxlib.version
 import numpy as np
 
-from . import cache_folder, plain_format
+from .. import cache_folder
+from . import plain_format
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic)
 Made = TypeVar("Made")

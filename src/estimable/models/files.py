@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import checks
+from .. import checks, writing
 from ..frozen import saved
 from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
@@ -223,10 +223,7 @@ def write_model(
     if unknown:
         sections["unknown"] = {"inputs": unknown}
     text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except (OSError, TypeError) as error:
-        checks.refuse(f"{path} could not be written: {error}.")
+    writing.write(path, lambda stream: stream.write(text.encode()))
 
 
 _NUMBERS = re.compile(r"\[\s*((?:[-+.\deinfa]+,?\s*)+)\]")

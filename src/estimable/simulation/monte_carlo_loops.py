@@ -14,8 +14,9 @@ from ..errors import RunError
 from ..frozen import saved
 from ..results import ClosedLoop, ClosedLoopBank, MonteCarlo, Outcome
 from .close_loop import close_loop_bank
+from .fingerprint import UnseenError, fingerprint
 from .monte_carlo import bar, gathered
-from .parts import Folder, fingerprint, worked_out
+from .parts import Folder, Part, worked_out
 
 CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else
 
@@ -76,6 +77,7 @@ def monte_carlo_loops(
     seed: int,
     summary: Callable[[ClosedLoop], dict[str, Any]],
     folder: str | Path | None = None,
+    version: str | None = None,
     scheduler: str | None = None,
     chunk: int = CHUNK,
     on_failure: str = "raise",
@@ -86,7 +88,9 @@ def monte_carlo_loops(
 
     `cases`: {name: LoopCase}, as `loop_grid` makes them; one alone is named "". `summary(closed)`: {name: number or array} of one
     `ClosedLoop`; NaN where a run does not have it. `folder`: parts of `chunk` runs that are finished are kept there, and found
-    again by a call with the same cases, seed, summary and chunk: a computation that was stopped goes on where it was.
+    again by a call with the same cases, seed, summary and chunk: a computation that was stopped goes on where it was. The same
+    summary means the same source, of `summary` and of all that it uses, under the same versions of the packages. `version`: a
+    name for the summary instead, where its source cannot be seen; change it whenever the summary changes.
     `scheduler`: address of a Dask scheduler, as "tcp://10.0.0.1:8786", whose workers (with this version of estimable) fly the
     parts; None: the processors of this machine. `chunk`: runs in memory together. `on_failure`: "raise" at the first run
     that failed, or "keep". `progress`: a bar on stderr, where that is a terminal.
@@ -105,10 +109,10 @@ def monte_carlo_loops(
     True
     """
     cases = {"": cases} if isinstance(cases, LoopCase) else cases
-    _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler)
-    parts = _Parts(cases, runs, seed, summary, chunk, Folder(folder))
+    _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler, version)
+    parts = _Parts(cases, runs, seed, summary if version is None else version, chunk, Folder(folder))
     with bar(runs * len(cases), shown=progress) as advance:
-        found = {place: part for place in parts.places if (part := parts.folder.read(parts.name(*place))) is not None}
+        found = {place: part for place in parts.places if (part := parts.read(*place)) is not None}
         advance(sum(len(part["failed"]) for part in found.values()))
         missing = [place for place in parts.places if place not in found]
         calls = [(cases[name], seed, first, min(chunk, runs - first), summary, engine) for name, first in missing]
@@ -128,20 +132,36 @@ class _Parts:
         cases: Mapping[str, LoopCase],
         runs: int,
         seed: int,
-        summary: Callable[..., Any],
+        summary: Callable[..., Any] | str,
         chunk: int,
         folder: Folder,
     ):
         self.runs, self.chunk, self.folder = runs, chunk, folder
         self.places = [(name, first) for name in cases for first in range(0, runs, chunk)]
-        keep = folder.path is not None
-        self.digests = {
-            name: fingerprint(case._settings, seed, summary) if keep else "" for name, case in cases.items()
-        }
+        self.digests = {name: self._digest(case._settings, seed, summary) for name, case in cases.items()}
+
+    def _digest(self, *things: Any) -> str:
+        if self.folder.path is None:
+            return ""
+        try:
+            return fingerprint(*things)
+        except UnseenError as reason:
+            checks.refuse(
+                f"`folder`: whether a part on the disk is of this computation cannot be known: {reason} cannot be looked into. "
+                "Pass `version`, a name that you change whenever the summary or the cases change."
+            )
 
     def name(self, case: str, first: int) -> str:
         """The file of a part."""
-        return f"{self.digests[case]}-{first}-{min(self.chunk, self.runs - first)}"
+        return f"{self.digests[case]}-{first}-{self.count(first)}"
+
+    def count(self, first: int) -> int:
+        """How many runs a part has."""
+        return min(self.chunk, self.runs - first)
+
+    def read(self, case: str, first: int) -> Part | None:
+        """A part that is there and whole."""
+        return self.folder.read(self.name(case, first), self.count(first))
 
 
 def fly_part(
@@ -172,7 +192,15 @@ def _joined(parts: list[dict[str, np.ndarray]], seed: int) -> MonteCarlo:
 
 
 def _check_call(
-    cases, runs: int, seed: int, summary: Callable[..., Any], chunk: int, on_failure: str, engine: str, scheduler
+    cases,
+    runs: int,
+    seed: int,
+    summary: Callable[..., Any],
+    chunk: int,
+    on_failure: str,
+    engine: str,
+    scheduler: Any,
+    version: Any,
 ) -> None:
     faults = checks.Faults()
     if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):
@@ -185,6 +213,8 @@ def _check_call(
         )
     for name, value, least in (("runs", runs, 1), ("seed", seed, 0), ("chunk", chunk, 1)):
         faults.whole(name, value, least)
+    if version is not None and not isinstance(version, str):
+        faults.add(f"`version` must be a text. Got {checks.short(version)}.")
     if scheduler is not None and not isinstance(scheduler, str):
         faults.add(f'`scheduler` must be an address, as "tcp://10.0.0.1:8786". Got {checks.short(scheduler)}.')
     faults.choice("on_failure", on_failure, ("raise", "keep"))

@@ -1,53 +1,21 @@
 """Where the parts of a long computation are worked out, and where they are kept: here or on a cluster, in a folder or not."""
 
-import hashlib
+import logging
 import os
-import pickle
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
-import jax
 import numpy as np
 
 from .. import checks
 from ..errors import EstimableError
+from ..writing import write
 
+Part = dict[str, np.ndarray]
+log = logging.getLogger("estimable.simulation")
 PATIENCE = 10  # [s] for a scheduler to answer
-
-
-def fingerprint(*things: Any) -> str:
-    """A name made of the numbers, fixed settings and functions of things: equal things have equal names in every process."""
-    return hashlib.sha256("|".join(_words(thing) for thing in things).encode()).hexdigest()[:20]
-
-
-def _words(thing: Any) -> str:
-    if isinstance(thing, str | int | float | bytes | type(None)):
-        return repr(thing)
-    if hasattr(thing, "__code__"):
-        code, held = thing.__code__, [cell.cell_contents for cell in thing.__closure__ or ()]
-        return f"{_code_words(code)}{[_words(value) for value in (*held, *(thing.__defaults__ or ()))]}"
-    leaves, structure = jax.tree_util.tree_flatten(thing)
-    if leaves == [thing]:
-        return _of_leaf(thing)
-    return f"{structure}{[_of_leaf(leaf) for leaf in leaves]}"
-
-
-def _code_words(code: Any) -> str:
-    """What a function does: its instructions, names and constants, and not where it was written."""
-    constants = [_code_words(c) if hasattr(c, "co_code") else repr(c) for c in code.co_consts]
-    return f"{code.co_code.hex()}{code.co_names}{constants}"
-
-
-def _of_leaf(leaf: Any) -> str:
-    if isinstance(leaf, np.ndarray | np.generic | jax.Array):
-        array = np.asarray(leaf)
-        return f"{array.shape}{array.dtype}{hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()}"
-    if hasattr(leaf, "__code__"):
-        return _words(leaf)
-    return f"{type(leaf).__qualname__}{hashlib.sha256(pickle.dumps(leaf)).hexdigest()}"
 
 
 class Folder:
@@ -62,21 +30,34 @@ class Folder:
         except OSError as error:
             checks.refuse(f"`folder` must be a folder that can be written. Got {str(path)!r}: {error.strerror}.")
 
-    def read(self, name: str) -> dict[str, np.ndarray] | None:
-        """A part that is there and whole."""
+    def read(self, name: str, runs: int) -> Part | None:
+        """A part of so many runs that is there and whole. One that is damaged, or another computation's, is warned of."""
         if self.path is None:
             return None
-        with suppress(OSError, ValueError, BadZipFile), np.load(self.path / f"{name}.npz", allow_pickle=False) as file:
-            return dict(file)
+        file = self.path / f"{name}.npz"
+        if not os.path.lexists(file):
+            return None
+        with (
+            suppress(Exception),
+            file.open("rb") as stream,
+            np.load(stream, allow_pickle=False) as held,
+        ):  # whatever a damaged archive raises
+            part = dict(held)
+            if str(part.pop("name")) == name and _is_whole(part, runs):
+                return part
+        log.warning("%s is damaged, or of another computation: its runs are computed again.", file)
         return None
 
-    def write(self, name: str, part: dict[str, np.ndarray]) -> None:
-        """Keep a part."""
-        if self.path is None:
-            return
-        draft = self.path / f".{name}.{os.getpid()}.npz"
-        np.savez(draft, allow_pickle=False, **part)
-        draft.replace(self.path / f"{name}.npz")
+    def write(self, name: str, part: Part) -> None:
+        """Leave a part for later; until it is on the disk, an older one stays. Raises `InputError`."""
+        if self.path is not None:
+            write(self.path / f"{name}.npz", lambda stream: np.savez(stream, allow_pickle=False, name=name, **part))
+
+
+def _is_whole(part: Part, runs: int) -> bool:
+    values = [array for name, array in part.items() if name.startswith("value ")]
+    ended = part["failed"].dtype == bool and part["failed"].shape == part["sentences"].shape == (runs,)
+    return ended and part["engine"].shape == () and all(len(array) == runs and array.dtype == float for array in values)
 
 
 def worked_out(function: Callable, calls: Iterable[tuple], scheduler: str | None) -> Iterator[tuple[int, Any]]:

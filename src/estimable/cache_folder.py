@@ -10,7 +10,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from ..writing import write as write_file
+from .writing import write as write_file
 
 MOST = 500 * 2**20  # bytes: the oldest entries are deleted above it
 LEFT = 0.8  # of them, so that not every entry deletes another
