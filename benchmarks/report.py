@@ -58,26 +58,28 @@ def page(rows, options):
     machine = f"{os.cpu_count()} processors ({platform.machine()}), Python {platform.python_version()}"
     return f"""# Benchmarks
 
-*Question it answers: how fast is it, beside other libraries and beside a loop written by hand for that one case?*
+*Question it answers: how fast is it, compared with other libraries and with a loop written by hand for that one case?*
 
 Made by `python -m benchmarks {options}` on {machine}, {versions}. The other libraries are those of extra `bench`.
 
-In short, for each workload that others run too; more than 1: ours is faster. Ours is the first row of the workload in the
-second table.
+In short, for each workload that others run too; a ratio above 1 means that ours is faster. Ours is the first row of the workload
+in the second table.
 
 {summary(rows)}
 
 ## Every contender
 
-Each time is the shortest of several after a first call, which stands beside it and holds the compilation; the ratio is to the
-first row of the workload. Errors: the largest of a mean against a NumPy loop that deletes what is missing; of an equation, the
-residual relative to the solution; of a log-likelihood, relative. All in double precision, with the same model, prior and data.
+Each time is the shortest of several after a first call. The first call has its own column and includes the compilation. The ratio
+is to the first row of the workload. Errors: of a mean, the largest difference from a NumPy loop that deletes what is missing; of
+an equation, the residual relative to the solution; of a log-likelihood, relative. All in double precision, with the same model,
+prior and data.
 
-- W1, W3, W5, W12 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs as it comes and, under
-  `conserve_memory`, set to keep what ours keeps: filtered means and forecasts and, unless `keep=means`, their covariances.
-  The plain scan is the filter that one would write in JAX for the model at hand: a Joseph form in one `lax.scan`, outputs masked.
-  filterpy and pykalman give no log-likelihood with it; dynamax and cuthbert return from their jitted function what is kept.
-- W2: log-likelihoods only. The C loop runs eight models in the lanes of a vector, the groups shared among threads.
+- W1, W3, W5, W12 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs with its defaults
+  and, under `conserve_memory`, set to store what ours stores: filtered means and forecasts and, unless `keep=means`, their
+  covariances. The plain scan is the filter that one would write in JAX for the model at hand: a Joseph form in one `lax.scan`,
+  with masked outputs. filterpy and pykalman give no log-likelihood with it; dynamax and cuthbert return the stored arrays from
+  their jitted function.
+- W2: log-likelihoods only. The C loop runs eight models in the lanes of a vector, with the groups shared among threads.
 - W4: seconds of one step called from Python.
 - W11: seconds of the first call in a new process whose JAX has started. Which engine is better when: [engines](engines.md).
 
