@@ -1,1 +1,1 @@
-"""Speed beside accuracy: `python -m benchmarks` (see `--help`)."""
+"""Speed and accuracy: `python -m benchmarks` (see `--help`)."""

@@ -1,4 +1,4 @@
-"""The command-line page is what `--help` prints. To write it anew: WRITE_COMMAND_LINE=1 pytest tests/documents."""
+"""The command-line page is what `--help` prints. To regenerate it: WRITE_COMMAND_LINE=1 pytest tests/documents."""
 
 import os
 from pathlib import Path
@@ -11,20 +11,20 @@ PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"
 COMMANDS = ("", "demo", "gain", "estimate", "check", "identify", "tune", "simulate", "reproduce", "cache")
 HEAD = """# The command line
 
-Every command takes `--json`, which prints one object for machines on stdout: `{"command", "version", "outcome": {"code",
-"sentence"}, ...}`, null where a number is not known, never NaN. On an error it is `{"error", "message"}`. Exit codes: 0; 2 for a
-wrong call, file or option; 1 for a run that failed. `gain` and `demo` tell
+Every command takes `--json`. It prints one object for machines on stdout: `{"command", "version", "outcome": {"code",
+"sentence"}, ...}`. A number that is not known is null, never NaN. On an error the object is `{"error", "message"}`. Exit codes:
+0; 2 for a wrong call, file or option; 1 for a run that failed. `gain` and `demo` report
 
 | key | meaning |
 |---|---|
-| `gain_after`, `gain_after_sigma` | mean over the last 2 s (or since a change was seen), and standard deviation at the last row |
+| `gain_after`, `gain_after_sigma` | mean over the last 2 s (or since a change was detected); sigma at the last row |
 | `gain_before`, `gain_before_sigma` | the same over the 2 s before the first change, or up to a third of the record |
-| `failure_time_s`, `detected_at_s` | when the gain changed first, and when that was seen; null where no change was found |
+| `failure_time_s`, `detected_at_s` | when the gain first changed, and when that was detected; null where no change was found |
 | `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |
 | `report` | the page that was written, or null |
 | `nis` | the normalised innovations (of the filter inside a detector), their band, and a sentence |
-| `settings` | what the filter ran with |
-| `samples`, `seconds` | of the record |
+| `settings` | the settings of the filter |
+| `samples`, `seconds` | the length of the record |
 
 With several gains the numbers are objects, {name: number}.
 """
