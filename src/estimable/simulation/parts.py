@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import CodeType
 from typing import Any
 from zipfile import BadZipFile
 
@@ -35,7 +36,7 @@ def _words(thing: Any) -> str:
     return f"{structure}{[_of_leaf(leaf) for leaf in leaves]}"
 
 
-def _code_words(code: Any) -> str:
+def _code_words(code: CodeType) -> str:
     """What a function does: its instructions, names and constants, and not where it was written."""
     constants = [_code_words(c) if hasattr(c, "co_code") else repr(c) for c in code.co_consts]
     return f"{code.co_code.hex()}{code.co_names}{constants}"
@@ -53,7 +54,7 @@ def _of_leaf(leaf: Any) -> str:
 class Folder:
     """Parts on the disk, {name: array} each; None keeps none. A part is written whole or not at all."""
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path | None):
         self.path = None if path is None else Path(path)
         if self.path is None:
             return
