@@ -6,7 +6,7 @@ import numbers
 import os
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import Any, NoReturn, TypeGuard
+from typing import Any, NoReturn, TypeAlias, TypeGuard
 
 import jax
 import numpy as np
@@ -14,6 +14,8 @@ from jax.core import Tracer
 
 from .annotations import Numbers
 from .errors import InputError
+
+Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # for an array
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # how far below zero it may leave a variance on the diagonal
@@ -49,9 +51,7 @@ class Faults:
         self.sizes.setdefault(axis, size)
         self.sources.setdefault(axis, source)
 
-    def array(
-        self, name: str, value: Numbers | None, axes: str, *, leading: str | None = None, nan: bool = False
-    ) -> Any:
+    def array(self, name: str, value: Given, axes: str, *, leading: str | None = None, nan: bool = False) -> Any:
         """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; None where it is at fault.
 
         Booleans count as 1 and 0; nothing else is converted. Of values that are being traced by JAX nothing is checked,
@@ -66,7 +66,7 @@ class Faults:
             return None
         return number_array if self._fits(name, number_array, axes.split(), leading) else None
 
-    def _numbers(self, name: str, value: Numbers | None, nan: bool) -> np.ndarray | None:
+    def _numbers(self, name: str, value: Given, nan: bool) -> np.ndarray | None:
         if np.ma.is_masked(value):
             hint = f": pass {name}.filled(np.nan), where NaN means not known" if nan else ""
             self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
@@ -126,7 +126,7 @@ class Faults:
         remedy = _remedy(name, shape, axes, wanted, core)
         return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
 
-    def covariance(self, name: str, value: Numbers | None, axes: str, *, leading: str | None = None) -> Any:
+    def covariance(self, name: str, value: Given, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
         P = self.array(name, value, axes, leading=leading)
         if P is None or isinstance(P, Tracer) or P.size == 0:

@@ -88,7 +88,7 @@ def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
     return read
 
 
-def check_controller(controller: Any, faults: checks.Faults) -> None:
+def check_controller(controller: Controller[Any], faults: checks.Faults) -> None:
     """A controller, made, and not a class."""
     if not isinstance(controller, Controller):
         faults.add(
@@ -97,7 +97,7 @@ def check_controller(controller: Any, faults: checks.Faults) -> None:
         )
 
 
-def check_inner(controller: Any, around: str, faults: checks.Faults) -> None:
+def check_inner(controller: Controller[Any], around: str, faults: checks.Faults) -> None:
     """A controller that says how its demand on the plant is shared out."""
     check_controller(controller, faults)
     if isinstance(controller, Controller) and not isinstance(controller, SharedController):
@@ -115,7 +115,7 @@ def demand(law: Any, estimate: Info, reference: Array) -> Any:
 
 def shared(wanted: Array, effect: Array | float) -> Any:
     """What is asked of the plant, divided by `effect`, one number or (m,); or times it, where it is a matrix (m, m)."""
-    return apply(effect, wanted) if jnp.ndim(effect) == 2 else wanted / effect
+    return apply(jnp.asarray(effect), wanted) if jnp.ndim(effect) == 2 else wanted / effect
 
 
 def of_input(law: Any, estimate: Info) -> Any:

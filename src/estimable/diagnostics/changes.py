@@ -1,6 +1,6 @@
 """What a change detector found, as a list."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class DetectedChange(NamedTuple):
         return f"{self.gain} went from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, seen at {seen}."
 
 
-def changes(result: Any) -> tuple[DetectedChange, ...]:
+def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     """The changes that `ChangeDetection` found, in order of their alarms.
 
     `result`: of `estimate`, or one of a bank (`bank[i]`), kept with "all". Where several gains may jump, the one named is

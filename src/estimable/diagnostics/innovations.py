@@ -1,6 +1,6 @@
 """Do the innovations still hold something that the model could have predicted?"""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -69,10 +69,10 @@ def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probabi
     >>> whiteness(np.random.default_rng(0).normal(size=500)).passed
     True
     """
-    e = _one(e, "e")
-    _check(lags, probability, len(e))
-    known = ~np.isnan(e)
-    z = np.where(known, e, 0.0)
+    series = _one(e, "e")
+    _check(lags, probability, len(series))
+    known = ~np.isnan(series)
+    z = np.where(known, series, 0.0)
     steps = np.arange(1, lags + 1)
     found = [_correlation(z[lag:], z[:-lag], known[lag:] & known[:-lag]) for lag in steps]
     return _judged(found, steps, probability, lambda verdict: _white_sentence(verdict, name))
@@ -108,18 +108,19 @@ def cross_correlation(
     >>> cross_correlation(rng.normal(size=500), np.sign(rng.normal(size=500))).passed
     True
     """
-    e, u = _one(e, "e"), _one(u, "u")
-    if len(e) != len(u):
-        checks.refuse(f"`e` and `u` must be equally long. Got {len(e)} and {len(u)}.")
-    _check(lags, probability, len(e))
+    series, driving = _one(e, "e"), _one(u, "u")
+    T = len(driving)
+    if len(series) != T:
+        checks.refuse(f"`e` and `u` must be equally long. Got {len(series)} and {T}.")
+    _check(lags, probability, len(series))
     steps = np.arange(lags + 1)
-    past = np.stack([np.concatenate([np.full(lag, np.nan), u[: len(u) - lag]]) for lag in steps], axis=1)
-    rows = ~np.isnan(e) & ~np.isnan(past).any(axis=1)
+    past = np.stack([np.concatenate([np.full(lag, np.nan), driving[: T - lag]]) for lag in steps], axis=1)
+    rows = ~np.isnan(series) & ~np.isnan(past).any(axis=1)
     if rows.sum() < FEWEST + len(steps):
         checks.refuse(
             f"there are too few samples to judge by: {rows.sum()} for {len(steps)} lags, {FEWEST} more needed."
         )
-    return _regressed(e[rows], past[rows], steps, probability, name, input_name)
+    return _regressed(series[rows], past[rows], steps, probability, name, input_name)
 
 
 def _regressed(
@@ -141,7 +142,7 @@ def _regressed(
     return verdict._replace(sentence=_input_sentence(verdict, effect, name, input_name))
 
 
-def _one(values: np.ndarray, name: str) -> np.ndarray:
+def _one(values: Numbers, name: str) -> np.ndarray:
     array = np.asarray(values, float)
     if array.ndim != 1:
         checks.refuse(f"`{name}` must be one channel, (T,). Got {array.shape}.")
@@ -158,7 +159,7 @@ def _check(lags: int, probability: float, T: int) -> None:
 
 
 def _judged(
-    correlations: np.ndarray, steps: np.ndarray, probability: float, sentence: Callable[..., str]
+    correlations: Sequence[tuple[float, int]], steps: np.ndarray, probability: float, sentence: Callable[..., str]
 ) -> Correlations:
     values, pairs = (np.array(column) for column in zip(*correlations, strict=True))
     counted = pairs >= FEWEST

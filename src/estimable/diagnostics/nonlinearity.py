@@ -99,13 +99,13 @@ def _terms(ready: Functions | Matrices, m: Array, P: Array, interval: Interval):
     return _ratio(curved - straight, σ_x), _ratio(line.bias, σ_y), _ratio(third, σ_y)
 
 
-def _ratio(size: np.ndarray, σ: np.ndarray):
+def _ratio(size: Array, σ: Array) -> Array:
     return jnp.where(σ > 0, size / jnp.where(σ > 0, σ, 1.0), 0.0)
 
 
 def _moved(ready: Functions | Matrices, m: Array, L: Array, interval: Interval):
     """The mean predicted to the first and to the second order, and a factor of the covariance."""
-    if ready.continuous:
+    if isinstance(ready, Functions) and ready.continuous:
         return _flowed(ready, m, L, interval)
     line = expansion.second_order(lambda x: ready.next_state(x, ready.θ, interval), m, L)
     W = ready.noise(m, ready.θ, interval.u)
@@ -113,7 +113,7 @@ def _moved(ready: Functions | Matrices, m: Array, L: Array, interval: Interval):
     return line.mean - line.bias, line.mean, Z
 
 
-def _flowed(ready: Functions | Matrices, m: Array, L: Array, interval: Interval):
+def _flowed(ready: Functions, m: Array, L: Array, interval: Interval):
     derivative, n = ready.derivative(interval), len(m)
     start = flow.Moments(m, L, jnp.zeros((n, n)))
     ends = [

@@ -127,7 +127,7 @@ class Online:
             return quick.info
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
-        y = faults.array("y", y, "p", nan=True)
+        measured = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
         if self._now.corrected and model.S is not None:
             faults.add(
@@ -138,7 +138,7 @@ class Online:
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
         if quick is not None and self._is_prepared(quick, "correct"):
-            code = quick.correct(y, applied)
+            code = quick.correct(measured, applied)
             assert code is not None  # plain by now
             self._settle(code)
             self._progress = None
@@ -146,7 +146,7 @@ class Online:
         fate = None
         if self.algorithm.takes_unknown_arrivals:
             fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
-        sample = Sample(np.nan_to_num(y, nan=0.0), ~np.isnan(y), applied, fate)
+        sample = Sample(np.nan_to_num(measured, nan=0.0), ~np.isnan(measured), applied, fate)
         state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
         self._settle(int(info.outcome))

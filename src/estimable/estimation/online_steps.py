@@ -1,7 +1,7 @@
 """A run at one sample a call in machine code: where a call is plain, this is all of it; else `online` looks first."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -23,18 +23,22 @@ REFUSED = -1  # the code of a step whose datum or input is no number
 LENGTHS = 64  # of steps, for which the sampled model is kept
 
 
-def _now(algorithm: Algorithm[Any] | ByRow, row: Tree) -> Any:
+def _now(algorithm: Algorithm[Any] | ByRow, row: Sequence[Array]) -> Any:
     return algorithm.now(row) if isinstance(algorithm, ByRow) else algorithm
 
 
-def _correct(fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], y: Array, u: Array, row: Tree):
+def _correct(
+    fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], y: Array, u: Array, row: Sequence[Array]
+):
     """`correct` of y, NaN where not seen, and what is told of it. A state is what is believed, and what the actuator holds."""
     (algorithm, _), (belief, held), seen = fixed, state, y == y
     belief, info = _now(algorithm, row).correct(belief, Sample(jnp.where(seen, y, 0.0), seen, u))
     return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) == jnp.inf), REFUSED, info.outcome)
 
 
-def _predict(fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], u: Array, u_end: Array, row: Tree):
+def _predict(
+    fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], u: Array, u_end: Array, row: Sequence[Array]
+):
     """`predict` under u, which is held where there is no u_end."""
     (algorithm, dt), (belief, _) = fixed, state
     interval = Interval(u, u_end if u_end.size else u, None, dt)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..annotations import Tree
 from ..engines import choice, xla
-from ..engines.step import Select
+from ..engines.step import Select, Stepping
 from ..filters.bounded import Bounded
 from ..filters.moving_window import MovingWindow
 from ..filters.smoothed import Smoothed
@@ -42,7 +42,7 @@ class Replayed(Wrapper[tuple[()]]):
 
 def scan(
     engine: str,
-    algorithm: Algorithm[Any],
+    algorithm: Stepping,
     prior: Prior | None,
     samples: Sample,
     intervals: Interval,
@@ -60,7 +60,7 @@ def scan(
 
 def scan_bank(
     engine: str,
-    algorithm: Algorithm[Any],
+    algorithm: Stepping,
     prior: Prior | None,
     samples: Sample,
     intervals: Interval,
@@ -95,7 +95,7 @@ def _as_run(infos: Info, keep: str, select: Select) -> xla.Run:
     return xla.Run(kept, infos.log_likelihood.sum(axis=1), code, failed_at, None)
 
 
-def window_of(algorithm: Algorithm[Any]) -> MovingWindow | None:
+def window_of(algorithm: Stepping) -> MovingWindow | None:
     """The window that can be replayed: around it are bounds and averages only, and its model does not vary in time."""
     while isinstance(algorithm, Bounded | Smoothed):
         algorithm = algorithm.algorithm
@@ -106,7 +106,7 @@ def window_of(algorithm: Algorithm[Any]) -> MovingWindow | None:
     return algorithm if constant else None
 
 
-def _replaying(algorithm: Algorithm[Any], window: MovingWindow) -> Wrapper[Any]:
+def _replaying(algorithm: Stepping, window: MovingWindow) -> Any:
     """The algorithm with its window replaced."""
     if isinstance(algorithm, Bounded | Smoothed):
         return replace(algorithm, algorithm=_replaying(algorithm.algorithm, window))

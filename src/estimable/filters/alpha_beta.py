@@ -181,7 +181,9 @@ def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:
         faults.add(f"with these gains the error does not die out: its largest pole has modulus {radius:.6g}, not < 1.")
 
 
-def _noises(sigma_a2: float | None, sigma_s2: float | None, alpha, faults: checks.Faults) -> tuple[float, float]:
+def _noises(
+    sigma_a2: float | None, sigma_s2: float | None, alpha: float | str | None, faults: checks.Faults
+) -> tuple[float, float]:
     """Both densities, or neither."""
     if sigma_a2 is None and sigma_s2 is None:
         if isinstance(alpha, str):
@@ -201,7 +203,7 @@ def _chain(order: int, σ_a2: float, σ_s2: float, output: str | None) -> StateS
     )  # fmt: skip
 
 
-def _check_model(model: StateSpace, order: int, alpha: Any, faults: checks.Faults) -> None:
+def _check_model(model: StateSpace, order: int, alpha: float | str | None, faults: checks.Faults) -> None:
     """A position, which is measured, and its derivatives."""
     shift = np.eye(order, k=1)
     A = shift if model.is_continuous else over(shift, np.eye(order), shift, model.dt, hold="zero_order")[0]

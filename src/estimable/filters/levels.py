@@ -18,11 +18,12 @@ def read(given: Numbers, faults: checks.Faults) -> Any:
     """The levels as (q, d)."""
     if checks.is_traced(given):
         return given
-    if np.size(np.asarray(given, object)) == 0:
+    values = np.asarray(given, object)
+    if np.size(values) == 0:
         faults.add("`levels` must hold at least one value.")
         return None
-    if np.ndim(np.asarray(given, object)) == 1 and faults.sizes.get("d") == 1:
-        given = [[value] for value in given]
+    if np.ndim(values) == 1 and faults.sizes.get("d") == 1:
+        given = [[value] for value in values]
     return faults.array("levels", given, "q d")
 
 

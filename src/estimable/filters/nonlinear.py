@@ -249,7 +249,7 @@ def padded(W: Array, belief: Belief):
     return jnp.concatenate([W, jnp.zeros((rest, W.shape[1]))]) if rest else W
 
 
-def augmented(ready: Functions | Matrices, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
+def augmented(ready: Functions, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
     """f(z, t) and W(z, t) of z = (x, θ), of which θ stays."""
     n, derivative = ready.n, ready.derivative(interval)
 

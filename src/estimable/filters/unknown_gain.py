@@ -83,7 +83,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         faults.finish()
         set_field(self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting)
 
-    def _check_gain(self, directions: Any, faults: checks.Faults) -> None:
+    def _check_gain(self, directions: Numbers | str | None, faults: checks.Faults) -> None:
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
             hint = ' For one gain an input: directions="per_input".' if directions is None else ""

@@ -8,6 +8,7 @@ import numpy as np
 from .. import checks
 from ..analysis.unknown_input_existence import METHODS as CASES
 from ..analysis.unknown_input_existence import existence
+from ..annotations import Array
 from ..frozen import replace, saved
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
@@ -49,7 +50,7 @@ class Layout(NamedTuple):
         return self.n + self.d * self.slots
 
 
-def pick(M: Any, columns: tuple[int, ...]) -> Any:
+def pick(M: Array | None, columns: tuple[int, ...]) -> Any:
     """Those columns of a matrix, or entries of a vector; None of None."""
     return None if M is None else M[..., np.array(columns, int)]
 

@@ -14,6 +14,7 @@ from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Gaussian, Measurement, correct
 from ..kernels.rounding import MEMORY
 from ..kernels.small import apply, factor, product, triangularise
+from ..models.plant import Functions
 from ..models.prior import Prior
 from ..protocols import GainAlgorithm
 from ..results import Info, Interval, Names, Sample
@@ -104,7 +105,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         Z = triangularise(jnp.concatenate([*columns, walk], axis=1))
         return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
 
-    def _with_noise_input(self, ready, b: Belief, L: Array, interval: Interval):
+    def _with_noise_input(self, ready: Functions, b: Belief, L: Array, interval: Interval):
         """Points in (z, e): the noise input is asked at each."""
         size, q = b.mean.shape[0], ready.white.shape[0]
         g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
@@ -112,7 +113,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         line = sigma_points(g, at, spread, self._κ(size + q))
         return line.mean, [line.slope, line.rest]
 
-    def _flowed(self, ready, b: Belief, L: Array, interval: Interval):
+    def _flowed(self, ready: Functions, b: Belief, L: Array, interval: Interval):
         """Each point carried by the differential equation; one call of the integrator for all."""
         size = b.mean.shape[0]
         f, W = nonlinear.augmented(ready, b, interval)

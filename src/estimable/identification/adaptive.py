@@ -151,7 +151,7 @@ def _response(ready: Functions | Matrices, x: Array, intervals: Interval, u: Arr
 def _moved(ready: Functions | Matrices, x: Array, interval: Interval):
     from ..kernels import flow
 
-    if not ready.continuous:
+    if not isinstance(ready, Functions) or not ready.continuous:
         return ready.next_state(x, ready.θ, interval)
     f = ready.derivative(interval)
     return flow.integrate(lambda t, x: f(x, ready.θ, t), x, interval.dt, ready.substeps)[0]

@@ -62,7 +62,7 @@ def best_order(records: Sequence[Record], weighting: str, orders: Sequence[int] 
     return orders[int(np.argmin(scores))]
 
 
-def _bic(records: Sequence[Record], variance: float, parameters: int) -> float:
+def _bic(records: Sequence[Record], variance: np.ndarray | None, parameters: int) -> float:
     """N log det of the residuals' covariance and k log N; infinite where there is no model."""
     N = max(sum(int(record.seen.any(axis=1).sum()) for record in records), 1)
     if variance is None:

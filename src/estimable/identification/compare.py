@@ -9,7 +9,7 @@ from .. import checks
 from ..data.record import Record
 from ..data.trends import Trend
 from ..errors import EstimableError
-from ..identifiers.standing import standing, state_space_of
+from ..identifiers.standing import LinearModel, standing, state_space_of
 from ..models.state_space import StateSpace
 from ..protocols import FilterIdentifier, Method
 from ..results import Comparison
@@ -125,7 +125,7 @@ def _run(method: Method, task: Divided) -> Any:
     return method, fit, model, _HeldOut(*(np.concatenate(columns) for columns in zip(*held, strict=True)))
 
 
-def absolute(model: Any, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
+def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
     """A model of deviations, of any kind, as one of the signals themselves: inputs (m,) and outputs (p,) are its levels."""
     model = state_space_of(model)
     own = 0.0 if model.operating_point is None else model.operating_point.outputs

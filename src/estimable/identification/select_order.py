@@ -38,22 +38,22 @@ def select_order(
     >>> found.order, found.delay, found.gap
     (2, 1, 2)
     """
-    records, orders, delays = _read(record, orders, delays, criterion)
-    found = [_best(records, n, delays) for n in orders]
+    records, tried, lags = _read(record, orders, delays, criterion)
+    found = [_best(records, n, lags) for n in tried]
     names = ("delays", "aic", "aicc", "bic", "cross_validation")
     columns = {name: np.array(column) for name, column in zip(names, zip(*found, strict=True), strict=True)}
     if not np.isfinite(columns["bic"]).any():
         checks.refuse(
-            f"the record is too short for order {min(orders)}: it has {checks.counted(_seen(records), 'sample')}."
+            f"the record is too short for order {min(tried)}: it has {checks.counted(_seen(records), 'sample')}."
         )
-    values = _singular_values(records, max(orders))
-    gap = None if values is None else _gap(values, max(orders))
-    best = orders[int(np.argmin(columns[criterion]))]
-    return OrderSelection(np.array(orders), **columns, singular_values=values, gap=gap, order=best, criterion=criterion)
+    values = _singular_values(records, max(tried))
+    gap = None if values is None else _gap(values, max(tried))
+    best = tried[int(np.argmin(columns[criterion]))]
+    return OrderSelection(np.array(tried), **columns, singular_values=values, gap=gap, order=best, criterion=criterion)
 
 
 def _read(
-    record: Record | Sequence[Record], orders: Sequence[int], delays: Sequence[int], criterion: str
+    record: Record | Sequence[Record], orders: Iterable[int], delays: Iterable[int], criterion: str
 ) -> tuple[list[Record], list[int], list[int]]:
     faults = checks.Faults()
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []

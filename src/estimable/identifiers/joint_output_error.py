@@ -168,7 +168,7 @@ class JointOutputError(Anticipating[JointBelief]):
         )  # fmt: skip
         return replace(after, lags=state.lags), _informed(self, after, told, sample)
 
-    def _fates(self, sample: Sample):
+    def _fates(self, sample: Sample) -> tuple[Array, Array] | None:
         """What was sent, and the probability that it came, (m,) each; None where every fate is known."""
         if self.arrival is None:
             return None
@@ -178,7 +178,16 @@ class JointOutputError(Anticipating[JointBelief]):
         arrived = jnp.asarray(sample.arrived)
         return jnp.asarray(sample.u), jnp.where(arrived == arrived, arrived, rate)
 
-    def _learn(self, belief: JointBelief, window: Array, fates: Array, y: Array, seen: Array, r: Array, J: Array):
+    def _learn(
+        self,
+        belief: JointBelief,
+        window: Array,
+        fates: tuple[Array, Array] | None,
+        y: Array,
+        seen: Array,
+        r: Array,
+        J: Array,
+    ) -> tuple[JointBelief, Any]:
         """One output: the belief after its datum, and what was told of it."""
         nx, nv = self._sizes
         v, Z = belief.inputs, belief.factor
@@ -282,7 +291,7 @@ def _informed(method: JointOutputError, state: JointBelief, told: tuple, sample:
 def _read_arrival(value: Numbers, faults: checks.Faults) -> Any:
     """Arrival rates, one number or (m,), more than 0 and at most 1."""
     if checks.is_traced(value):
-        return jnp.atleast_1d(value)
+        return jnp.atleast_1d(jnp.asarray(value))
     read = faults.array("arrival", np.atleast_1d(value), "channels")
     if read is not None and np.any((read <= 0) | (read > 1)):
         faults.add(f"`arrival` must be rates, more than 0 and at most 1. Got {checks.short(value)}.")

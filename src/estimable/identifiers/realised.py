@@ -1,7 +1,6 @@
 """What the identifiers of state-space models share: checks of records, the innovations form, and what a fit says of it."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -77,7 +76,7 @@ def impulse_names(length: int, inputs: Sequence[str], outputs: Sequence[str]) ->
     return tuple(f"M{j}" + ("" if alone else f"_{y}_{u}") for y in outputs for u in inputs for j in range(length + 1))
 
 
-def whole(name: str, value: Any, lower: int, faults: checks.Faults) -> None:
+def whole(name: str, value: int | None, lower: int, faults: checks.Faults) -> None:
     """A whole number, or None: chosen."""
     if value is not None:
         faults.whole(name, value, lower)

@@ -1,17 +1,22 @@
 """How any linear model stands to a record: simulated, and predicted one step ahead; are the residuals white, is input left?"""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..data.record import Record
 from ..diagnostics import standardised
 from ..kernels.innovations_form import System, initial_state, predictions, response
+from ..models.armax import ARMAX
+from ..models.arx import ARX
+from ..models.output_error import OutputError
 from ..models.state_space import StateSpace
 from ..results import Check, Validation
 from .residuals import residual_checks
 from .validation import fit_percent
+
+LinearModel: TypeAlias = StateSpace | ARX | ARMAX | OutputError
 
 
 class Standing(NamedTuple):
@@ -28,7 +33,7 @@ class Standing(NamedTuple):
     state: Any = None
 
 
-def state_space_of(model: Any) -> StateSpace:
+def state_space_of(model: LinearModel) -> StateSpace:
     """A model of any kind as a state-space model."""
     return model if isinstance(model, StateSpace) else model.to_state_space()
 
@@ -64,7 +69,7 @@ def held(u: np.ndarray) -> np.ndarray:
     return np.nan_to_num(np.take_along_axis(u, rows, axis=0))
 
 
-def validation_of(model: Any, records: Sequence[Record], extra: Sequence[Check] = ()) -> Validation:
+def validation_of(model: LinearModel, records: Sequence[Record], extra: Sequence[Check] = ()) -> Validation:
     """How a model stands to the records it was fitted to: residuals are those of the simulation."""
     found = [standing(state_space_of(model), record) for record in records]
     residuals, one_step = tuple(one.simulated for one in found), tuple(one.one_step for one in found)

@@ -48,7 +48,7 @@ def expected(records: Sequence[Record], arrival: float | None) -> list[Expected]
 
 
 def _expected(
-    record: Record, unknown: np.ndarray, mean: np.ndarray, variance: np.ndarray, rate: float | None
+    record: Record, unknown: np.ndarray, mean: np.ndarray, variance: np.ndarray, rate: float | np.ndarray
 ) -> Expected:
     arrived = np.ones_like(record.u) if record.arrived is None else record.arrived
     p = np.where(unknown, rate, np.nan_to_num(arrived))
@@ -56,7 +56,8 @@ def _expected(
     u, spread = np.where(lost, mean, record.u), np.where(lost, variance, 0.0)
     if record.lost == "hold" and not unknown.any():  # what is held is the last that arrived, logged or not
         held = record.applied()
-        u, p, spread = np.where(np.isnan(held), mean, held), np.ones_like(u), np.where(np.isnan(held), variance, 0.0)
+        u, spread = np.where(np.isnan(held), mean, held), np.where(np.isnan(held), variance, 0.0)
+        p = np.ones(u.shape)
     return Expected(p * u, p * (spread + (1 - p) * u**2))
 
 

@@ -43,7 +43,7 @@ def validated(
         checks.append(noise_check(residuals, noise_variance))
     if _beyond_rounding(residuals, records):
         checks += residual_checks(residuals, records)
-    return Validation(residuals, fit_percent(residuals, records), tuple(checks))
+    return Validation(tuple(residuals), fit_percent(residuals, records), tuple(checks))
 
 
 def _beyond_rounding(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> bool:

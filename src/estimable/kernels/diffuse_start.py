@@ -25,13 +25,13 @@ import jax.numpy as jnp
 
 from .rounding import SNAPPED, is_rounding
 from .shapes import Float
-from .small import Real, Scalar, apply, product
+from .small import Flag, Real, apply, product
 
 SAFE = 2.0**100  # X is scaled back when it leaves 1 / SAFE .. SAFE: only its span and ratios matter
 
 
 def remaining(
-    B: Float[Real, "s r"], A: Float[Real, "s _"], β: Float[Real, " r"], g: Float[Real, " _"], opens: Scalar, seen: Scalar
+    B: Float[Real, "s r"], A: Float[Real, "s _"], β: Float[Real, " r"], g: Float[Real, " _"], opens: Flag, seen: Flag
 ) -> Float[Real, "s r"]:
     """B after a datum. `opens`: (1), it determines a diffuse direction; else (3) where it was `seen`; else B stays.
 

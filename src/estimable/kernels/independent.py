@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from .kalman import Gaussian, Measurement, Posterior, innovation_of
 from .rounding import CONTRADICTION, KNOWN, magnitude, terms
 from .shapes import Bool, Float
-from .small import Real, Scalar, diagonal, gram, product, repeat, sums_after
+from .small import Flag, Real, Scalar, diagonal, gram, product, repeat, sums_after
 
 
 class _Weighted(NamedTuple):
@@ -71,7 +71,7 @@ def _joint_factor(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, "
     return jnp.concatenate([product(C, Z), Z])
 
 
-def _condition_on_row(a: _Weighted, j: int | Real, r: Scalar, seen: Scalar, known: Scalar) -> _Weighted:
+def _condition_on_row(a: _Weighted, j: int | Real, r: Scalar, seen: Flag, known: Scalar) -> _Weighted:
     """Condition every row of the array on row j having its datum, where it was seen."""
     g, error, at_j = a.A[j], a.residual[j], jnp.arange(a.error.shape[0]) == j
     wg = a.w * g

@@ -43,7 +43,7 @@ import jax.numpy as jnp
 from . import diffuse_start
 from .rounding import CONTRADICTION, DETERMINED, KNOWN, magnitude, next_size, terms
 from .shapes import Bool, Float
-from .small import Real, Scalar, apply, gram, product, repeat, triangularise
+from .small import Flag, Real, Scalar, apply, gram, product, repeat, triangularise
 
 
 class Gaussian(NamedTuple):
@@ -165,7 +165,7 @@ def _joint_directions(C: Float[Real, "p n"], X: Float[Real, "n r"], Ω: Float[Re
     return jnp.concatenate([product(C, X), X, jnp.zeros_like(X)])
 
 
-def _condition_on_row(a: _Array, j: int | Real, seen: Scalar, known: Scalar, determined: Scalar, k: int) -> _Array:
+def _condition_on_row(a: _Array, j: int | Real, seen: Flag, known: Scalar, determined: Scalar, k: int) -> _Array:
     """Condition every row of the array on row j having its datum, where it was seen. k: how many of its columns are ξ."""
     g, β, error = a.A[j], a.B[j], a.residual[j]
     Ag, Bβ = apply(a.A, g), apply(a.B, β)

@@ -21,7 +21,8 @@ from .shapes import Bool, Float
 SMALL = 8
 INDEPENDENT = 1e-3      # what must be left of a variance for three digits of sixteen to be all that N N' loses
 Real = jax.Array | np.ndarray
-Scalar = Real | np.generic | float      # one number: an entry of an array of NumPy is none
+Scalar = Real | float                 # one number; an entry of an array of NumPy is a float
+Flag = Real | np.bool_ | bool           # one truth value
 Parts = tuple[Real, ...]
 Carry = TypeVar("Carry")  # an array, or a tree of arrays
 
@@ -168,7 +169,7 @@ def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n
 
 
 @jax.jit
-def settles(only_rounding: Scalar) -> Real:
+def settles(only_rounding: Flag) -> Flag:
     """The choice of `settled`, under a name: an engine that looks for nothing that repeats may leave it out."""
     return only_rounding
 

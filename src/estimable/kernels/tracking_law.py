@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from .auxiliary_model import stabilise
 from .shapes import Float
-from .small import Real, Scalar, apply, factor, product, solve_lower
+from .small import Flag, Real, Scalar, apply, factor, product, solve_lower
 
 DOUBT = 0.5  # standard deviations: a divisor smaller than that counts as that large
 LEAST = 1e-3  # of the sum of |b|: and none is smaller than that
@@ -69,7 +69,7 @@ def least_squares(B: Float[Real, "p p"], wanted: Float[Real, " p"], damping: Sca
 
 
 def deviate(
-    ε: Float[Real, " na"], P: Float[Real, "na na"], a: Float[Real, " na"], e: Scalar, seen: Scalar, q: Scalar
+    ε: Float[Real, " na"], P: Float[Real, "na na"], a: Float[Real, " na"], e: Scalar, seen: Flag, q: Scalar
 ) -> tuple[Float[Real, " na"], Float[Real, "na na"]]:
     """Past deviations from the model's outputs, A ε = w, by a Kalman filter of e = ε + v; q = var w / var v."""
     na = ε.shape[0]

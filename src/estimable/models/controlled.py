@@ -207,7 +207,8 @@ def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
     if limits is None or checks.is_traced(limits):
         return limits
     m = faults.sizes.get("m", 1)
-    read = faults.array("limits", [[limit] * m for limit in limits] if np.ndim(limits) == 1 else limits, "2 m")
+    each = [[limit] * m for limit in np.asarray(limits, object)] if np.ndim(limits) == 1 else limits
+    read = faults.array("limits", each, "2 m")
     if read is not None and np.any(read[0] >= read[1]):
         faults.add(f"`limits` must be (smallest, largest), the first below the second. Got {checks.short(limits)}.")
     return read
@@ -224,7 +225,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
     return steps
 
 
-def _read_events(events: Any, model: Any, faults: checks.Faults) -> tuple:
+def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
     """The events by time, each one that fits the model."""
     if not isinstance(events, Sequence) or not all(isinstance(event, Failure | Change) for event in events):
         faults.add(
@@ -241,5 +242,5 @@ def _read_events(events: Any, model: Any, faults: checks.Faults) -> tuple:
     return tuple(sorted(events, key=lambda event: event.time))
 
 
-def _sizes(model: Any) -> tuple:
+def _sizes(model: StateSpace) -> tuple:
     return tuple(getattr(model, name, None) for name in ("n", "m", "p", "dt"))

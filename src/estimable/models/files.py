@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks, writing
+from ..annotations import Tree
 from ..frozen import saved
 from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
@@ -261,7 +262,7 @@ def _prior_section(prior: Prior) -> dict[str, Any]:
     return {"mean": prior.mean, "covariance": prior.covariance, **diffuse}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Tree) -> Any:
     """Arrays as lists, for TOML."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if item is not None}

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..annotations import Numbers
+from ..annotations import Array, Numbers
 from ..frozen import replace
 from .sampled import point_of
 from .state_space import StateSpace
@@ -14,7 +14,7 @@ from .state_space import StateSpace
 WORDS = ("one", "per_input", "every_entry")
 
 
-def read_directions(given: Any, model: StateSpace, faults: checks.Faults) -> Any:
+def read_directions(given: Numbers | str | None, model: StateSpace, faults: checks.Faults) -> Any:
     """A word, or (p, n, m); `faults` learns n, m, the outputs, and p, how many gains there are."""
     faults.learn("n", model.n, f"the model has {checks.counted(model.n, 'state')}")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
@@ -33,7 +33,7 @@ def read_directions(given: Any, model: StateSpace, faults: checks.Faults) -> Any
     return given
 
 
-def read_feedthrough(given: Any, directions: Any, faults: checks.Faults) -> Any:
+def read_feedthrough(given: Numbers | str | None, directions: Numbers | str | None, faults: checks.Faults) -> Any:
     """None, "scaled" or (p, outputs, m)."""
     if given is None or not isinstance(given, str):
         return None if given is None else faults.array("feedthrough", given, "p outputs m")
@@ -43,7 +43,7 @@ def read_feedthrough(given: Any, directions: Any, faults: checks.Faults) -> Any:
     return given
 
 
-def gain_names(directions: Any, p: int, model: StateSpace) -> tuple[str, ...]:
+def gain_names(directions: Array | str, p: int, model: StateSpace) -> tuple[str, ...]:
     """A name for each of the p gains."""
     if not isinstance(directions, str):
         return tuple(f"gain{i + 1}" for i in range(p))
@@ -54,17 +54,22 @@ def gain_names(directions: Any, p: int, model: StateSpace) -> tuple[str, ...]:
     }[directions]
 
 
-def is_word(directions: Any) -> bool:
+def is_word(directions: Numbers | str | None) -> bool:
     """Whether the directions are those of the model's own B."""
     return isinstance(directions, str) and directions in ("one", "per_input")
 
 
 def in_blocks(
-    model: StateSpace, p: int, *, directions: Any, fixed: Numbers | None = None, feedthrough: Any = None
+    model: StateSpace,
+    p: int,
+    *,
+    directions: Array | str,
+    fixed: Array | None = None,
+    feedthrough: Array | str | None = None,
 ) -> StateSpace:
     """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
-    fixed = 0 * model.B if fixed is None else _beside(fixed, model.B) + 0 * model.B
-    B, B_end = _side_by_side([fixed, *_blocks(directions, model.B, p)]), model.B_end
+    known = 0 * model.B if fixed is None else _beside(fixed, model.B) + 0 * model.B
+    B, B_end = _side_by_side([known, *_blocks(directions, model.B, p)]), model.B_end
     if B_end is not None:
         B_end = _side_by_side([0 * B_end, *_blocks(directions, B_end, p)])
     D = [model.D, *[0 * model.D] * p]
@@ -75,7 +80,7 @@ def in_blocks(
     return replace(model, B=B, B_end=B_end, D=_side_by_side(D), operating_point=point_of(model))
 
 
-def _blocks(directions: Any, M, p: int) -> list:
+def _blocks(directions: Array | str, M: Array, p: int) -> list:
     """The p matrices that θ multiplies, each with the leading axes of M."""
     n, m = M.shape[-2:]
     if isinstance(directions, str):
@@ -87,7 +92,7 @@ def _blocks(directions: Any, M, p: int) -> list:
     return [_beside(directions[..., i, :, :], M) + 0 * M for i in range(p)]
 
 
-def _beside(N, M):
+def _beside(N: Array, M: Array) -> Array:
     """N with an axis of time where M has one and N, which may be stacked, has none."""
     return N[..., None, :, :] if np.ndim(N) == np.ndim(M) - 1 and np.ndim(M) > 3 else N
 

@@ -156,7 +156,7 @@ def _slopes(g: Callable, x: Numbers, u: Numbers, θ: Array) -> Any:
     return jax.jacfwd(g, argnums=(0, 1))(x, u, θ)
 
 
-def _numbers(values: Any) -> str:
+def _numbers(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in np.ravel(values)) + "]"
 
 
@@ -181,7 +181,7 @@ def _read_names(model: NonlinearModel, faults: checks.Faults) -> dict:
     return {"states": states, "inputs": inputs, "outputs": faults.names("outputs", model.outputs, "p", "y")}
 
 
-def _read_parameters(given: Any, faults: checks.Faults) -> tuple[tuple[str, ...], np.ndarray]:
+def _read_parameters(given: Mapping[str, float] | None, faults: checks.Faults) -> tuple[tuple[str, ...], np.ndarray]:
     if given is None:
         return (), np.zeros(0)
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):

@@ -116,10 +116,11 @@ class OutputError(polynomials.Polynomials):
         """
         faults = checks.Faults()
         faults.learn("m", self.m, f"the model has {checks.counted(self.m, 'input')}")
-        u = faults.array("u", np.asarray(u)[:, None] if np.ndim(u) == 1 else u, "T m")
+        inputs = faults.array("u", np.asarray(u)[:, None] if np.ndim(u) == 1 else u, "T m")
         faults.finish()
-        assert u is not None
-        return np.stack([kernel.response(a, b, self.delay, u) for a, b in zip(self.a, self.b, strict=True)], axis=1)
+        return np.stack(
+            [kernel.response(a, b, self.delay, inputs) for a, b in zip(self.a, self.b, strict=True)], axis=1
+        )
 
     def to_state_space(self) -> StateSpace:
         """The same system as a `StateSpace` without process noise: one observable companion form an output.
@@ -174,7 +175,7 @@ def parameter_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[st
     return tuple(names)
 
 
-def read_variance(name: str, value: Any, faults: checks.Faults) -> Any:
+def read_variance(name: str, value: Numbers, faults: checks.Faults) -> Any:
     """Variances of the outputs, (p,): one number is that of each."""
     if checks.is_traced(value):
         return value
@@ -188,7 +189,7 @@ def read_variance(name: str, value: Any, faults: checks.Faults) -> Any:
     return variances
 
 
-def _raised(value: Any, axes: int) -> Any:
+def _raised(value: Numbers, axes: int) -> Any:
     """A 1-D list of one output (and one input) with the axes that it leaves out."""
     try:
         array = np.asarray(value)

@@ -50,7 +50,7 @@ def degrees(a: np.ndarray, b: np.ndarray) -> tuple[int, int]:
     return a.shape[-1], b.shape[-1] - 1
 
 
-def joined(*parts: Any) -> np.ndarray:
+def joined(*parts: np.ndarray) -> np.ndarray:
     """θ: output by output, the entries of each part (p, ..) in turn.
 
     >>> joined(np.array([[1.0], [2.0]]), np.array([[[3.0, 4.0]], [[5.0, 6.0]]])).tolist()
@@ -59,7 +59,7 @@ def joined(*parts: Any) -> np.ndarray:
     return np.concatenate([np.reshape(part, (len(part), -1)) for part in parts], axis=1).ravel()
 
 
-def parted(θ: np.ndarray, like: Sequence[Any]) -> list[np.ndarray]:
+def parted(θ: Numbers, like: Sequence[np.ndarray]) -> list[np.ndarray]:
     """The parts of θ, shaped as those in `like`: `joined` undone."""
     rows = np.asarray(θ, float).reshape(len(like[0]), -1)
     ends = np.cumsum([0, *(np.size(part) // len(part) for part in like)])

@@ -61,10 +61,10 @@ class Prior:
         """
         faults = checks.Faults()
         faults.learn("n", self.size, f"`mean` has {checks.counted(self.size, 'entry')}")
-        T = faults.array("T", T, "k n")
+        M = faults.array("T", T, "k n")
         faults.finish()
-        diffuse = None if self.diffuse is None else T @ self.diffuse
-        return Prior(T @ self.mean, T @ self.covariance @ T.T, diffuse=diffuse)
+        diffuse = None if self.diffuse is None else M @ self.diffuse
+        return Prior(M @ self.mean, M @ self.covariance @ M.T, diffuse=diffuse)
 
 
 def diffuse_columns(prior: Prior):

@@ -107,7 +107,7 @@ def _timed(model: StateSpace, name: str) -> np.ndarray:
     return M if name in model.varying else M[..., None, :, :]
 
 
-def is_diagonal(R: Any) -> bool:
+def is_diagonal(R: Array) -> bool:
     """Whether R (.., p, p) is known to be diagonal, in every row of time and batch."""
     return not checks.is_traced(R) and not np.any(np.asarray(R) * (1 - np.eye(np.shape(R)[-1])))
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..annotations import Array, Numbers
+from ..annotations import Array, Numbers, Tree
 from ..frozen import frozen, set_field, static
 from .delivery import LATE, flight, fly, in_time
 
@@ -28,7 +28,7 @@ class PerfectLink:
         """Nothing to remember."""
         return ()
 
-    def send(self, state, packet: Array, draw: Array | None = None):
+    def send(self, state: Tree, packet: Array, draw: Array | None = None):
         """The packet (c,), as it is."""
         return state, in_time(packet, jnp.ones(jnp.shape(packet), bool))
 
@@ -65,7 +65,7 @@ class BernoulliLink:
         """Nothing to remember."""
         return ()
 
-    def send(self, state, packet: Array, draw: Array):
+    def send(self, state: Tree, packet: Array, draw: Array):
         """The packet (c,), or nothing; `draw` uniform on [0, 1), one a packet."""
         return state, in_time(packet, jnp.broadcast_to(draw < self.arrival, jnp.shape(packet)))
 
@@ -132,7 +132,7 @@ class GilbertElliottLink:
         """The probability of being in the bad state."""
         return jnp.asarray(self.to_bad / (self.to_bad + self.to_good))
 
-    def send(self, state, packet: Array, draw: Array):
+    def send(self, state: Array, packet: Array, draw: Array):
         """The packet (c,), or nothing; `draw` (2,) uniform: of the channel's state, and of the packet."""
         is_bad = draw[0] < state
         arrived = draw[1] < jnp.where(is_bad, self.bad, self.good)
@@ -180,7 +180,7 @@ class DelayLink:
         """Nothing in flight."""
         return flight(len(self.delays) - 1)
 
-    def send(self, state, packet: Array, draw: Array):
+    def send(self, state: tuple[Array, Array, Array], packet: Array, draw: Array):
         """The newest packet (c,) that comes just now; `draw` (1,) uniform."""
         steps = jnp.sum(jnp.where(draw[0] >= jnp.cumsum(jnp.asarray(self.delays)), 1.0, 0.0))
         delay = jnp.where(steps < len(self.delays), steps, jnp.inf)
@@ -189,7 +189,7 @@ class DelayLink:
 
 def _read_probabilities(name: str, value: Numbers, faults: checks.Faults) -> Any:
     if checks.is_traced(value):
-        return jnp.atleast_1d(value)
+        return jnp.atleast_1d(jnp.asarray(value))
     read = faults.array(name, [value] if np.ndim(value) == 0 else value, "channels")
     if read is not None and (len(read) == 0 or np.any((read < 0) | (read > 1))):
         faults.add(f"`{name}` must be probabilities, from 0 to 1. Got {checks.short(value)}.")

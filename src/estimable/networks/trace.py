@@ -55,7 +55,7 @@ class Trace:
         """Nothing sent yet."""
         return jnp.zeros((), int), flight(self.longest)
 
-    def send(self, state, packet: Array, draw: Array | None = None):
+    def send(self, state: tuple[Array, tuple[Array, Array, Array]], packet: Array, draw: Array | None = None):
         """Do what was done to the packet of this row; after the last row, deliver in time."""
         row, flying = state
         rows = jnp.asarray(self.delay)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..annotations import Tree
 from ..data.record import Record
 from ..estimation.binding import model_of
 from ..models.prior import Prior
@@ -32,25 +33,25 @@ def _algorithm(algorithm: Algorithm[Any]) -> Any:
     """Each wrapper and what it wraps, outermost first, with its settings."""
     from ..catalogue import ENTRIES
 
-    detects = False
-    while algorithm is not None:
-        entry = next((entry for entry in ENTRIES if type(algorithm) is entry.cls), None)
+    detects, one = False, algorithm
+    while one is not None:
+        entry = next((entry for entry in ENTRIES if type(one) is entry.cls), None)
         assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
-        settings = _settings(algorithm)
+        settings = _settings(one)
         settings += " (walk and forgetting count without detection only)" if detects else ""
-        detects = hasattr(algorithm, "seconds_between_false_alarms")
-        yield type(algorithm).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
-        algorithm = getattr(algorithm, "algorithm", None)
+        detects = hasattr(one, "seconds_between_false_alarms")
+        yield type(one).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
+        one = getattr(one, "algorithm", None)
 
 
 def _settings(algorithm: Algorithm[Any]) -> str:
-    fields = type(algorithm).__dataclass_fields__
-    hidden = ("model", "gain", "algorithm", "_")
-    told = {name: getattr(algorithm, name) for name in fields if name not in hidden and fields[name].init}
+    from ..catalogue import settings_of
+
+    told = {name: getattr(algorithm, name) for name in settings_of(type(algorithm))}
     return ", ".join(f"{name} = {_value(value)}" for name, value in told.items() if value is not None)
 
 
-def _value(value: Any) -> str:
+def _value(value: Tree) -> str:
     if isinstance(value, str | bool | int):
         return str(value)
     array = np.asarray(value)
@@ -76,10 +77,11 @@ def record_items(record: Record) -> Any:
 def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
     for name, text in zip(model.states, _spreads(prior), strict=True):
         yield f"State {name}", text
-    while not hasattr(algorithm, "gain") and hasattr(algorithm, "algorithm"):
-        algorithm = algorithm.algorithm
-    if hasattr(algorithm, "gain"):
-        for name, text in zip(algorithm.names.gains, _spreads(algorithm.gain), strict=True):
+    inner: Any = algorithm
+    while not hasattr(inner, "gain") and hasattr(inner, "algorithm"):
+        inner = inner.algorithm
+    if hasattr(inner, "gain"):
+        for name, text in zip(inner.names.gains, _spreads(inner.gain), strict=True):
             yield "Gain" if name == "gain" else f"Gain {name}", text
 
 

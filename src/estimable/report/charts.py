@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..figures.bands import Band, bands, cropped
-from ..results.estimates import Kept
+from ..results import Estimate
 from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
@@ -49,7 +49,7 @@ class MeasuredState(NamedTuple):
     values: np.ndarray
 
 
-def charts_of(result: Kept, measured: dict[str, MeasuredState], changes: Sequence[Moment]) -> list[Chart]:
+def charts_of(result: Estimate, measured: dict[str, MeasuredState], changes: Sequence[Moment]) -> list[Chart]:
     """The gains, then the states with what was measured of each, then the innovations."""
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []
@@ -71,7 +71,12 @@ def charts_of(result: Kept, measured: dict[str, MeasuredState], changes: Sequenc
 
 
 def _estimate(
-    band: Band, colour: str, within: Any, output: MeasuredState | None, marks: Sequence[Moment], unit: str
+    band: Band,
+    colour: str,
+    within: tuple[float, float] | None,
+    output: MeasuredState | None,
+    marks: Sequence[Moment],
+    unit: str,
 ) -> Chart:
     """A quantity above its band, what was measured of it, and its changes."""
     sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma), band.sigma, np.nan)
@@ -92,7 +97,7 @@ def _estimate(
     return Chart(heading, tuple(keys), tuple(traces), layout)
 
 
-def _innovation(band: Band, within: Any, unit: str) -> Chart:
+def _innovation(band: Band, within: tuple[float, float] | None, unit: str) -> Chart:
     """Innovations and their bounds."""
     line = {"width": 1.0, "color": INNOVATION}
     traces = [

@@ -36,7 +36,7 @@ def report_of(
     facts: Sequence[Fact] = (),
     commands: Sequence[tuple[str, str]] = (),
     files: Sequence[Path] = (),
-    judged: Any = None,
+    judged: Estimate | None = None,
 ) -> Report:
     """A report of one `Estimate`, with what it was made from.
 
@@ -87,7 +87,7 @@ def _moments(result: Estimate, times: np.ndarray) -> list[Moment]:
     ]
 
 
-def _verdicts(result: Estimate, judged: Any, record: Record) -> tuple[Finding, ...]:
+def _verdicts(result: Estimate, judged: Estimate | None, record: Record) -> tuple[Finding, ...]:
     """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
     if judged is None or judged is result:
         return (_size(result), *_correlations(result, record))

@@ -1,6 +1,6 @@
 """The diagrams of an identification: held-out data, orders, residuals, poles and zeros, responses."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -146,7 +146,7 @@ def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs
     return charts
 
 
-def _correlations(test: Any, heading: str) -> list[Chart]:
+def _correlations(test: Callable[[], Correlations], heading: str) -> list[Chart]:
     """Bars by lag, and the band in which 95 of 100 lie; nothing where there are too few samples."""
     try:
         found: Correlations = test()
@@ -284,7 +284,7 @@ def _doubt(known: bool) -> str:
     return "" if known else "This method does not say how sure it is."
 
 
-def _curve(x: np.ndarray, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:
+def _curve(x: np.ndarray | None, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:
     line = {
         "y": packed(y),
         "mode": "lines",
@@ -295,7 +295,7 @@ def _curve(x: np.ndarray, y: np.ndarray, name: str, colour: str) -> dict[str, An
     return line if x is None else {"x": packed(x), **line}
 
 
-def _band(x: np.ndarray, lower: np.ndarray, upper: np.ndarray, colour: str) -> list[dict[str, Any]]:
+def _band(x: np.ndarray | None, lower: np.ndarray, upper: np.ndarray, colour: str) -> list[dict[str, Any]]:
     bare = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **({} if x is None else {"x": packed(x)})}
     return [{"y": packed(lower), **bare}, {"y": packed(upper), **bare, "fill": "tonexty", "fillcolor": _clear(colour)}]
 

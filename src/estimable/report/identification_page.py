@@ -13,7 +13,7 @@ from ..identifiers.residuals import residual_checks
 from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
-from ..results import Comparison, Fit, Ranked
+from ..results import Check, Comparison, Fit, Ranked
 from ..results.order_selection import OrderSelection
 from .assumptions import model_items, record_items
 from .charts import thinned
@@ -97,7 +97,7 @@ def _own(fit: Fit) -> list[Any]:
     return [check for check in fit.validation.checks if check.name not in ("whiteness", "input-left")]
 
 
-def _name(check: Any) -> str:
+def _name(check: Check) -> str:
     return check.name.replace("-", " ").capitalize()
 
 

@@ -53,7 +53,7 @@ def _at(found: RhoSynthesis, name: str) -> str:
     return speed(found.optima[name].bandwidth)
 
 
-def _relative(found: RhoSynthesis, rows: Any) -> Chart:
+def _relative(found: RhoSynthesis, rows: np.ndarray) -> Chart:
     """All criteria, each relative to its best."""
     traces, keys = [], []
     for name, words, colour, dash, values, times in series(found):
@@ -68,7 +68,7 @@ def _relative(found: RhoSynthesis, rows: Any) -> Chart:
     return Chart(heading, tuple(keys), tuple(traces), layout | _chosen(found), caption, PART)
 
 
-def _own(found: RhoSynthesis, rows: Any, kind: str, names: tuple[str, ...]) -> Chart:
+def _own(found: RhoSynthesis, rows: np.ndarray, kind: str, names: tuple[str, ...]) -> Chart:
     """The criteria of one kind of disturbance, in their own units."""
     drawn = {name: (colour, dash) for name, _, colour, dash, _, _ in series(found)} | {"external": (INK, "solid")}
     traces, keys = [], []

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..annotations import Numbers
+
 DRAWS = 200
 
 
@@ -46,14 +48,14 @@ class Reproduction(NamedTuple):
         return "done" if self.compute is not None else self.reason
 
 
-def drawn(quantity: str, unit: str, published: float | None, values: np.ndarray) -> ReproducedRow:
+def drawn(quantity: str, unit: str, published: float | None, values: Numbers) -> ReproducedRow:
     """The row of a quantity that each draw has: mean and 1 sigma over those that are finite.
 
     >>> drawn("gain", "", 0.5, [0.0, 1.0, 2.0, float("nan")])
     ReproducedRow(quantity='gain', unit='', published=0.5, mean=1.0, sigma=1.0, draws=3)
     """
-    values = np.asarray(values, float)
-    finite = values[np.isfinite(values)]
+    given = np.asarray(values, float)
+    finite = given[np.isfinite(given)]
     sigma = float(finite.std(ddof=1)) if len(finite) > 1 else None
     return ReproducedRow(
         quantity, unit, published, float(finite.mean()) if len(finite) else float("nan"), sigma, len(finite)

@@ -27,12 +27,12 @@ REMARK = (
 )
 
 
-def fall(x: Array, u: Array, θ: Array):
+def fall(x: Array, u: Array | None, θ: Array | None) -> Array:
     """Drag falls off with altitude and grows with the square of the speed."""
     return jnp.array([-x[1], -jnp.exp(-5e-5 * x[0]) * x[1] ** 2 * x[2], 0.0])
 
 
-def distance(x: Array, u: Array, θ: Array):
+def distance(x: Array, u: Array | None, θ: Array | None) -> Array:
     """From a radar at 1e5 ft of altitude, 1e5 ft beside the path."""
     return jnp.sqrt(1e10 + (x[:1] - 1e5) ** 2)
 

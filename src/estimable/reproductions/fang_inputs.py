@@ -13,6 +13,7 @@ from ..frozen import frozen
 from ..kernels.steady_unknown_input import covariance, exact_step, fang_step
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..results import Estimate
 from ..simulation.monte_carlo import monte_carlo
 from .entries import Reproduced, ReproducedRow, drawn
 
@@ -73,7 +74,7 @@ def draw(example: InputExample) -> Any:
             u = jnp.where(u > 0, LEVELS[1], LEVELS[0])
         w, v = (sigma * jax.random.normal(of, (T, 2)) for of in (of_w, of_v))
 
-        def move(x: Array, row):
+        def move(x: Array, row: tuple[Array, Array, Array]):
             u, w, v = row
             return A @ x + B[:, 0] * u + w, (x, C @ x + D[:, 0] * u + v)
 
@@ -84,7 +85,7 @@ def draw(example: InputExample) -> Any:
     return one
 
 
-def errors(drawn: DrawnRecord, estimate: Any) -> dict[str, Any]:
+def errors(drawn: DrawnRecord, estimate: Estimate) -> dict[str, Any]:
     """Errors of the input and of the states predicted one step ahead, sample by sample."""
     predicted = estimate.mean
     if not estimate.names.note.startswith("Fang"):

@@ -12,6 +12,7 @@ from ..models.controlled import Change, ControlledPlant
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink
+from ..results import ClosedLoopBank
 from ..simulation.close_loop import close_loop_bank
 from .entries import Reproduced, ReproducedRow, drawn
 from .plots import Line, Panel, over_time
@@ -76,7 +77,7 @@ def runs(arrival: float, jumps: bool, method: str, draws: int) -> TrackingRuns:
     return TrackingRuns(error, of_parameters, y, z, ~np.isnan(y))
 
 
-def _errors(bank: Any, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
+def _errors(bank: ClosedLoopBank, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
     """y - r (x° - r where y was lost: its noise is added in the mean square), and the relative errors of θ."""
     x = np.asarray(bank.runs.state)[:, 1:, 0]  # of the sample before
     true = np.where(jumps & (np.arange(ROWS) >= JUMP), 1.5, 1.0)[:, None] * θ

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..annotations import Numbers
 from .entries import ReproducedRow
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")  # told apart by colour-blind eyes too
@@ -54,7 +55,7 @@ def over_time(panels: Sequence[Panel], *, x: str = "time [s]") -> Any:
     return figure.update_layout(hovermode="x unified")
 
 
-def band(gain: float, share: float, t: np.ndarray) -> list[Line]:
+def band(gain: float, share: float, t: Numbers) -> list[Line]:
     """Dashed lines at a share above and below a value."""
     sides = [(f"± {100 * share:.0f} %", 1 + share), (f"± {100 * share:.0f} %", 1 - share)]
     ends = np.array([np.min(t), np.max(t)])

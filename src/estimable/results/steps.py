@@ -79,7 +79,7 @@ OUTCOMES = {
 }
 
 
-def outcome_code(contradicted: Array | bool, mean: Array, *factors):
+def outcome_code(contradicted: Array | bool, mean: Array, *factors: Array):
     """The code of a step: 1 where the mean (n,) or the square of a factor (n, k) is not finite, else 2 where a datum was
     contradicted."""
     finite = jnp.isfinite(jnp.sum(mean) + sum(jnp.sum(factor * factor) for factor in factors))

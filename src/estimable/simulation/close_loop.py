@@ -101,16 +101,16 @@ def close_loop_bank(
     links = Links(input_link, output_link)
     flown, simulator = _plant(plant)
     estimator = _for_channels(estimator, flown)
-    reference, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
+    followed, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
     loop = ControlLoop(
         flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
         np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
     )  # fmt: skip
-    T = len(reference)
+    T = len(followed)
     t = np.arange(T) * step
-    rows = _rows(loop, flown.phase_rows(t), reference, seed, first + np.arange(runs))
+    rows = _rows(loop, flown.phase_rows(t), followed, seed, first + np.arange(runs))
     intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
     if simulator is not None:
         used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
@@ -123,20 +123,21 @@ def close_loop_bank(
             raise RunError(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
-    return ClosedLoopBank(_closed(info, t, reference, used, names), outcomes)
+    return ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
 
 
-def _plant(given: Any) -> tuple[Any, Any]:
+def _plant(given: Plant) -> tuple[Any, Any]:
     """The plant with its actuators, and the simulator that flies in its place, or None."""
     if isinstance(given, StateSpace | OutputError):
         return ControlledPlant(given), None
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
-def _for_channels(estimator: Algorithm[Any], plant: Any) -> Any:
+def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
     """An identifier with the names of the plant's channels, where it has none of its own."""
-    named = isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier)
-    return estimator.for_channels(plant.model.inputs, plant.model.outputs) if named else estimator
+    if isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier):
+        return estimator.for_channels(plant.model.inputs, plant.model.outputs)
+    return estimator
 
 
 def _everything(info: Info, keep: str) -> Info:
@@ -182,7 +183,7 @@ def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: in
     )  # fmt: skip
 
 
-def _x0(plant: ControlledPlant, start: Numbers) -> np.ndarray:
+def _x0(plant: ControlledPlant, start: Numbers | None) -> np.ndarray:
     """The state at first, with the actuators at rest."""
     x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
     return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
@@ -199,14 +200,14 @@ def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -
 
 
 def _check_call(
-    plant,
+    plant: ControlledPlant,
     controller: Controller[Any],
     estimator: Algorithm[Any],
     links: Links,
     reference: Numbers,
     prior: Prior | None,
     dt: float | None,
-    start: Numbers,
+    start: Numbers | None,
     lost: str,
 ) -> tuple[np.ndarray, Any]:
     """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
@@ -225,15 +226,15 @@ def _check_call(
     given = np.asarray(reference)[:, None] if np.ndim(reference) == 1 else reference
     r = controller.references
     faults.learn("r", r, f"the controller follows {checks.counted(r, 'reference')}")
-    reference = faults.array("reference", given, "T r")
-    if reference is not None and len(reference) == 0:
+    followed = faults.array("reference", given, "T r")
+    if followed is not None and len(followed) == 0:
         faults.add("`reference` must have at least one row in time.")
     if start is not None:
         faults.learn("n", model.n, f"the plant has {checks.counted(model.n, 'state')}")
         faults.array("start", start, "n")
     faults.finish()
-    assert reference is not None
-    return reference, step
+    assert followed is not None
+    return followed, step
 
 
 def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.Faults) -> Any:

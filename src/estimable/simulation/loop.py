@@ -10,6 +10,7 @@ from ..annotations import Array, Tree
 from ..frozen import frozen, replace, static
 from ..kernels.small import apply
 from ..models.controlled import Steps
+from ..models.prior import Prior
 from ..protocols import Link
 from ..results import Info, Interval, Sample
 from .transmit import Links
@@ -75,7 +76,7 @@ class ControlLoop:
         """The loop at row k."""
         return replace(self, estimator=self.estimator.at(k))
 
-    def init(self, prior) -> LoopState:
+    def init(self, prior: Prior | None) -> LoopState:
         """Before the first sample."""
         m = self.plant.B.shape[-1]
         nothing = jnp.zeros(m)
@@ -209,7 +210,7 @@ def _begin(link: Link, size: int) -> Any:
     return jax.tree_util.tree_map(lambda leaf, shape: jnp.broadcast_to(leaf, shape.shape), fresh, like)
 
 
-def _measure(link: Link, state: Any, measured: Array, draw: Array):
+def _measure(link: Link, state: Tree, measured: Array, draw: Array):
     """Which outputs came in time."""
     if link is None:
         return jnp.ones(measured.shape, bool), None
@@ -217,7 +218,7 @@ def _measure(link: Link, state: Any, measured: Array, draw: Array):
     return delivery.arrived, state
 
 
-def _command(link: Link, state: Any, u: Array, draw: Array):
+def _command(link: Link, state: Tree, u: Array, draw: Array):
     """What came to the actuators, and where something did."""
     if link is None:
         return u, jnp.ones(u.shape, bool), None

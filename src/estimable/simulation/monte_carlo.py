@@ -17,7 +17,7 @@ from ..estimation.estimate import check_options
 from ..estimation.estimate_bank import estimate_bank
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import MonteCarlo, Outcome, Stacked
+from ..results import MonteCarlo, Outcome, Simulation, Stacked
 
 CHUNK = 256  # runs drawn and estimated at once: bounds the memory, and nothing else
 
@@ -91,7 +91,7 @@ def _row(leaf: np.ndarray, *, i: int) -> np.ndarray:
     return leaf[i]
 
 
-def _record_of(things: Any) -> Record:
+def _record_of(things: Record | Simulation) -> Record:
     record = things if isinstance(things, Record) else getattr(things, "record", None)
     if not isinstance(record, Record):
         checks.refuse(

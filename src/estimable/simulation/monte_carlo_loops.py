@@ -192,15 +192,15 @@ def _joined(parts: list[dict[str, np.ndarray]], seed: int) -> MonteCarlo:
 
 
 def _check_call(
-    cases,
+    cases: Mapping[str, LoopCase],
     runs: int,
     seed: int,
     summary: Callable[..., Any],
     chunk: int,
     on_failure: str,
     engine: str,
-    scheduler: Any,
-    version: Any,
+    scheduler: str | None,
+    version: str | None,
 ) -> None:
     faults = checks.Faults()
     if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):

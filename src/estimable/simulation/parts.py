@@ -21,7 +21,7 @@ PATIENCE = 10  # [s] for a scheduler to answer
 class Folder:
     """Parts on the disk, {name: array} each; None keeps none. A part is written whole or not at all."""
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path | None):
         self.path = None if path is None else Path(path)
         if self.path is None:
             return

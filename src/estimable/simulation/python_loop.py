@@ -9,13 +9,14 @@ from ..annotations import Array
 from ..engines import xla
 from ..engines.step import Select
 from ..frozen import replace
+from ..models.prior import Prior
 from ..protocols import Plant
 from ..results import Info, Interval
 from .loop import ControlLoop, Decided, LoopInputs, LoopState
 
 
 def scan_bank(
-    simulator: Plant, loop: ControlLoop, prior: Any, rows: LoopInputs, intervals: Interval, *, select: Select
+    simulator: Plant, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
 ) -> xla.Run:
     """What `xla.scan_bank` leaves, of loops that differ in their rows."""
     infos = [
@@ -28,11 +29,13 @@ def scan_bank(
     return xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
 
 
-def _of_run(part: Any, i: int) -> Any:
+def _of_run(part: tuple[LoopInputs, Interval], i: int) -> Any:
     return jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[i], part)
 
 
-def _fly(flight: Any, loop: ControlLoop, prior: Any, drawn: tuple[LoopInputs, Interval], select: Select) -> Info:
+def _fly(
+    flight: Any, loop: ControlLoop, prior: Prior | None, drawn: tuple[LoopInputs, Interval], select: Select
+) -> Info:
     """One run, its infos in rows."""
     rows, intervals = drawn
     state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)

@@ -16,7 +16,9 @@ from ..frozen import replace
 from ..kernels.small import apply, factor
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
+from ..models.plant import Functions
 from ..models.prior import Prior
+from ..models.sampled import SampledModel
 from ..models.state_space import StateSpace
 from ..protocols import Link
 from ..results import Interval, Simulation, Stacked
@@ -166,10 +168,10 @@ def _check_call(
 
 def _empty_record(
     model: StateSpace | NonlinearModel,
-    u: Numbers,
+    u: Numbers | None,
     steps: int | None,
     dt: float | None,
-    t: Numbers,
+    t: Numbers | None,
     hold: str,
     links: Links,
     lost: str,
@@ -184,9 +186,10 @@ def _empty_record(
     check_hold(model, hold, faults)
     check_links(links, lost, model.m, hold, faults)
     faults.finish()
-    rows = next(given if isinstance(given, int) else len(given) for given in (u, steps, t) if given is not None)
-    u = np.zeros((rows, 0)) if u is None else u
-    record = Record(np.zeros((rows, model.p)), u, dt=model.dt or dt, t=t, hold=hold)
+    rows = next(given if isinstance(given, int) else _rows(given) for given in (u, steps, t) if given is not None)
+    record = Record(
+        np.zeros((rows, model.p)), np.zeros((rows, 0)) if u is None else u, dt=model.dt or dt, t=t, hold=hold
+    )
     if record.u.shape[1] != model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}. Got {record.u.shape}.")
     if np.isnan(record.u).any():
@@ -197,20 +200,25 @@ def _empty_record(
     return record
 
 
+def _rows(given: Numbers) -> int:
+    """The length of a list or an array."""
+    return len(np.asarray(given, object))
+
+
 def _inputs(model: StateSpace | NonlinearModel) -> str:
     return f"the model has {checks.counted(model.m, 'input')}"
 
 
 def _check_rows(
-    model: StateSpace | NonlinearModel, u: Numbers, steps: int | None, t: Numbers, faults: checks.Faults
+    model: StateSpace | NonlinearModel, u: Numbers | None, steps: int | None, t: Numbers | None, faults: checks.Faults
 ) -> None:
     """How many rows to draw must be said, once."""
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
     if u is not None and np.ndim(u) == 0:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
-    elif u is not None and steps not in (None, len(u)):
-        faults.add(f"`steps` = {steps}, but `u` has {len(u)} rows: leave `steps` out.")
+    elif u is not None and steps not in (None, _rows(u)):
+        faults.add(f"`steps` = {steps}, but `u` has {_rows(u)} rows: leave `steps` out.")
     if u is None and steps is None and t is None:
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")
 
@@ -226,9 +234,9 @@ class SimulatedRun(NamedTuple):
 
 
 def _draw(
-    model: StateSpace | NonlinearModel,
-    lengths: np.ndarray,
-    u: Numbers,
+    model: SampledModel | Functions,
+    lengths: Array,
+    u: Array,
     prior: Prior | None,
     links: Links,
     lost: str,
@@ -246,7 +254,7 @@ def _draw(
     sent = send_inputs(links.input, u, key, lost)
     u_end = jnp.concatenate([sent.applied[1:], sent.applied[-1:]])
 
-    def step(x: Array, row):
+    def step(x: Array, row: tuple[Array, Interval, Array]) -> tuple[Array, tuple[Array, Array]]:
         k, interval, e = row
         x_next, y = motion.move(model, x, k, interval, e)
         return x_next, (y, start + x)
@@ -259,9 +267,9 @@ def _draw(
 
 @partial(jax.jit, static_argnames=("lost",))
 def _draw_all(
-    model: StateSpace | NonlinearModel,
-    lengths: np.ndarray,
-    u: Numbers,
+    model: SampledModel | Functions,
+    lengths: Array,
+    u: Array,
     prior: Prior | None,
     links: Links,
     lost: str,

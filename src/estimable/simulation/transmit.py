@@ -81,7 +81,7 @@ def send_outputs(link: Link | None, y: Array, key: Array) -> tuple[Any, Any]:
 def _held(value: Array, came: Array) -> Any:
     """What came last; zero before anything did."""
 
-    def hold(held: Array, row):
+    def hold(held: Array, row: tuple[Array, Array]):
         held = jnp.where(row[1], row[0], held)
         return held, held
 

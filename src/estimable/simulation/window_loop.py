@@ -19,6 +19,7 @@ from ..estimation.windows import window_of
 from ..filters.moving_window import MovingWindow
 from ..frozen import frozen, replace, static
 from ..kernels import stretch
+from ..models.prior import Prior
 from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from .loop import ControlLoop, LoopInputs, entries
@@ -27,12 +28,18 @@ SHORTEST = 3  # rows of a window: shorter ones are as well copied
 
 
 def scan_bank(
-    engine: str, loop: ControlLoop, prior: Any, rows: LoopInputs, intervals: Interval, *, select: Select
+    engine: str, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
 ) -> tuple[str, xla.Run]:
     """`choice.scan_bank` of loops that differ in their rows, the windows in blocks where they can be."""
     general: dict[str, Any] = {"axes": (None, 0, None), "keep": "all", "select": select}
     window = window_of(loop.estimator)
-    if window is None or engine not in ("auto", "native") or jax.default_backend() != "cpu" or not _fits(window):
+    if (
+        prior is None
+        or window is None
+        or engine not in ("auto", "native")
+        or jax.default_backend() != "cpu"
+        or not _fits(window)
+    ):
         return choice.scan_bank(engine, loop, prior, rows, intervals, **general)
     run = None
     try:
@@ -61,7 +68,7 @@ def _fits(window: MovingWindow) -> bool:
 
 
 def _in_blocks(
-    loop: ControlLoop, window: MovingWindow, prior: Any, rows: LoopInputs, intervals: Interval, select: Select
+    loop: ControlLoop, window: MovingWindow, prior: Prior, rows: LoopInputs, intervals: Interval, select: Select
 ) -> xla.Run:
     """The loops; their info is (what `select` keeps, where a window must be worked out copy by copy)."""
     own, first = window.priors(prior)
@@ -124,7 +131,7 @@ class _BlockBeginnings(Wrapper[_Begun]):
     outputs: int = static()
     inputs: int = static()
 
-    def init(self, prior) -> _Begun:
+    def init(self, prior: Prior) -> _Begun:
         """Nothing is gathered."""
         p, nothing = self.outputs, stretch.empty(self.algorithm.init(prior).mean.shape[0])
         return _Begun(nothing, jnp.zeros(p), jnp.zeros(p, bool), jnp.zeros(self.inputs))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...plants import f16
-from ...results import Estimate
+from ...results import Estimate, Simulation
 from ..entries import Reproduced, ReproducedRow, drawn
 from .flights import CONTINUOUS, FAILURE, GAINS, HELD, HELD_REMARK, SEED, filter_of, fly, settled
 
@@ -110,7 +110,7 @@ def states_over_time(gain: float) -> Any:
     return compute
 
 
-def _state_errors(flight, estimate: Estimate) -> dict[str, Any]:
+def _state_errors(flight: Simulation, estimate: Estimate) -> dict[str, Any]:
     after = slice(round(FAILURE * f16.RATE), None)
     errors = {"estimate": estimate.mean - flight.state, "sensor": flight.record.y - flight.state}
     return {name: np.sqrt(np.mean(error[after] ** 2, axis=0)) for name, error in errors.items()}

@@ -63,7 +63,7 @@ def _case(integral: bool, alpha: bool, gain: float, noise: Mapping[str, Any]) ->
     return f16_failure.case(plant, law if alpha else _without_alpha(law), measured)
 
 
-def _without_alpha(law: Any) -> StateFeedback | ProportionalIntegral:
+def _without_alpha(law: StateFeedback | ProportionalIntegral) -> StateFeedback | ProportionalIntegral:
     return replace(law, feedback=law.feedback * np.array([[0.0, 1.0]]))
 
 
@@ -109,7 +109,7 @@ def bands(draws: int) -> Reproduced:
 GUSTS = np.diag([0.05, 1.0])  # density per second: (.7 deg/s, 10 deg/s²) over a hundredth of a second
 
 
-def _failing(gain: float, Q: np.ndarray) -> LoopCase:
+def _failing(gain: float, Q: np.ndarray | None) -> LoopCase:
     model = f16.short_period() if Q is None else f16.short_period(Q=Q)
     plant = f16.controlled(gain, failure_time=FAILURE)
     plant = plant if Q is None else replace(plant, model=model)

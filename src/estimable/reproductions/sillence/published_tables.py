@@ -1,5 +1,6 @@
 """Tables 1, 2 and 3: what is computed and not drawn."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def signal_to_noise(_: int) -> Reproduced:
     return Reproduced(tuple(rows), None, remarks)
 
 
-def _ratio(sigma_q: float, sigma_alpha: float, poles: np.ndarray) -> float:
+def _ratio(sigma_q: float, sigma_alpha: float, poles: Sequence[complex]) -> float:
     w2 = 1 / abs(poles[0] * poles[1])
     power = (ALPHA_MAX**2 + w2 * Q_MAX**2) / (2 * (sigma_alpha**2 + w2 * sigma_q**2))  # (82)
     return float(10 * np.log10(power))
