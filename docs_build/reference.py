@@ -1,0 +1,68 @@
+"""The pages of the API reference: every public name once, in the order of a reader's work."""
+
+import inspect
+from collections.abc import Iterator
+
+import estimable
+
+PAGES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {  # headings, and the rooms whose names stand below each
+    "verbs": (
+        ("Read, save, load", ("data", "store", "models", "packaged")),
+        ("Before any data", ("analysis",)),
+        ("Estimate", ("estimation",)),
+        ("Identify", ("identification",)),
+        ("Simulate", ("simulation", "plants")),
+        ("Design", ("design",)),
+    ),
+    "algorithms": (
+        ("Filters", ("filters",)),
+        ("Identifiers", ("identifiers",)),
+        ("Controllers", ("controllers",)),
+        ("What an algorithm, link or plant of yours must have", ("protocols",)),
+    ),
+    "models": (
+        ("Models", ("models", "simulation", "design")),
+        ("Records", ("data",)),
+        ("Links", ("networks",)),
+    ),
+    "errors": (("Errors", ("errors",)),),
+}
+MODULES = ("diagnostics", "plants", "report", "packaged", "catalogue")
+KINDS = {"verbs": inspect.isfunction, "algorithms": inspect.isclass, "models": inspect.isclass, "errors": inspect.isclass}
+
+
+def names_of(page: str) -> Iterator[tuple[str, list[str]]]:
+    """The headings of a page, and the public names below each."""
+    if page == "results":
+        yield "Results", [f"results.{name}" for name in estimable.results.__all__]
+        return
+    if page == "modules":
+        for module in MODULES:
+            yield f"estimable.{module}", [f"{module}.{name}" for name in public(module)]
+        return
+    is_of = KINDS[page]
+    for heading, rooms in PAGES[page]:
+        homes = estimable._HOMES.items()
+        named = [name for name, home in homes if home.split(".")[0] in rooms and is_of(getattr(estimable, name))]
+        yield heading, sorted(named, key=str.lower)
+
+
+def public(module: str) -> list[str]:
+    """The public names of a module of the package."""
+    found = getattr(estimable, module)
+    own = [
+        name for name, thing in vars(found).items()
+        if getattr(thing, "__module__", None) == found.__name__ and not name.startswith("_")
+    ]  # fmt: skip
+    return list(getattr(found, "__all__", own))
+
+
+def directives(page: str) -> str:
+    """What mkdocstrings reads on a page of the reference."""
+    parts = []
+    for heading, names in names_of(page):
+        parts.append(f"## {heading}")
+        if page == "modules":
+            parts.append((inspect.getdoc(getattr(estimable, heading.split(".")[1])) or "").splitlines()[0])
+        parts += [f"::: estimable.{name}" for name in names]
+    return "\n\n".join(parts)
