@@ -18,10 +18,11 @@ OF = re.compile(r"^<!-- figure: (\w+) -->$", flags=re.MULTILINE)  # the record t
 
 
 class Drawn(NamedTuple):
-    """The figure of an example: its number of blocks, what it shows, plotly's JSON, and a small SVG."""
+    """The figure of an example: its number of blocks, what it shows, its height, plotly's JSON, and a small SVG."""
 
     blocks: int
     caption: str
+    height: int
     figure: str
     thumbnail: str
 
@@ -66,7 +67,7 @@ def _run(source: list[str], of: str) -> Drawn:
         for block in source:
             exec(compile(block, "<example>", "exec"), names)
         figure, caption = pictures.picture(names, of)
-    return Drawn(len(source), caption, pictures.json_of(figure), thumbnails.svg(figure))
+    return Drawn(len(source), caption, figure.layout.height or 450, pictures.json_of(figure), thumbnails.svg(figure))
 
 
 @contextlib.contextmanager

@@ -25,17 +25,16 @@ def title(text: str) -> str:
 
 
 def question(text: str) -> str:
-    """The first sentence of what a page says that it answers.
+    """The first question that a page says it answers.
 
-    >>> question("# Kalman\\n\\n**Question it answers.** Where is\\nthe state? Now.\\n\\nMore.")
-    'Where is the state?'
+    >>> question("# Kalman\\n\\n**Question it answers.** It moves. Where is\\nit? Now.\\n\\nMore.")
+    'Where is it?'
     """
     found = QUESTION.search(text)
     if found is None:
         raise ValueError(f"the page {title(text)!r} has no line **Question it answers.**")
-    whole = " ".join(found[1].split())
-    first = SENTENCE.match(whole)
-    return first[1] if first else whole
+    sentences = SENTENCE.findall(" ".join(found[1].split()))
+    return next((one.strip() for one in sentences if one.endswith("?")), sentences[0])
 
 
 def sections(nav: list[Any], heading: str = "") -> Iterator[tuple[str, list[str]]]:

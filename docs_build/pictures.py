@@ -11,7 +11,8 @@ from plotly.subplots import make_subplots
 
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#7A5C00", GREY)
-BAND = "rgba(0,114,178,0.2)"
+SIGNALS = (BLUE, "#CC79A7", "#7A5C00", GREY)  # orange is for gains
+BANDS = {BLUE: "rgba(0,114,178,0.2)", ORANGE: "rgba(213,94,0,0.2)"}
 Picture = tuple[go.Figure, str]  # and what it shows
 
 
@@ -50,20 +51,20 @@ def _laid_out(figure: go.Figure, across: str, up: str, height: int = 320) -> go.
     return figure
 
 
-def _with_band(figure: go.Figure, x: Any, middle: Any, sigma: Any, name: str, row: int | None = None) -> None:
+def _with_band(figure: go.Figure, x: Any, middle: Any, sigma: Any, colour: str = BLUE, row: int | None = None) -> None:
     """A curve above its band of two standard deviations."""
     place = {} if row is None else {"row": row, "col": 1}
     if np.isfinite(sigma).any():
         bare = {"mode": "lines", "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"}
         figure.add_scatter(x=x, y=middle + 2 * sigma, **bare, **place)
-        figure.add_scatter(x=x, y=middle - 2 * sigma, fill="tonexty", fillcolor=BAND, **bare, **place)
-    figure.add_scatter(x=x, y=middle, mode="lines", line={"color": BLUE, "width": 2}, name=name, **place)
+        figure.add_scatter(x=x, y=middle - 2 * sigma, fill="tonexty", fillcolor=BANDS[colour], **bare, **place)
+    figure.add_scatter(x=x, y=middle, mode="lines", line={"color": colour, "width": 2}, showlegend=False, **place)
 
 
 def _fit(fit: Any) -> Picture:
     found = diagnostics.step_response(fit)
     figure = go.Figure()
-    _with_band(figure, found.at, found.values[:, 0, 0], found.sigma[:, 0, 0], "response to a step")
+    _with_band(figure, found.at, found.values[:, 0, 0], found.sigma[:, 0, 0])
     caption = "The response of {} to a step, with its band of 2 sigma: diagnostics.step_response({})."
     return _laid_out(figure, "time (s)", "output"), caption
 
@@ -74,13 +75,13 @@ def _closed_loop(flown: Any) -> Picture:
     figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.12)
     for row, columns in enumerate((flown.output, flown.command), start=1):
         for i, column in enumerate(np.asarray(columns).T):
-            line = {"color": COLOURS[i % len(COLOURS)], "width": 1.4}
+            line = {"color": SIGNALS[i % len(SIGNALS)], "width": 1.4}
             figure.add_scatter(x=flown.t, y=column, mode="lines", line=line, row=row, col=1)
     for column in np.asarray(flown.reference).T:
         dashed = {"color": "#222222", "dash": "dash", "width": 1.4}
         figure.add_scatter(x=flown.t, y=column, mode="lines", line=dashed, row=1, col=1)
     for i in range(flown.gain.shape[1] if gains else 0):
-        _with_band(figure, flown.t, flown.gain[:, i], np.sqrt(flown.gain_covariance[:, i, i]), "gain", row=3)
+        _with_band(figure, flown.t, flown.gain[:, i], np.sqrt(flown.gain_covariance[:, i, i]), ORANGE, row=3)
     _laid_out(figure, "", "", 190 * len(titles)).update_layout(showlegend=False)
     figure.update_xaxes(title_text="time (s)", row=len(titles), col=1)
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 14})

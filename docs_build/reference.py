@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import estimable
 
+OWN = "What an algorithm, link or plant of yours must have"
 PAGES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {  # headings, and the rooms whose names stand below each
     "verbs": (
         ("Read, save, load", ("data", "store", "models", "packaged")),
@@ -18,23 +19,24 @@ PAGES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {  # headings, and t
         ("Filters", ("filters",)),
         ("Identifiers", ("identifiers",)),
         ("Controllers", ("controllers",)),
-        ("What an algorithm, link or plant of yours must have", ("protocols",)),
+        (OWN, ("protocols",)),
     ),
     "models": (
         ("Models", ("models", "simulation", "design")),
         ("Records", ("data",)),
         ("Links", ("networks",)),
     ),
-    "errors": (("Errors", ("errors",)),),
+    "errors": (("All errors and warnings", ("errors",)),),
 }
 MODULES = ("diagnostics", "plants", "report", "packaged", "catalogue")
+CALLED = {"HoKalman": "realise", "Phasor": "second_order", "Dither": "sized"}  # methods that users call; drivers call the rest
 KINDS = {"verbs": inspect.isfunction, "algorithms": inspect.isclass, "models": inspect.isclass, "errors": inspect.isclass}
 
 
 def names_of(page: str) -> Iterator[tuple[str, list[str]]]:
     """The headings of a page, and the public names below each."""
     if page == "results":
-        yield "Results", [f"results.{name}" for name in estimable.results.__all__]
+        yield "All records", [f"results.{name}" for name in estimable.results.__all__]
         return
     if page == "modules":
         for module in MODULES:
@@ -64,5 +66,14 @@ def directives(page: str) -> str:
         parts.append(f"## {heading}")
         if page == "modules":
             parts.append((inspect.getdoc(getattr(estimable, heading.split(".")[1])) or "").splitlines()[0])
-        parts += [f"::: estimable.{name}" for name in names]
+        parts += [f"::: estimable.{name}{_options(page, heading, name)}" for name in names]
     return "\n\n".join(parts)
+
+
+def _options(page: str, heading: str, name: str) -> str:
+    """What is shown of a class besides its docstring."""
+    if page == "results":
+        return "\n    options:\n      inherited_members: true"
+    if page == "algorithms" and heading != OWN:
+        return f"\n    options:\n      members: [{CALLED.get(name, '')}]"
+    return ""
