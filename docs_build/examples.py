@@ -67,7 +67,8 @@ def _run(source: list[str], of: str) -> Drawn:
         for block in source:
             exec(compile(block, "<example>", "exec"), names)
         figure, caption = pictures.picture(names, of)
-    return Drawn(len(source), caption, figure.layout.height or 450, pictures.json_of(figure), thumbnails.svg(figure))
+    height = pictures.height_of(figure)
+    return Drawn(len(source), caption, height, pictures.json_of(figure), thumbnails.svg(figure))
 
 
 @contextlib.contextmanager

@@ -68,7 +68,8 @@ def _with_figure(markdown: str, page: Page) -> str:
         return markdown
     block = list(examples.BLOCK.finditer(markdown))[found.blocks - 1]
     drawing = (
-        f'\n\n<figure class="drawn"><div style="height: {found.height}px"></div><script type="application/json">{found.figure}</script>'
+        f'\n\n<figure class="drawn"><div style="height: {found.height}px"></div>'
+        f'<script type="application/json">{found.figure}</script>'
         f"<figcaption>{escape(found.caption)}</figcaption></figure>\n\n"
     )
     return markdown[: block.end()] + drawing + markdown[block.end() :]

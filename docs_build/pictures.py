@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from estimable import diagnostics
 from plotly.subplots import make_subplots
+
+from estimable import diagnostics
 
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#7A5C00", GREY)
@@ -28,9 +29,14 @@ def picture(names: dict[str, Any], of: str = "") -> Picture:
     raise LookupError("the example assigns no `figure`, and nothing that the build can draw")
 
 
+def height_of(figure: Any) -> int:
+    """The pixels of a figure from top to bottom; plotly's own where it says nothing."""
+    return int(figure.layout.height or 450)
+
+
 def json_of(figure: go.Figure) -> str:
     """The figure as plotly.js reads it, with curves in single precision, safe inside an HTML page."""
-    small = go.Figure(figure)
+    small: Any = go.Figure(figure)
     for trace in small.data:
         for axis in ("x", "y"):
             values = trace[axis]
@@ -38,7 +44,7 @@ def json_of(figure: go.Figure) -> str:
                 packed = base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()
                 trace[axis] = {"dtype": "f4", "bdata": packed}
     small.update_layout(template="plotly_white", paper_bgcolor="#FFFFFF", width=None, autosize=True)
-    return small.to_json().replace("</", "<\\/")  # type: ignore[union-attr]
+    return small.to_json().replace("</", "<\\/")
 
 
 def _laid_out(figure: go.Figure, across: str, up: str, height: int = 320) -> go.Figure:
@@ -71,7 +77,7 @@ def _fit(fit: Any) -> Picture:
 
 def _closed_loop(flown: Any) -> Picture:
     gains = flown.info.gain is not None
-    titles = ["outputs, and the reference (dashed)", "commands", *(["gains, with their bands of 2 sigma"] if gains else [])]
+    titles = ["outputs, and the reference (dashed)", "commands", "gains, with their bands of 2 sigma"][: 2 + gains]
     figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.12)
     for row, columns in enumerate((flown.output, flown.command), start=1):
         for i, column in enumerate(np.asarray(columns).T):
@@ -137,11 +143,11 @@ def _regulability(found: Any) -> Picture:
 
 
 def _poles(found: Any) -> Picture:
-    turn, figure = np.linspace(0, 2 * np.pi, 181), go.Figure()
-    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line={"color": GREY, "width": 1}, name="unit circle")
-    poles = np.asarray(found.poles, complex)
+    turn, figure, thin = np.linspace(0, 2 * np.pi, 181), go.Figure(), {"color": GREY, "width": 1}
+    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=thin, name="unit circle")
+    poles = np.asarray(found.poles)
     mark = {"color": BLUE, "size": 11, "symbol": "x"}
-    figure.add_scatter(x=poles.real, y=poles.imag, mode="markers", marker=mark, name="poles")
+    figure.add_scatter(x=np.real(poles), y=np.imag(poles), mode="markers", marker=mark, name="poles")
     _laid_out(figure, "real part", "imaginary part", 420)
     figure.update_yaxes(scaleanchor="x")
     return figure, "{}.poles, inside the unit circle."
@@ -163,7 +169,8 @@ def _perturbed(bound: Any) -> Picture:
     for i, x0 in enumerate((0.5, 1.0, 2.0)):
         line = {"color": COLOURS[i], "width": 2}
         figure.add_scatter(x=t, y=bound.at(t, x0=x0), mode="lines", name=f"from a start of norm {x0:g}", line=line)
-    return _laid_out(figure, "time (s)", "bound on the norm of the state"), "{}.at(t, x0=...): how far the state can go."
+    _laid_out(figure, "time (s)", "bound on the norm of the state")
+    return figure, "{}.at(t, x0=...): how far the state can go."
 
 
 OF: dict[str, Callable[[Any], Picture]] = {  # by the class of the record

@@ -29,23 +29,22 @@ PAGES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {  # headings, and t
     "errors": (("All errors and warnings", ("errors",)),),
 }
 MODULES = ("diagnostics", "plants", "report", "packaged", "catalogue")
-CALLED = {"HoKalman": "realise", "Phasor": "second_order", "Dither": "sized"}  # methods that users call; drivers call the rest
-KINDS = {"verbs": inspect.isfunction, "algorithms": inspect.isclass, "models": inspect.isclass, "errors": inspect.isclass}
+CALLED = {"HoKalman": "realise", "Phasor": "second_order", "Dither": "sized"}  # by users; drivers call other methods
 
 
 def names_of(page: str) -> Iterator[tuple[str, list[str]]]:
     """The headings of a page, and the public names below each."""
     if page == "results":
-        yield "All records", [f"results.{name}" for name in estimable.results.__all__]
+        yield "All records", [f"results.{name}" for name in public("results")]
         return
     if page == "modules":
         for module in MODULES:
             yield f"estimable.{module}", [f"{module}.{name}" for name in public(module)]
         return
-    is_of = KINDS[page]
+    is_of = inspect.isfunction if page == "verbs" else inspect.isclass
+    homes = {name: home.split(".")[0] for name, home in vars(estimable)["_HOMES"].items()}
     for heading, rooms in PAGES[page]:
-        homes = estimable._HOMES.items()
-        named = [name for name, home in homes if home.split(".")[0] in rooms and is_of(getattr(estimable, name))]
+        named = [name for name, room in homes.items() if room in rooms and is_of(getattr(estimable, name))]
         yield heading, sorted(named, key=str.lower)
 
 
