@@ -91,7 +91,7 @@ def _closed_loop(flown: Any) -> Picture:
     _laid_out(figure, "", "", 190 * len(titles)).update_layout(showlegend=False)
     figure.update_xaxes(title_text="time (s)", row=len(titles), col=1)
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 14})
-    return figure, "The run {}: its outputs, its commands" + (", and what is believed of the gains." if gains else ".")
+    return figure, "The run {}: its outputs, its commands" + (", and the estimated gains." if gains else ".")
 
 
 def _monte_carlo(runs: Any) -> Picture:
