@@ -19,6 +19,7 @@ Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | N
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # how far below zero it may leave a variance on the diagonal
+LARGEST = 2**63 - 1  # that an integer may be, and a seed
 LISTED = 40  # names that a sentence shows at most
 
 
@@ -200,9 +201,24 @@ class Faults:
         return given
 
     def whole(self, name: str, value: Numbers | None, lower: int) -> None:
-        """`value` must be an integer, at least `lower`."""
+        """`value` must be an integer, at least `lower`, that 64 bits hold."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
             self.add(f"`{name}` must be a whole number, at least {lower}. Got {short(value)}.")
+        elif value > LARGEST:
+            self.add(f"`{name}` must be at most {LARGEST}. Got {short(value)}.")
+
+    def flag(self, name: str, value: Any) -> None:
+        """`value` must be True or False."""
+        if not isinstance(value, bool):
+            self.add(f"`{name}` must be True or False. Got {short(value)}.")
+
+    def rows(self, name: str, value: Given) -> int | None:
+        """How many rows a list or an array has; None where it has none, or rows of several lengths."""
+        try:
+            return len(np.asarray(value))
+        except (TypeError, ValueError):
+            self.add(f"`{name}` must be an array of real numbers, with rows of one length. Got {short(value)}.")
+            return None
 
     def instance(self, name: str, value: Any, cls: type, hint: str = "") -> bool:
         """`value` must be a `cls`; says whether it is."""
@@ -275,13 +291,18 @@ def counted(count: int, noun: str) -> str:
 
 def suggestion(wrong: Any, options: Iterable[str]) -> str:
     """' Did you mean ...?' where one of the options is near, else nothing."""
-    near = difflib.get_close_matches(str(wrong), list(options), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(wrong, list(options), n=1, cutoff=0.6) if isinstance(wrong, str) else []
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
 def short(value: Any) -> str:
     """What was given, in at most 60 characters."""
-    text = f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
+    try:
+        text = (
+            f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
+        )
+    except Exception:  # whatever a user's class raises; integers of more than 4,300 digits have no text
+        text = f"a value of the type {type(value).__name__}"
     text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
 

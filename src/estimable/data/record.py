@@ -57,11 +57,11 @@ class Record:
 
     def __post_init__(self):
         faults = checks.Faults()
-        y = faults.array("y", _column(self.y), "T p", nan=True)
+        y = faults.array("y", column(self.y), "T p", nan=True)
         u = self.u
         if u is None and y is not None:
             u = np.zeros((len(y), 0))
-        u = None if u is None else faults.array("u", _column(u), "T m", nan=True)
+        u = None if u is None else faults.array("u", column(u), "T m", nan=True)
         if y is not None and len(y) == 0:
             faults.add("the record is empty: `y` has no row.")
         elif y is not None and y.shape[1] == 0:
@@ -173,7 +173,7 @@ class Record:
         return applied
 
 
-def _column(value: Numbers) -> Numbers:
+def column(value: Numbers) -> Numbers:
     """A 1-D array of numbers as one channel."""
     if isinstance(value, Tracer):
         return value[:, None] if value.ndim == 1 else value
@@ -209,7 +209,7 @@ def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndar
     if faults.sizes.get("m") == 0:
         faults.add("`arrived` says which inputs were applied, but the record has no input: give `u`.")
         return None
-    read = faults.array("arrived", _column(arrived), "T m", nan=True)
+    read = faults.array("arrived", column(arrived), "T m", nan=True)
     if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
         faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows).")
     if hold == "first_order":

@@ -42,6 +42,7 @@ class DesignFamily:
 
     def __post_init__(self):
         faults = checks.Faults()
+        faults.flag("next_output", self.next_output)
         read: dict[str, Any] = {"R": faults.covariance("R", self.R, "m m")}
         for name in ("Q0", "Q1", "Q01"):
             given = getattr(self, name)

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Array, Numbers
-from ..data.record import Record
+from ..data.record import Record, column
 from ..frozen import replace
 from ..protocols import Smoothable
 from ..results import Estimate, Forecast, Info, Interval, Origin, Sample
@@ -76,8 +76,7 @@ def _read_inputs(record: Record, u: Numbers | None, steps: int | None) -> np.nda
     faults.finish()
     if u is None:
         return np.zeros((int(steps or 0), 0))
-    given = np.asarray(u, float)
-    inputs = faults.array("u", given[:, None] if given.ndim == 1 else given, "steps m")
+    inputs = faults.array("u", column(u), "steps m")
     if inputs is not None and steps is not None and len(inputs) != steps:
         faults.add(f"`steps` = {steps}, but `u` has {len(inputs)} rows: leave `steps` out.")
     elif inputs is not None and len(inputs) == 0:

@@ -67,8 +67,7 @@ class LeastSquares(Identifier):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
             faults.whole(name, getattr(self, name), 0)
-        if not isinstance(self.offset, bool):
-            faults.add(f"`offset` must be True or False. Got {checks.short(self.offset)}.")
+        faults.flag("offset", self.offset)
         faults.finish()
 
     def fit(self, records: Sequence[Record]) -> Fit:

@@ -67,6 +67,7 @@ class MarkovParameters(Identifier):
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("length", self.length, 0)
+        faults.flag("offset", self.offset)
         faults.choice("weighting", self.weighting, WEIGHTINGS)
         r = self.noise_covariance
         if r is not None:
@@ -77,8 +78,6 @@ class MarkovParameters(Identifier):
                 )
             if r is not None and np.any(r[:, 0] <= 0):
                 faults.add(f"`noise_covariance` must begin with variances greater than 0. Got {r[:, 0].tolist()}.")
-        if not isinstance(self.offset, bool):
-            faults.add(f"`offset` must be True or False. Got {checks.short(self.offset)}.")
         whole("observer", self.observer, 1, faults)
         if self.observer is not None and self.weighting != "observer":
             faults.add('`observer` belongs to weighting = "observer".')

@@ -81,8 +81,7 @@ class Subspace(Identifier):
         faults.whole("order", self.order, 1)
         faults.choice("weighting", self.weighting, kernel.WEIGHTINGS)
         whole("horizon", self.horizon, 2, faults)
-        if not isinstance(self.feedthrough, bool):
-            faults.add(f"`feedthrough` must be True or False. Got {checks.short(self.feedthrough)}.")
+        faults.flag("feedthrough", self.feedthrough)
         faults.whole("draws", self.draws, 0)
         if self.draws == 1:
             faults.add("`draws` must be 0, or at least 2: one draw has no spread.")

@@ -52,6 +52,7 @@ class BernoulliLink:
 
     def __post_init__(self):
         faults = checks.Faults()
+        faults.flag("acknowledged", self.acknowledged)
         arrival = _read_probabilities("arrival", self.arrival, faults)
         faults.finish()
         set_field(self, arrival=arrival)
@@ -96,6 +97,7 @@ class GilbertElliottLink:
 
     def __post_init__(self):
         faults = checks.Faults()
+        faults.flag("acknowledged", self.acknowledged)
         read = {
             name: faults.number(name, getattr(self, name), lower=0.0, upper=1.0)
             for name in ("to_bad", "to_good", "good", "bad")
@@ -164,6 +166,7 @@ class DelayLink:
 
     def __post_init__(self):
         faults = checks.Faults()
+        faults.flag("acknowledged", self.acknowledged)
         faults.choice("late", self.late, LATE)
         delays = _read_probabilities("delays", self.delays, faults)
         if delays is not None and not checks.is_traced(delays) and delays.sum() > 1 + 1e-12:

@@ -31,6 +31,7 @@ class Trace:
 
     def __post_init__(self):
         faults = checks.Faults()
+        faults.flag("acknowledged", self.acknowledged)
         faults.choice("late", self.late, LATE)
         try:
             delay = np.asarray(self.delay, float)

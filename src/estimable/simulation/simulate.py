@@ -186,7 +186,9 @@ def _empty_record(
     check_hold(model, hold, faults)
     check_links(links, lost, model.m, hold, faults)
     faults.finish()
-    rows = next(given if isinstance(given, int) else _rows(given) for given in (u, steps, t) if given is not None)
+    rows = next(
+        given if isinstance(given, int) else len(np.asarray(given)) for given in (u, steps, t) if given is not None
+    )
     record = Record(
         np.zeros((rows, model.p)), np.zeros((rows, 0)) if u is None else u, dt=model.dt or dt, t=t, hold=hold
     )
@@ -200,11 +202,6 @@ def _empty_record(
     return record
 
 
-def _rows(given: Numbers) -> int:
-    """The length of a list or an array."""
-    return len(np.asarray(given, object))
-
-
 def _inputs(model: StateSpace | NonlinearModel) -> str:
     return f"the model has {checks.counted(model.m, 'input')}"
 
@@ -215,10 +212,12 @@ def _check_rows(
     """How many rows to draw must be said, once."""
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
-    if u is not None and np.ndim(u) == 0:
+    if np.isscalar(u) or (isinstance(u, np.ndarray) and u.ndim == 0):
         faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
-    elif u is not None and steps not in (None, _rows(u)):
-        faults.add(f"`steps` = {steps}, but `u` has {_rows(u)} rows: leave `steps` out.")
+    elif u is not None and (rows := faults.rows("u", u)) is not None and steps not in (None, rows):
+        faults.add(f"`steps` = {steps}, but `u` has {rows} rows: leave `steps` out.")
+    if t is not None:
+        faults.rows("t", t)
     if u is None and steps is None and t is None:
         faults.add("`steps` must say how many rows to draw, as there is no `u`.")
 
