@@ -1,3 +1,5 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnnecessaryIsInstance=false
 """The only place that inspects what the user gave. Faults are collected and raised together, in the user's words."""
 
 import difflib
@@ -15,6 +17,7 @@ from jax.core import Tracer
 from .annotations import Numbers
 from .errors import InputError
 
+Shape: TypeAlias = tuple[int, ...]
 Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # for an array
 
 ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
@@ -326,10 +329,10 @@ def _is_finite_number(value: Numbers | None) -> TypeGuard[float]:
         return False
 
 
-def _remedy(name: str, shape: tuple, axes: list[str], wanted: tuple, core: tuple) -> str:
+def _remedy(name: str, shape: Shape, axes: list[str], wanted: tuple[int | None, ...], core: Shape) -> str:
     """What would make an array of a wrong shape fit, where that is likely what was meant."""
 
-    def fits(sizes: tuple) -> bool:
+    def fits(sizes: Shape) -> bool:
         same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1
         return len(sizes) == len(axes) and same and all(w in (None, g) for w, g in zip(wanted, sizes, strict=True))
 

@@ -1,3 +1,5 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false
 """Run a state estimator over one record."""
 
 from typing import Any
@@ -64,7 +66,7 @@ def estimate(
     return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names, Origin(algorithm, record, prior))
 
 
-def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior):
+def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior) -> Any:
     """The log-likelihood of a record, as something that JAX can differentiate with respect to the algorithm's numbers.
 
     A variance that is exactly zero has no derivative (its square root has none): the gradient is 0 there.

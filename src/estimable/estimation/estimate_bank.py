@@ -1,3 +1,4 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
 """Run many estimators, or one over many records, at once."""
 
 from collections.abc import Sequence

@@ -1,3 +1,5 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 """Tune noise levels by the likelihood of records."""
 
 from collections.abc import Callable, Sequence
@@ -22,6 +24,9 @@ from ..results import Interval, NoiseFit, Sample
 from .binding import bind, select
 from .noise_parameters import Free, Part, noise_of, parts
 
+Noise: TypeAlias = Callable[..., tuple[Any, ...]]
+Terms: TypeAlias = list[tuple[Any, Any, Any, Any, Noise]]  # algorithm, prior, samples, intervals, noise: of each kind
+Likelihood: TypeAlias = Callable[[np.ndarray], tuple[float, np.ndarray]]  # of minus its logarithm, and of its gradient
 Tunable: TypeAlias = Kalman | UnknownGain | UnknownInput
 
 STEP = 1e-4  # of a logarithm, for the differences of gradients: their error is then 1e-8 of the information
@@ -86,7 +91,7 @@ def _prepare(
     record: Record | Sequence[Record],
     prior: Prior,
     free: Free,
-) -> tuple[list[Part], list]:
+) -> tuple[list[Part], Terms]:
     """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
     faults = checks.Faults()
 
@@ -103,34 +108,34 @@ def _prepare(
     return found, _together(terms)
 
 
-def _together(terms: list) -> list:
+def _together(terms: Terms) -> Terms:
     """Records of the same shape and sampling side by side, so that they are run at once."""
-    groups: dict[Any, list] = {}
+    groups: dict[Any, Terms] = {}
     for term in terms:
         leaves, structure = jax.tree_util.tree_flatten(term[0].ready)
         key = (str(structure), tuple(np.asarray(leaf).tobytes() for leaf in leaves), term[2].y.shape)
         groups.setdefault(key, []).append(term)
 
-    def stacked(group: list, i: int):
+    def stacked(group: Terms, i: int) -> Any:
         return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *(term[i] for term in group))
 
     return [(g[0][0], g[0][1], stacked(g, 2), stacked(g, 3), g[0][4]) for g in groups.values()]
 
 
-def likelihood(found: list[Part], terms: list):
+def likelihood(found: list[Part], terms: Terms) -> tuple[Likelihood, np.ndarray]:
     """(θ -> minus the log-likelihood and its gradient), and where θ starts."""
     return _function(found, [term[4] for term in terms], [term[:4] for term in terms]), np.concatenate(
         [part.begin() for part in found]
     )
 
 
-def _function(found: list[Part], noises: list, data: list):
-    def value(θ: Array, data: list):
+def _function(found: list[Part], noises: list[Noise], data: list[Any]) -> Likelihood:
+    def value(θ: Array, data: list[Any]) -> Any:
         return -sum(_one(found, θ, noise, *term) for noise, term in zip(noises, data, strict=True))
 
     compiled = jax.jit(jax.value_and_grad(value))
 
-    def evaluated(θ: Array):
+    def evaluated(θ: np.ndarray) -> tuple[float, np.ndarray]:
         total, slope = compiled(jnp.asarray(θ), data)
         return float(total), np.asarray(slope)
 
@@ -140,7 +145,7 @@ def _function(found: list[Part], noises: list, data: list):
 def _one(
     found: list[Part],
     θ: Array,
-    noise: Callable[..., tuple],
+    noise: Noise,
     algorithm: Tunable,
     prior: Prior,
     samples: Sample,
@@ -154,7 +159,7 @@ def _one(
     )
 
 
-def with_noise(found: list[Part], θ: Array, noise: Callable[..., tuple], algorithm: Tunable):
+def with_noise(found: list[Part], θ: Array, noise: Noise, algorithm: Tunable):
     """The sampled algorithm with the covariances of θ."""
     from ..kernels.small import factors
 
@@ -186,7 +191,7 @@ def _tuned(algorithm: Tunable, found: list[Part], θ: Array):
     return replace(algorithm, **changes, **({"walk": given["walk"]} if "walk" in given else {}))
 
 
-def _climb(value: Callable[[np.ndarray], tuple[float, np.ndarray]], begin: np.ndarray) -> tuple[np.ndarray, int]:
+def _climb(value: Likelihood, begin: np.ndarray) -> tuple[np.ndarray, int]:
     """The most likely θ: a quasi-Newton search, then Newton's steps until they are far below the errors."""
     from scipy.optimize import minimize
 
@@ -206,7 +211,7 @@ def _climb(value: Callable[[np.ndarray], tuple[float, np.ndarray]], begin: np.nd
     return found.x, int(found.nit)
 
 
-def _fallen(value: Callable[[np.ndarray], tuple[float, np.ndarray]], found: list[Part], θ: np.ndarray) -> np.ndarray:
+def _fallen(value: Likelihood, found: list[Part], θ: np.ndarray) -> np.ndarray:
     """Which numbers are a variance that the likelihood takes to zero: it does not fall when they are no more."""
     small = np.concatenate([np.full(part.size, part.kind != "full") & (θ[at] < SMALL) for part, at in _slices(found)])
     for i in np.flatnonzero(small):
@@ -214,9 +219,7 @@ def _fallen(value: Callable[[np.ndarray], tuple[float, np.ndarray]], found: list
     return small
 
 
-def _covariance(
-    value: Callable[[np.ndarray], tuple[float, np.ndarray]], found: list[Part], θ: np.ndarray, at_zero: np.ndarray
-) -> np.ndarray:
+def _covariance(value: Likelihood, found: list[Part], θ: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     """The inverse of the observed information of θ; zero for what is at zero."""
     free = np.flatnonzero(~at_zero)
     information = np.zeros((len(θ), len(θ)))

@@ -1,3 +1,4 @@
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 """Run an algorithm one sample at a time."""
 
 from pathlib import Path
@@ -73,7 +74,7 @@ class Online:
     def __init__(self, progress: Progress, engine: str = "auto"):
         self._progress: Progress | None = progress
         self._base = progress
-        self._sampled: dict = {}
+        self._sampled: dict[float | None, Any] = {}
         self._asked = engine
         self._quick = self._machine_code(progress)
 
@@ -289,7 +290,7 @@ class Online:
         if steps is not None and self._now.sample >= steps:
             faults.add(f"the model varies over {steps} rows of time, and all of them are used up.")
 
-    def _at_step(self, dt: float | None):
+    def _at_step(self, dt: float | None) -> Any:
         """The algorithm sampled at a step length; `correct` uses nothing that depends on it."""
         if dt is None:
             dt = next(iter(self._sampled), model_of(self.algorithm).dt)

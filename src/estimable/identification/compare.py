@@ -1,3 +1,5 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnnecessaryIsInstance=false
 """Identify by several methods, and rank them on data that none of them has seen."""
 
 from collections.abc import Callable, Sequence

@@ -1,3 +1,5 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
+# pyright: reportUnnecessaryIsInstance=false
 """Identify a model from records."""
 
 from collections.abc import Sequence
@@ -51,7 +53,8 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
             return _started(method, records, engine)
         case Identifier():
             return method.fit(records)
-    raise TypeError(f"{type(method).__name__} is no identifier")  # _read has refused it
+        case _:
+            raise TypeError(f"{type(method).__name__} is no identifier")  # _read has refused it
 
 
 def _read(method: Method, record: Records, engine: str) -> list[Record]:

@@ -1,3 +1,4 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What designs return: gains, and the number that shows what they bear or cost."""
 
 from typing import Annotated, Any, NamedTuple

@@ -1,3 +1,4 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownVariableType=false
 """What the estimating drivers return."""
 
 from typing import Annotated, Any
@@ -64,7 +65,7 @@ class Kept:
         return self.info.log_likelihood
 
     @property
-    def extra(self):
+    def extra(self) -> Any:
         """What this algorithm alone says, by name."""
         return self.info.extra or {}
 

@@ -1,3 +1,4 @@
+# pyright: reportUnknownArgumentType=false
 """What identification returns: a model, its parameters with their errors, and the assumptions that were checked."""
 
 from typing import Annotated, Any, NamedTuple

@@ -1,3 +1,4 @@
+# pyright: reportUnnecessaryComparison=false
 """How much loss, unmodelled coupling or change a model bears, and what bounds that."""
 
 from typing import Annotated, Any

@@ -1,3 +1,4 @@
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 """Verdicts in words, with the numbers that show them."""
 
 from typing import Any

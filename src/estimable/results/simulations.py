@@ -1,3 +1,4 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false
 """What simulations return: drawn records, closed loops, and values over many runs."""
 
 from typing import Annotated, Any

@@ -1,3 +1,4 @@
+# pyright: reportMissingTypeStubs=false
 """Stationary gains, with what they do."""
 
 from typing import Annotated, Any

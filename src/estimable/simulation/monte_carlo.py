@@ -1,6 +1,8 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false
 """Run an estimator over many drawn records, and keep what is asked of each run."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -118,7 +120,7 @@ def gathered(told: list[Any]) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def bar(runs: int, *, shown: bool) -> Iterator[Callable[[int], None]]:
+def bar(runs: int, *, shown: bool) -> Generator[Callable[[int], None], None, None]:
     """A progress bar on stderr where that is a terminal; gone when all is done."""
     import sys
 

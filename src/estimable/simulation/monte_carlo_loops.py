@@ -1,3 +1,4 @@
+# pyright: reportUnknownVariableType=false, reportUnnecessaryIsInstance=false
 """Fly many loops, of one setting or of a grid of them, here or on a cluster, and keep what is asked of each flight."""
 
 from collections.abc import Callable, Mapping, Sequence
@@ -48,12 +49,11 @@ class LoopCase:
         self, *, seed: int, runs: int, first: int = 0, on_failure: str = "raise", engine: str = "auto"
     ) -> ClosedLoopBank:
         """`close_loop_bank` of this case."""
-        return close_loop_bank(
-            **self._settings, seed=seed, runs=runs, first=first, on_failure=on_failure, engine=engine
-        )
+        return close_loop_bank(**self.settings, seed=seed, runs=runs, first=first, on_failure=on_failure, engine=engine)
 
     @property
-    def _settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
+        """Its arguments of `close_loop`, by name."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "_"}
 
 
@@ -138,7 +138,7 @@ class _Parts:
     ):
         self.runs, self.chunk, self.folder = runs, chunk, folder
         self.places = [(name, first) for name in cases for first in range(0, runs, chunk)]
-        self.digests = {name: self._digest(case._settings, seed, summary) for name, case in cases.items()}
+        self.digests = {name: self._digest(case.settings, seed, summary) for name, case in cases.items()}
 
     def _digest(self, *things: Any) -> str:
         if self.folder.path is None:

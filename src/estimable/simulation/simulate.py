@@ -1,3 +1,5 @@
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
+# pyright: reportUnnecessaryIsInstance=false
 """Draw records from a model."""
 
 from collections.abc import Callable
