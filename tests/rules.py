@@ -66,7 +66,7 @@ def keeps_the_prior_where_nothing_is_seen(algorithm, record, prior):
 
     blind = estimate(algorithm, replace(record, y=np.full(record.y.shape, np.nan)), prior=prior)
     assert np.isfinite(blind.mean).all()
-    assert blind.log_likelihood == 0.0
+    assert blind.log_likelihood == 0.0 or (blind.info.log_likelihood is None and np.isnan(blind.log_likelihood))
 
 
 def fits_with_names_for_its_parameters(method, records):

@@ -96,6 +96,74 @@ def test_the_filter_of_the_page_keeps_the_rules(page):
     rules.keeps_the_prior_where_nothing_is_seen(toy, records[0], prior)
 
 
+POINT = {"states": [1.0, 2.0], "inputs": [3.0], "outputs": [4.0, 5.0]}
+CHAIN = {"A": [[0.0, 1.0], [-1.0, -0.4]], "B": [[0.0], [1.0]], "C": np.eye(2), "Q": 0.1 * np.eye(2), "R": np.eye(2)}
+LINEAR = {
+    "continuous": es.StateSpace(**CHAIN, dt=0),
+    "about a point": es.StateSpace(**CHAIN, dt=0.5, operating_point=POINT),
+    "varying": es.StateSpace(**{**CHAIN, "A": np.linspace(0.1, 0.5, 30)[:, None, None] * np.ones((30, 2, 2))}, dt=0.5),
+}
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_the_observer_of_the_page_takes_every_linear_model(page, kind):
+    model, prior = LINEAR[kind], es.Prior([1.0, 2.5], np.eye(2))
+    record = es.Record(RNG.normal(size=(30, 2)), RNG.normal(size=(30, 1)), dt=0.5)
+    ours = page["Observer"](model, 0.3 * np.eye(2))
+    same = es.FixedGain(model, 0.3 * np.eye(2))
+    found, expected = (es.estimate(one, record, prior=prior).mean for one in (ours, same))
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    rules.runs_alike_on_every_engine(ours, record, prior)
+
+
+@pytest.mark.parametrize(("kind", "words"), [
+    ("continuous", "is continuous"), ("about a point", "has an operating point"), ("varying", "varies in time"),
+])  # fmt: skip
+def test_a_filter_that_reads_its_model_as_it_is_refuses_what_it_would_get_wrong(page, kind, words):
+    record = es.Record(np.zeros((30, 2)), np.zeros((30, 1)), dt=0.5)
+    for verb in (
+        lambda: es.estimate(page["Leaky"](LINEAR[kind], 0.5), record, prior=es.Prior([0.0, 0.0], np.eye(2))),
+        lambda: es.online(page["Leaky"](LINEAR[kind], 0.5), prior=es.Prior([0.0, 0.0], np.eye(2))),
+    ):
+        with pytest.raises(es.InputError, match=f"Leaky defines no `sampled` or no `at`.* This one {words}"):
+            verb()
+
+
+def test_what_a_filter_does_not_give_is_not_made_up(page):
+    toy, record, prior = page["Leaky"](page["model"], 0.5), es.Record([1.0, 2.0], dt=1), es.Prior([0.0], [[1.0]])
+    assert all(np.isnan(es.estimate(toy, record, prior=prior, engine=e).log_likelihood) for e in ("xla", "native"))
+    with pytest.raises(es.InputError, match="must give the covariance of its innovations: Leaky gives none"):
+        es.estimate(es.Gated(toy, 0.99), record, prior=prior)
+
+
+class Gives(es.Identifier):
+    """An identifier that gives what it is made with."""
+
+    def __init__(self, given):
+        self.given = given
+
+    def fit(self, records):
+        """Whatever it is."""
+        return self.given
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    (3, r"`fit` of Gives must give an estimable\.results\.Fit\. It gave 3"),
+    (es.results.Fit(PLANT, np.zeros(2), np.eye(2), ("a",)), r"`parameters of Gives` must be \(d,\) = \(1,\)"),
+    (es.results.Fit(PLANT, np.zeros(1), np.eye(2), ("a",)), r"`covariance of Gives` must be \(d, d\) = \(1, 1\)"),
+])  # fmt: skip
+def test_what_an_identifier_gives_is_checked(given, sentence):
+    with pytest.raises(es.InputError, match=sentence):
+        es.identify(Gives(given), RECORDS[0])
+
+
+def test_a_fit_without_error_has_a_spread_of_zero():
+    fit = es.results.Fit(PLANT, np.array([-0.6, 1.0]), np.zeros((2, 2)), ("a1", "b0"))
+    spread = es.diagnostics.spread_of(fit)
+    assert spread.known
+    assert not spread.tangents.A.any()
+
+
 def test_the_identifier_of_the_page_keeps_the_rules(page):
     u = RNG.normal(size=100)
     record = es.Record(2.0 * u + 0.1 * RNG.normal(size=100), u, dt=1)

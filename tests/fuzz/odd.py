@@ -106,7 +106,8 @@ def _dressed(rng: random.Random, array: np.ndarray) -> Any:
         lambda a: pd.DataFrame(a, index=pd.MultiIndex.from_arrays([range(len(a)), range(len(a))])),
         lambda a: pd.DataFrame(a, index=pd.date_range("2026", periods=len(a), tz="Europe/Berlin"), columns=["a"] * a.shape[1]),
         lambda a: np.where(np.isnan(a), None, a), lambda a: memoryview(np.ascontiguousarray(a)),
-        lambda a: np.array([*a, None], object), lambda a: a > 0, lambda a: a.astype(np.int8), lambda a: a.astype(np.float16), lambda a: a.astype(np.longdouble),
+        lambda a: np.array([*a, None], object), lambda a: a > 0, lambda a: a.astype(np.int8), lambda a: a.astype(np.float16),
+        lambda a: a.astype(np.longdouble),
     ]  # fmt: skip
     with np.errstate(all="ignore"):
         return rng.choice(dresses)(array)

@@ -87,7 +87,8 @@ def spread_of(fit: Fit) -> Spread:
 def _moved(fit: Fit) -> Dynamics:
     """Half the differences of the matrices a standard deviation either way: exact, as they are of second degree in θ."""
     θ, moves = np.asarray(fit.parameters), []
-    for column in kernel.root(np.asarray(fit.covariance)).T:
+    columns = kernel.root(np.asarray(fit.covariance)).T
+    for column in columns if len(columns) else np.zeros((1, len(θ))):  # known without error: one move, of nothing
         up, down = (fit.model.with_parameters(θ + side * column).to_state_space() for side in (1, -1))
         moves.append([(np.asarray(getattr(up, name)) - np.asarray(getattr(down, name))) / 2 for name in "ABCD"])
     return Dynamics(*(np.stack(column) for column in zip(*moves, strict=True)))

@@ -1,5 +1,6 @@
 """One row of a run, the same for every engine: correct, keep, predict; and the names of what a row leaves."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -53,7 +54,7 @@ def step(
     """Row k."""
     now = algorithm.at(k)
     state, info = now.correct(state, sample)
-    log_likelihood = 0.0 if info.log_likelihood is None else info.log_likelihood
+    log_likelihood = math.nan if info.log_likelihood is None else info.log_likelihood  # no number is right
     return Row(now.predict(state, interval), select(info, keep), log_likelihood, info.outcome)
 
 

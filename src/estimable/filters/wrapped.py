@@ -4,6 +4,7 @@ from typing import Any
 
 from .. import checks
 from ..annotations import Numbers
+from ..models.state_space import StateSpace
 from ..protocols import Algorithm
 
 
@@ -15,6 +16,26 @@ def check_algorithm(algorithm: Algorithm[Any], faults: checks.Faults) -> None:
         faults.add(
             "`algorithm` must be an algorithm, such as Kalman(model), or one of your own that derives from estimable.Algorithm. "
             f"Got {type(algorithm).__name__}."
+        )
+    else:
+        _check_steps(algorithm.innermost, faults)
+
+
+def _check_steps(algorithm: Algorithm[Any], faults: checks.Faults) -> None:
+    """A filter without `sampled` and `at` takes the matrices of its model as they are: right for some models only."""
+    model, kind = algorithm.model, type(algorithm)
+    if not isinstance(model, StateSpace):
+        return
+    wrong = []
+    if kind.sampled is Algorithm.sampled:
+        wrong += ["is continuous"] if model.is_continuous else []
+        wrong += ["has an operating point"] if model.operating_point is not None else []
+    if kind.at is Algorithm.at and model.varying:
+        wrong += ["varies in time"]
+    if wrong:
+        faults.add(
+            f"{kind.__name__} defines no `sampled` or no `at`, and so needs a model that is discrete and constant, without an "
+            f"operating point. This one {' and '.join(wrong)}."
         )
 
 

@@ -52,9 +52,22 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
         case StartedIdentifier():
             return _started(method, records, engine)
         case Identifier():
-            return method.fit(records)
+            return _checked(method, method.fit(records))
         case _:
             raise TypeError(f"{type(method).__name__} is no identifier")  # _read has refused it
+
+
+def _checked(method: Identifier, fit: Fit) -> Fit:
+    """What a method of the user's gives must be a fit, with a name for each parameter."""
+    faults, name = checks.Faults(), type(method).__name__
+    if not isinstance(fit, Fit):
+        checks.refuse(f"`fit` of {name} must give an estimable.results.Fit. It gave {checks.short(fit)}.")
+    faults.learn("d", len(fit.names), f"`names` has {checks.counted(len(fit.names), 'entry')}")
+    faults.array(f"parameters of {name}", fit.parameters, "d", nan=True)
+    if fit.covariance is not None and not np.isnan(np.asarray(fit.covariance)).any():
+        faults.array(f"covariance of {name}", fit.covariance, "d d")
+    faults.finish()
+    return fit
 
 
 def _read(method: Method, record: Records, engine: str) -> list[Record]:
@@ -62,7 +75,7 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
     faults = checks.Faults()
     choice.check(engine, faults)
     if isinstance(method, type):
-        faults.add(f"`method` must be made with its orders: write {method.__name__}(...), not {method.__name__}.")
+        faults.add(f"`method` must be an instance, not a class: write {method.__name__}(...), not {method.__name__}.")
     elif not isinstance(method, Method):
         faults.add(
             "`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does; one of your own derives from "
