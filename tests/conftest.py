@@ -2,11 +2,13 @@
 
 import logging
 import os
+from pathlib import Path
 
 import jax
 import pytest
 
 import estimable  # noqa: F401  enables float64 before any array is made
+from slow import SLOW, SLOW_FOLDERS
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -23,6 +25,15 @@ def pytest_configure(config):
     jax.config.update(
         "jax_persistent_cache_min_compile_time_secs", float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
     )
+
+
+def pytest_collection_modifyitems(items):
+    """`-m "not slow"` leaves out what takes seconds each."""
+    tests = Path(__file__).parent
+    for item in items:
+        place = item.path.relative_to(tests) if item.path.is_relative_to(tests) else None
+        if place and (place.parts[0] in SLOW_FOLDERS or item.name.partition("[")[0] in SLOW.get(place.as_posix(), ())):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True)

@@ -5,6 +5,7 @@ import importlib
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from jaxtyping import TypeCheckError
 
 import estimable
 from estimable.kernels import small
+from slow import SLOW, SLOW_FOLDERS
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "estimable"
@@ -63,8 +65,13 @@ def room(module):
     return f"{first}/{rest[0]}" if rest and f"{first}/{rest[0]}" in LEVEL else first
 
 
+@cache
 def imported(module):
     """(module, whether the line is inside a function) of every import of ours."""
+    return list(_imported(module))
+
+
+def _imported(module):
     path = MODULES[module]
     tree, folder = ast.parse(path.read_text()), path.relative_to(SOURCE).parts[:-1]
     inside = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
@@ -286,3 +293,12 @@ def test_few_parameters_may_be_anything():
     assert list(untyped([ast.parse(code)])) == [("f", "a"), ("f", "d"), ("f", "e"), ("f", "c")]
     found = list(untyped([ast.parse(path.read_text()) for path in FILES]))
     assert len(found) <= UNTYPED, found
+
+
+def test_the_slow_tests_are_there():
+    """So that a renamed test does not become fast by its name."""
+    for place, names in SLOW.items():
+        text = (ROOT / "tests" / place).read_text()
+        for name in names:
+            assert f"def {name}(" in text, f"{place}::{name}"
+    assert all((ROOT / "tests" / folder).is_dir() for folder in SLOW_FOLDERS)
