@@ -1,4 +1,4 @@
-"""One table of the algorithms: what tests, the command line and files go through."""
+"""The table of the algorithms, for tests, the command line and model files."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING
@@ -37,10 +37,10 @@ from .protocols import Algorithm
 
 
 class Entry(NamedTuple):
-    """An algorithm: its name on the command line, its class, where it comes from, and what it assumes.
+    """An algorithm: its name on the command line, its class, its reference, and its assumptions.
 
-    A wrapper says which entries it `wraps`, the first that the model file can make by default; `settings` are what it is
-    made with where nothing else is said.
+    A wrapper lists the entries that it `wraps`; its default is the first that suits the model file. `settings` are its
+    default settings.
     """
 
     name: str
@@ -62,15 +62,15 @@ ENTRIES = (
     ),
     Entry(
         "unknown-gain", UnknownGain, "filter", "Pachter (1999) (31)-(37); Sillence (1999) (31)-(37)",
-        "the model but its input gain is right; the input is measured without error",
+        "the model is right except for its input gain; the input is measured without error",
     ),
     Entry(
         "unknown-input", UnknownInput, "filter", "Gillijns & De Moor (2007a, b); Fang (2009) Algorithm 1",
-        "the model, Q and R are right; nothing of the unknown inputs, which the outputs must tell apart",
+        "the model, Q and R are right; the outputs distinguish the unknown inputs, whose values are arbitrary",
     ),
     Entry(
         "change-detection", ChangeDetection, "filter", "Willsky & Jones (1976); Pollak (1985)",
-        "the model but its gains is right; between jumps the gains are constant", ("unknown-gain", *NONLINEAR[:2]),
+        "the model is right except for its gains; between jumps the gains are constant", ("unknown-gain", *NONLINEAR[:2]),
     ),
     Entry(
         "moving-window", MovingWindow, "filter", "Sillence (1999) §5.4",
@@ -82,7 +82,7 @@ ENTRIES = (
     ),
     Entry(
         "smoothed", Smoothed, "filter", "Sillence (1999) (85)",
-        "the gain changes slowly beside 1 / (1 - weight) samples", GAINS, {"weight": 0.9},
+        "the gain changes slowly compared with 1 / (1 - weight) samples", GAINS, {"weight": 0.9},
     ),
     Entry(
         "gated", Gated, "filter", "Bar-Shalom, Li & Kirubarajan (2001) §5.4",
@@ -95,11 +95,11 @@ ENTRIES = (
     ),
     Entry(
         "fixed-gain", FixedGain, "filter", "Bass (2005); Bucy & Joseph (1968) ch. XVI",
-        "the model, Q and R are right, for the covariance; every input is known; nothing of the gain",
+        "the model and every input are known; Q and R are right (for the covariance only); the gain is arbitrary",
     ),
     Entry(
         "extended-kalman", ExtendedKalman, "filter", "Jazwinski (1970) §8.3",
-        "f and h are nearly straight over a standard deviation",
+        "f and h are nearly linear over a standard deviation",
     ),
     Entry(
         "second-order-kalman", SecondOrderKalman, "filter",
@@ -115,7 +115,7 @@ ENTRIES = (
 IDENTIFIERS = (
     Entry(
         "adaptive-identification", AdaptiveIdentification, "identifier", "Bass (2005), RANSID; Ho & Kálmán (1966)",
-        "the nonlinear model, Q and R are right; the record stays about a point of rest, or the prior is near the truth",
+        "the nonlinear model, Q and R are right; the record stays near an equilibrium, or the prior is near the true values",
     ),
     Entry(
         "coupled-least-squares", CoupledLeastSquares, "identifier", "Ljung (1999) (4.52)-(4.57)",
@@ -155,7 +155,7 @@ IDENTIFIERS = (
     ),
     Entry(
         "prediction-error", PredictionError, "identifier", "Ljung (1999) §7.2, §10.2; Hannan & Rissanen (1982)",
-        "the orders are right; the noise is white but for a moving average and the plant's poles",
+        "the orders are right; the noise is white, filtered by a moving average and the poles of the plant",
     ),
     Entry(
         "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",
@@ -163,13 +163,13 @@ IDENTIFIERS = (
     ),
     Entry(
         "subspace", Subspace, "identifier", "Van Overschee & De Moor (1996); Verhaegen & Dewilde (1992)",
-        "the input moves, is known, and does not depend on the outputs",
+        "the input is exciting, is known, and does not depend on the outputs",
     ),
 )  # fmt: skip
 
 
 def identifier(name: str) -> Entry:
-    """The identifier of a name; an `InputError` with the names there are.
+    """The identifier with a name; the `InputError` for an unknown name lists the known ones.
 
     >>> identifier("output-error-ml").cls.__name__
     'OutputErrorML'
@@ -177,12 +177,12 @@ def identifier(name: str) -> Entry:
     names = [known.name for known in IDENTIFIERS]
     if name not in names:
         near = checks.suggestion(name, names)
-        checks.refuse(f"there is no identifier {name!r}. There are {checks.listed(names)}.{near}")
+        checks.refuse(f"there is no identifier {name!r}. The identifiers are {checks.listed(names)}.{near}")
     return IDENTIFIERS[names.index(name)]
 
 
 def entry(name: str) -> Entry:
-    """The entry of a name, or of the words that it alone begins with; an `InputError` with the names there are.
+    """The entry with a name, or with a unique beginning of it; the `InputError` for an unknown name lists the known ones.
 
     >>> entry("second-order").cls.__name__
     'SecondOrderKalman'
@@ -193,7 +193,7 @@ def entry(name: str) -> Entry:
         name = begun[0]
     if name not in names:
         checks.refuse(
-            f"there is no algorithm {name!r}. There are {checks.listed(names)}.{checks.suggestion(name, names)}"
+            f"there is no algorithm {name!r}. The algorithms are {checks.listed(names)}.{checks.suggestion(name, names)}"
         )
     return ENTRIES[names.index(name)]
 
@@ -204,15 +204,15 @@ def name_of(algorithm: Algorithm[Any]) -> str:
 
 
 def settings_of(cls: type) -> list[str]:
-    """The settings of an algorithm's own."""
+    """The settings of an algorithm, without those of one that it wraps."""
     fields = cls.__dataclass_fields__
     return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
 
 
 def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
-    """The algorithm `name` on the model of a file, with the file's settings and then those given here.
+    """The algorithm `name` on the model of a file, with the settings of the file, replaced by those given here.
 
-    Of a wrapper the setting `algorithm` names what it wraps, and settings that are not its own go there.
+    For a wrapper, the setting `algorithm` names the algorithm that it wraps, and settings that are not its own go to that.
     """
     built, wraps = entry(name), None
     faults = checks.Faults()
@@ -232,8 +232,8 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
         return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **settings})
     if built.name in NONLINEAR and file.gain is not None:
         checks.refuse(
-            f"{built.name} estimates no gain of a linear model, and the model file has a section [gain]: take unknown-gain, "
-            "which is exact, or leave the section out."
+            f"{built.name} does not estimate the gain of a linear model, but the model file has a section [gain]: use "
+            "unknown-gain, which is exact, or leave out the section."
         )
     if built.cls is AlphaBeta:
         return AlphaBeta(**{"model": file.model, **settings})
@@ -243,7 +243,7 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
 def _check_settings(
     built: Entry, wraps: str | None, file: ModelFile, settings: dict[str, Any], faults: checks.Faults
 ) -> None:
-    """Settings must be known, and what the file lacks must be in them."""
+    """Check that all settings are known, and that they include what the file lacks."""
     allowed = list(dict.fromkeys(settings_of(built.cls) + (_every_setting(entry(wraps), file) if wraps else [])))
     for key in settings:
         if key not in allowed:
@@ -253,36 +253,38 @@ def _check_settings(
     if built.cls is UnknownGain and file.gain is None:
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
     if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
-        faults.add("no unknown input is named: in section [unknown] of the model file (inputs), or by --unknown NAME.")
+        faults.add(
+            "no unknown input is named: name it in section [unknown] of the model file (inputs), or by --unknown NAME."
+        )
     for key in _required(built):
         if key not in settings:
             faults.add(
-                f"{built.name} needs a value of {key!r}, which has no default: on the command line, --set {key}=.."
+                f"{built.name} needs a value of {key!r}, which has no default. On the command line: --set {key}=.."
             )
 
 
 def _default(wrapper: Entry, file: ModelFile) -> str:
-    """What a wrapper wraps where nothing is said: a filter that the model bears, of the gain where the file has one."""
+    """The default algorithm of a wrapper: a filter that suits the model, of the gain if the file has one."""
     if isinstance(file.model, NonlinearModel):
         return next((name for name in wrapper.wraps if name in NONLINEAR), wrapper.wraps[0])
     return "kalman" if file.gain is None and "kalman" in wrapper.wraps else wrapper.wraps[0]
 
 
 def _required(built: Entry) -> list[str]:
-    """Its settings that neither the class nor the catalogue nor a model file has a value for."""
+    """Its settings without a default in the class or in the catalogue."""
     fields = built.cls.__dataclass_fields__
     return [name for name in settings_of(built.cls) if fields[name].default is MISSING and name not in built.settings]
 
 
 def _every_setting(built: Entry, file: ModelFile) -> list[str]:
-    """The settings of an entry and of what it wraps by default."""
+    """The settings of an entry and of the algorithm that it wraps by default."""
     inner = _every_setting(entry(_default(built, file)), file) if built.wraps else []
     return [*settings_of(built.cls), *(name for name in inner if name not in settings_of(built.cls))]
 
 
 def _nonlinear(built: Entry, file: ModelFile, settings: dict[str, Any]) -> Any:
-    """A filter of a nonlinear model; the prior in its `gain` is that of the model's parameters."""
+    """A filter of a nonlinear model; the prior in the `gain` of the file is that of the parameters."""
     if built.name not in NONLINEAR:
-        checks.refuse(f"{built.name} needs a linear model, and this one is nonlinear: take {checks.listed(NONLINEAR)}.")
+        checks.refuse(f"{built.name} needs a linear model. This model is nonlinear: use {checks.listed(NONLINEAR)}.")
     given = {} if file.gain is None else {"parameters": file.gain.prior, **file.gain.settings}
     return built.cls(file.model, **{**given, **settings})

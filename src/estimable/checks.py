@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 # pyright: reportUnnecessaryIsInstance=false
-"""The only place that inspects what the user gave. Faults are collected and raised together, in the user's words."""
+"""The checks of all arguments. The faults of a call are collected and raised together, in the user's words."""
 
 import difflib
 import math
@@ -18,16 +18,16 @@ from .annotations import Numbers
 from .errors import InputError
 
 Shape: TypeAlias = tuple[int, ...]
-Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # for an array
+Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # what an array is made of
 
-ROUNDING = 1e-12  # how far from symmetric, or below zero, rounding alone may leave a covariance, relative to its size
-VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # how far below zero it may leave a variance on the diagonal
-LARGEST = 2**63 - 1  # that an integer may be, and a seed
-LISTED = 40  # names that a sentence shows at most
+ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by rounding, relative to its size
+VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
+LARGEST = 2**63 - 1  # largest integer, also for a seed
+LISTED = 40  # most names in a message
 
 
 class Faults:
-    """Collects the faults of one call; sizes that were learnt from one argument are used to check the next.
+    """Collects the faults of one call; sizes learnt from one argument are used to check the next.
 
     >>> faults = Faults()
     >>> A = faults.array("A", [[1.0, 0.0], [0.0, 1.0]], "n n")
@@ -42,24 +42,24 @@ class Faults:
         self.sources: dict[str, str] = {}
 
     def add(self, sentence: str) -> None:
-        """Note a fault."""
+        """Add a fault."""
         self.sentences.append(sentence)
 
     def finish(self) -> None:
-        """Raise every fault that was noted, together."""
+        """Raise all collected faults together."""
         if self.sentences:
             raise InputError(*self.sentences)
 
     def learn(self, axis: str, size: int, source: str) -> None:
-        """Fix the size of an axis, and say where it comes from."""
+        """Set the size of an axis and its source, for messages."""
         self.sizes.setdefault(axis, size)
         self.sources.setdefault(axis, source)
 
     def array(self, name: str, value: Given, axes: str, *, leading: str | None = None, nan: bool = False) -> Any:
-        """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; None where it is at fault.
+        """`value` as float64 of shape `axes` ("n m"), with an optional leading axis; None if it is at fault.
 
-        Booleans count as 1 and 0; nothing else is converted. Of values that are being traced by JAX nothing is checked,
-        but their sizes are learnt.
+        Bools count as 1 and 0; nothing else is converted. Values that JAX is tracing are not checked, but their sizes are
+        learnt.
         """
         if isinstance(value, Tracer):
             if value.ndim >= len(axes.split()):
@@ -72,7 +72,7 @@ class Faults:
 
     def _numbers(self, name: str, value: Given, nan: bool) -> np.ndarray | None:
         if np.ma.is_masked(value):
-            hint = f": pass {name}.filled(np.nan), where NaN means not known" if nan else ""
+            hint = f": pass {name}.filled(np.nan), where NaN means unknown" if nan else ""
             self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
             return None
         try:
@@ -159,7 +159,7 @@ class Faults:
         return symmetric
 
     def positive_definite(self, name: str, matrix: np.ndarray) -> bool:
-        """A symmetric matrix must not be singular, its units taken out; says whether that holds."""
+        """Whether a symmetric matrix, scaled to a unit diagonal, is not singular; else adds a fault."""
         variance = np.diagonal(matrix)
         if np.any(wrong := variance <= 0):
             self.add(
@@ -204,9 +204,9 @@ class Faults:
         return given
 
     def whole(self, name: str, value: Numbers | None, lower: int) -> None:
-        """`value` must be an integer, at least `lower`, that 64 bits hold."""
+        """`value` must be an integer of at least `lower` that fits into 64 bits."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
-            self.add(f"`{name}` must be a whole number, at least {lower}. Got {short(value)}.")
+            self.add(f"`{name}` must be an integer of at least {lower}. Got {short(value)}.")
         elif value > LARGEST:
             self.add(f"`{name}` must be at most {LARGEST}. Got {short(value)}.")
 
@@ -216,7 +216,7 @@ class Faults:
             self.add(f"`{name}` must be True or False. Got {short(value)}.")
 
     def rows(self, name: str, value: Given) -> int | None:
-        """How many rows a list or an array has; None where it has none, or rows of several lengths."""
+        """Number of rows of a list or an array; None if it has no rows or its rows differ in length."""
         try:
             return len(np.asarray(value))
         except (TypeError, ValueError):
@@ -224,7 +224,7 @@ class Faults:
             return None
 
     def instance(self, name: str, value: Any, cls: type, hint: str = "") -> bool:
-        """`value` must be a `cls`; says whether it is."""
+        """Whether `value` is a `cls`; else adds a fault."""
         if isinstance(value, cls):
             return True
         article = "an" if cls.__name__[0] in "AEIOU" else "a"
@@ -238,12 +238,12 @@ class Faults:
             self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
 
     def names(self, argument: str, given: Iterable[str] | None, axis: str, default: str) -> tuple[str, ...]:
-        """Channel names: as many as the axis is long, each one a text, each one once."""
+        """Channel names: as many as the axis is long, each a nonempty string, without repetition."""
         size = self.sizes.get(axis)
         if given is None:
             return tuple(f"{default}{i + 1}" for i in range(size or 0))
         if isinstance(given, str):
-            self.add(f"`{argument}` must be a list of names. Got the text {given!r}: did you mean [{given!r}]?")
+            self.add(f"`{argument}` must be a list of names. Got the string {given!r}. Did you mean [{given!r}]?")
             return ()
         unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray) and given.ndim != 1)
         if not isinstance(given, Iterable) or unordered:
@@ -251,7 +251,7 @@ class Faults:
             return ()
         found = tuple(given)
         if not all(isinstance(name, str) and name.strip() for name in found):
-            self.add(f"`{argument}` must be names (texts, not empty). Got {short(found)}.")
+            self.add(f"`{argument}` must be nonempty strings. Got {short(found)}.")
             return ()
         found = tuple(str(name) for name in found)
         twice = sorted({name for name in found if found.count(name) > 1})
@@ -270,17 +270,17 @@ def refuse(*sentences: str) -> NoReturn:
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """`path` as the path of a file that is there; an `InputError` otherwise."""
+    """`path` as the path of an existing file; raises `InputError` otherwise."""
     if not isinstance(path, str | os.PathLike):
         refuse(f"`path` must be the name of a file. Got {short(path)}.")
     found = Path(path)
     if not found.is_file():
-        refuse(f"{path} is not there." if not found.exists() else f"{path} is not a file.")
+        refuse(f"{path} does not exist." if not found.exists() else f"{path} is not a file.")
     return found
 
 
 def listed(names: Iterable[Any]) -> str:
-    """Names as they stand in a sentence."""
+    """Names, as a list in a sentence."""
     shown = [short(str(name) if isinstance(name, str) else name) for name in names]
     more = f" and {len(shown) - LISTED} more" if len(shown) > LISTED else ""
     return ", ".join(shown[:LISTED]) + more or "none"
@@ -293,31 +293,31 @@ def counted(count: int, noun: str) -> str:
 
 
 def suggestion(wrong: Any, options: Iterable[str]) -> str:
-    """' Did you mean ...?' where one of the options is near, else nothing."""
+    """' Did you mean ...?' if one of the options is similar, else an empty string."""
     near = difflib.get_close_matches(wrong, list(options), n=1, cutoff=0.6) if isinstance(wrong, str) else []
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
 def short(value: Any) -> str:
-    """What was given, in at most 60 characters."""
+    """A given value, in at most 60 characters."""
     try:
         text = (
             f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
         )
-    except Exception:  # whatever a user's class raises; integers of more than 4,300 digits have no text
+    except Exception:  # any exception of a user's class; integers of more than 4,300 digits have no text
         text = f"a value of the type {type(value).__name__}"
     text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def first_index(mask: np.ndarray) -> str:
-    """Index of the first true entry, as a user would write it."""
+    """Index of the first true entry, as a user writes it."""
     index = tuple(int(i) for i in np.argwhere(mask)[0])
     return str(index[0]) if len(index) == 1 else str(index)
 
 
 def is_traced(*values: Any) -> bool:
-    """Whether JAX is tracing any of these."""
+    """Whether JAX is tracing any of these values."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
@@ -330,7 +330,7 @@ def _is_finite_number(value: Numbers | None) -> TypeGuard[float]:
 
 
 def _remedy(name: str, shape: Shape, axes: list[str], wanted: tuple[int | None, ...], core: Shape) -> str:
-    """What would make an array of a wrong shape fit, where that is likely what was meant."""
+    """A likely correction of an array of a wrong shape, or an empty string."""
 
     def fits(sizes: Shape) -> bool:
         same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1

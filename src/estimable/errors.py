@@ -6,11 +6,11 @@ Three kinds, never mixed: a wrong call (`InputError`), an assumption that the mo
 
 
 class EstimableError(Exception):
-    """Base of every error that estimable raises on purpose."""
+    """Base class of all errors that estimable raises deliberately."""
 
 
 class InputError(EstimableError, ValueError):
-    """A wrong call, file or option. The message names every fault of the call, one a line."""
+    """A wrong call, file or option. The message lists all faults of the call, one on each line."""
 
     def __init__(self, *faults: str):
         self.faults = faults
@@ -18,11 +18,11 @@ class InputError(EstimableError, ValueError):
 
 
 class AssumptionError(EstimableError):
-    """The model or the data do not meet what the method needs; the message carries the number that shows it."""
+    """The model or the data do not meet an assumption of the method; the message holds the number that shows it."""
 
 
 class RunError(EstimableError):
-    """A run went wrong at one sample; `outcome` says which and why."""
+    """A run failed at one sample; `outcome` holds the sample and the reason."""
 
     def __init__(self, outcome):
         self.outcome = outcome
@@ -30,4 +30,4 @@ class RunError(EstimableError):
 
 
 class EstimableWarning(UserWarning):
-    """Something the user should know, which does not make the answer wrong."""
+    """Something the user should know that does not make the result wrong."""

@@ -1,9 +1,9 @@
 """`@frozen`: an immutable record that JAX can map, differentiate and pass through a compiled function.
 
-A field is a *leaf* (numbers: replaceable, mappable, differentiable) unless it is declared with `static()`: then it fixes
-a shape or a branch, and must be hashable. A leaf that holds a text (a named choice instead of numbers) is static too.
+A field is a *leaf* (numbers: replaceable, mappable, differentiable) unless it is declared with `static()`. A static field
+determines a shape or a branch and must be hashable. A leaf that holds a string (a named choice instead of numbers) is static too.
 
-`save` writes every frozen record of the package, and the records of other kinds that are marked with `@saved`.
+`save` writes every frozen record of the package, and records of other kinds that are marked with `@saved`.
 """
 
 import dataclasses
@@ -16,13 +16,13 @@ import jax
 from .annotations import AnyRecord
 
 Cls = TypeVar("Cls")
-Aux = tuple[tuple[Any, ...], tuple[str | None, ...]]  # the static fields of a record, and its leaves that are words
+Aux = tuple[tuple[Any, ...], tuple[str | None, ...]]  # the static fields of a record, and its leaves that are strings
 PACKAGE = __name__.partition(".")[0]
-RECORDS: dict[str, type] = {}  # by name: the records that `save` writes and `load` makes
+RECORDS: dict[str, type] = {}  # the records that `save` writes and `load` makes, by name
 
 
 def static(**kwargs: Any) -> Any:
-    """A field that fixes a shape or a branch: compared and hashed, never traced."""
+    """A field that determines a shape or a branch: compared and hashed, never traced."""
     return dataclasses.field(metadata={"static": True}, **kwargs)
 
 
@@ -50,7 +50,7 @@ def saved(cls: type[Cls]) -> type[Cls]:
 
 
 def field_names(cls: type) -> tuple[str, ...]:
-    """Names of all fields of a dataclass or a NamedTuple; none of another class."""
+    """Names of all fields of a dataclass or a NamedTuple; none for another class."""
     if issubclass(cls, tuple):
         return getattr(cls, "_fields", ())
     return tuple(f.name for f in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else ()
@@ -69,7 +69,7 @@ def frozen(cls: type[Cls]) -> type[Cls]:
 
     def flatten(
         thing: Cls,
-    ) -> tuple[tuple[Any, ...], Aux]:  # some thirty times in a call of a driver: as short as it can be
+    ) -> tuple[tuple[Any, ...], Aux]:  # called about thirty times in each driver call, so optimised
         values = numbers(thing)
         if not any([isinstance(value, str) for value in values]):
             return values, (fixed(thing), no_words)
@@ -94,14 +94,14 @@ def frozen(cls: type[Cls]) -> type[Cls]:
 
 
 def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple]:
-    """A function that gives the named fields of a record."""
+    """A function that returns the named fields of a record."""
     if len(names) > 1:
         return operator.attrgetter(*names)
     return lambda thing: tuple(getattr(thing, name) for name in names)
 
 
 def replace(thing: Cls, **changes: Any) -> Cls:
-    """A copy of a frozen record with some fields changed; nothing is checked again, so leaves may be tracers."""
+    """A copy of a frozen record with some fields changed; without checks, so that leaves may be tracers."""
     unknown = set(changes) - {f.name for f in dataclasses.fields(thing)}  # type: ignore[arg-type]
     if unknown:
         raise TypeError(f"{type(thing).__name__} has no field {sorted(unknown)}")

@@ -13,11 +13,11 @@ BLOCKS = (  # field, covariance, which names, prefix of the columns
     ("innovation", "innovation_covariance", "outputs", "innovation_"),
 )
 KINDS = ("states", "gains", "unknown_inputs", "outputs")
-NEGLIGIBLE = 1e-12  # of the largest diffuse variance of a row: rounding, in a direction that has been determined
+NEGLIGIBLE = 1e-12  # relative to the largest diffuse variance of a row: rounding in a determined direction
 
 
 def standard_deviation(covariance: np.ndarray, diffuse: np.ndarray | None = None) -> np.ndarray:
-    """Standard deviations (T, n) of covariances (T, n, n); infinite where `diffuse` says that nothing is known.
+    """Standard deviations (T, n) of covariances (T, n, n); infinite where `diffuse` marks an unknown quantity.
 
     >>> standard_deviation([[[4.0]]]).tolist(), standard_deviation([[[4.0]]], [[[1.0]]]).tolist()
     ([[2.0]], [[inf]])
@@ -35,7 +35,7 @@ def _diagonal(matrices: np.ndarray) -> np.ndarray:
 
 
 def at_its_instant(field: str, values: np.ndarray | None, delay: int) -> Any:
-    """An unknown input that is told `delay` rows later, in its own row; what is not told any more is NaN.
+    """An unknown input that is estimated `delay` rows later, moved to its own row; inputs not yet estimated are NaN.
 
     >>> at_its_instant("unknown_input", np.array([0.0, 1.0, 2.0]), 1).tolist()
     [1.0, 2.0, nan]
@@ -48,7 +48,7 @@ def at_its_instant(field: str, values: np.ndarray | None, delay: int) -> Any:
 
 
 def diffuse_of(result: Any) -> dict[str, Any]:
-    """What is infinite in each of the quantities."""
+    """The diffuse (infinite) part of each quantity."""
     return {
         "mean": result.diffuse_covariance,
         "gain": result.extra.get("gain_diffuse_covariance"),
@@ -57,8 +57,8 @@ def diffuse_of(result: Any) -> dict[str, Any]:
 
 
 def to_pandas(result):
-    """One row a sample, indexed by time (or by sample): each quantity beside its standard deviation, which is infinite
-    where nothing is known of it (a diffuse prior). An unknown input stands in its own row, however late it was told."""
+    """One row for each sample, indexed by time (or by sample): each quantity next to its standard deviation, which is infinite
+    if it is unknown (a diffuse prior). An unknown input is in the row of its sample, also if it was estimated later."""
     import pandas as pd
 
     columns = {}
@@ -76,7 +76,7 @@ def to_pandas(result):
     if result.log_likelihood_steps is not None:
         columns["log_likelihood"] = result.log_likelihood_steps
     if not columns:
-        checks.refuse('this result has no rows: it was kept with keep="likelihood".')
+        checks.refuse('this result has no rows, because it was made with keep="likelihood". Use keep="all".')
     index = None if result.t is None else pd.Index(result.t, name="time")
     return pd.DataFrame(columns, index=index)
 
@@ -99,7 +99,7 @@ def to_xarray(result):
     if result.log_likelihood_steps is not None:
         variables["log_likelihood_steps"] = (("time",), result.log_likelihood_steps)
     if not variables:
-        checks.refuse('this result has no rows: it was kept with keep="likelihood".')
+        checks.refuse('this result has no rows, because it was made with keep="likelihood". Use keep="all".')
     if result.t is not None:
         coordinates["time"] = result.t
     used = {dimension for dimensions, _ in variables.values() for dimension in dimensions}

@@ -1,4 +1,4 @@
-"""Write a file whole, or not at all."""
+"""Write a file completely, or not at all."""
 
 import errno
 import os
@@ -15,13 +15,13 @@ from . import checks
 def write(
     path: str | os.PathLike[str], fill: Callable[[BinaryIO], Any], *, private: bool = False, option: str = ""
 ) -> None:
-    """Write the file `path` with `fill(stream)`. Until the new file is on the disk, an older one of that name stays.
+    """Write the file `path` with `fill(stream)`. An older file of that name stays until the new one is on the disk.
 
-    `fill` writes a draft in the same folder, which then takes the name, with the permissions of the older file. A link stays
-    a link to the file that it names; a device or a pipe is written directly. `private`: only this user can read the new file.
-    `option`: of the command line, which gave the path.
+    `fill` writes a draft in the same folder, which is then renamed, with the permissions of the older file. A link is
+    preserved; a device or a pipe is written directly. `private`: only this user can read the new file.
+    `option`: the option of the command line that gave the path.
 
-    Raises `InputError` with the reason where that fails; no draft is left.
+    Raises `InputError` with the reason on failure; no draft is left.
     """
     if not isinstance(path, str | os.PathLike) or "\0" in str(path):
         checks.refuse(f"`path` must be the name of a file. Got {checks.short(path)}.")
@@ -37,7 +37,7 @@ def write(
     except OSError as error:
         checks.refuse(f"{option} {path} could not be written: {error.strerror or error}.".lstrip())
     except UnicodeError:
-        checks.refuse(f"{str(path)!a} could not be written: it holds characters that no file name may have.")
+        checks.refuse(f"{str(path)!a} could not be written: it holds characters that are not allowed in a file name.")
 
 
 def _replace(target: Path, fill: Callable[[BinaryIO], Any], private: bool) -> None:

@@ -110,7 +110,7 @@ def test_inputs_that_nobody_measured(run, write_model):
     verdict = unknown_input_existence(model.model, unknown=["wind"])
     assert said["answers"]["unknown_inputs"]["answer"] == ("yes" if verdict.exists else "no")
     assert said["sentences"][-1] == verdict.sentence
-    assert "unknown inputs can be told" in run("check", "model.toml").stdout
+    assert "unknown inputs determined" in run("check", "model.toml").stdout
 
 
 def test_a_model_that_varies_is_judged_over_its_rows(run, tmp_path):
@@ -130,4 +130,4 @@ def test_what_is_wrong_is_said(run, write_model):
     assert "--dt is for continuous models: this one has dt = 1 s." in run("check", "model.toml", "--dt", "1").stderr
     refused = run("check", "model.toml", "--horizon", "2.5", "--json")
     assert (refused.code, refused.json["error"]) == (2, "InputError")
-    assert refused.json["message"] == "`horizon` must be a whole number, at least 1. Got 2.5."
+    assert refused.json["message"] == "`horizon` must be an integer of at least 1. Got 2.5."

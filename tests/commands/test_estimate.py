@@ -67,7 +67,7 @@ def test_a_state_of_which_nothing_is_known_is_null(run, change_model, write_reco
     [
         ("table.txt", "--out must end in .csv. Got 'table.txt'."),
         ("none/table.csv", "--out none/table.csv: there is no folder "),
-        ("./flight.csv", "--out flight.csv is the record itself: give another name."),
+        ("./flight.csv", "--out flight.csv is the input file itself: give another name."),
         ("folder.csv", "--out folder.csv is a folder."),
     ],
 )
@@ -119,7 +119,7 @@ def test_constant_gains(run, tmp_path):
     bare = run(*call, "alpha-beta")
     assert bare.code == 2
     assert (
-        "alpha-beta needs a value of 'alpha', which has no default: on the command line, --set alpha=.."
+        "alpha-beta needs a value of 'alpha', which has no default. On the command line: --set alpha=.."
         in bare.stderr + bare.stdout
     )
 

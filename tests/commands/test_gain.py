@@ -132,8 +132,8 @@ def test_demo_for_people(run, width):
     assert "before 2.5 to 4.5 0.9" in words
     assert "after 10 to 12 0.4" in words
     assert "The gain fell from 0.9" in words
-    assert "at 4.51 ± 0.1 s; that was seen 0.35 s later" in words
-    assert "Innovation check (NIS): 1.928, expected 2.000 (1.816 to 2.195): nothing speaks against" in words
+    assert "at 4.51 ± 0.1 s; detected 0.35 s later" in words
+    assert "Innovation check (NIS): 1.928, expected 2.000 (1.816 to 2.195): consistent with the model" in words
     assert "░" in answer.stdout
     under_the_axis = next(i for i, line in enumerate(answer.stdout.splitlines()) if line.lstrip().startswith("s 0"))
     assert "before" in answer.stdout.splitlines()[under_the_axis + 1]
@@ -206,8 +206,8 @@ def test_outputs_that_were_never_seen_leave_the_prior_and_no_check(run, write_re
     assert said["gain_after"] == pytest.approx(1.0)
     assert said["gain_after_sigma"] == pytest.approx(np.sqrt(0.25 + 0.02 * 5.9))
     words = " ".join(run(*CALL).stdout.split())
-    assert "no output was seen with noise" in words
-    assert "no change is shown" in words
+    assert "no output with measurement noise was seen" in words
+    assert "no change is detected" in words
 
 
 def test_a_gain_of_which_nothing_is_known_is_null(run, tmp_path, write_record):

@@ -103,8 +103,8 @@ def test_what_is_written_goes_straight_into_the_other_commands(run, level_run, t
     assert run("check", "tank-model.toml", "--json").code == 0
     page = (tmp_path / "tank-report.html").read_text()
     for words in (
-        "Does it simulate what it has not seen?", "Which order?", "Is something left in the residuals?", "Poles and zeros",
-        "Step response", "frequency [Hz]", "± 2 sigma of the parameters", "Methods compared on what was held out",
+        "Does the model simulate held-out data?", "Which order?", "Are the residuals white?", "Poles and zeros",
+        "Step response", "frequency [Hz]", "± 2 sigma of the parameters", "Methods compared on the held-out part",
         "estimable identify tank.csv --output level --input valve --dt 0.5 --order 1",
     ):  # fmt: skip
         assert words in page, words

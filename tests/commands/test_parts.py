@@ -61,7 +61,7 @@ def test_one_sample_is_before_and_after(t):
             1.0,
             0.9,
             0.1,
-            "The gain: no change is shown, 2 to 4 s against 10 to 12 s: 1.00 and 0.90 differ by less than 2 sigma (0.28).",
+            "The gain: no change is detected, 2 to 4 s against 10 to 12 s: 1.00 and 0.90 differ by less than 2 sigma (0.28).",
         ),
     ],
 )
@@ -80,7 +80,7 @@ def test_rows_of_which_nothing_is_known_do_not_count():
     unknown = gain_summary(result_of(gain, np.ones(13), t, extra={"gain_diffuse_covariance": always}))
     assert np.isnan(unknown.after.mean[0])
     assert np.isinf(unknown.after.sigma[0])
-    assert unknown.findings == ("The gain: the record does not say what it is.",)
+    assert unknown.findings == ("The gain: the record does not determine it.",)
 
 
 def test_what_is_lost_is_said_of_shares_only():
@@ -129,7 +129,7 @@ def test_values_of_settings(text, value):
 
 @pytest.mark.parametrize("text", ["1\ny = 2", "[1", "two words", "", "{", "a=b"])
 def test_values_that_are_none(text):
-    with pytest.raises(InputError, match="is no number, list or word"):
+    with pytest.raises(InputError, match="is not a number, list or word"):
         read_settings([f"x={text}"])
 
 

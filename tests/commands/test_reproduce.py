@@ -38,7 +38,7 @@ def test_the_picture_is_written(run, tmp_path):
     [
         (("sillence-table-2", "--figure", "poles.png"), "--figure must end in .html"),
         (("sillence-table-2", "--figure", "nowhere/poles.html"), "there is no folder"),
-        (("sillence-table-1", "--figure", "snr.html"), "sillence-table-1 has no picture"),
+        (("sillence-table-1", "--figure", "snr.html"), "sillence-table-1 has no figure"),
         (("silence-table-1",), "Did you mean 'sillence-table-1'"),
         (("sillence-fig-13",), "a drawing, with nothing to compute"),
     ],

@@ -16,17 +16,19 @@ def test_the_numbers_of_the_failing_elevator(simulate):
     assert 4.2 < told["fixed_rms_after"] < 4.6
     assert told["detection_delay_s"] <= 0.06
     words = simulate("f16", "--loss", "0.8", "--runs", "20", "--seed", "1")
-    assert "loses 80 % of its effect; that was seen 0.04 s later (median of 20)" in " ".join(words.stdout.split())
+    assert "loses 80 % of its effect. The loss was detected 0.04 s later (median of 20)" in " ".join(
+        words.stdout.split()
+    )
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (("f16", "--loss", "1.5"), "`--loss` must be at most 1"),
-    (("f16", "--runs", "0"), "`--runs` must be a whole number, at least 1"),
-    (("f16", "--rows", "5"), "--rows is not of f16"),
-    (("output-error", "--loss", "0.5"), "--loss is of f16"),
+    (("f16", "--runs", "0"), "`--runs` must be an integer of at least 1"),
+    (("f16", "--rows", "5"), "--rows does not apply to f16"),
+    (("output-error", "--loss", "0.5"), "--loss applies only to f16"),
     (("f16", "--plant", "cessna"), "`--plant` must be one of 'short-period', 'jsbsim', 'jsbsim-untrimmed'"),
-    (("f16", "--plant", "jsbsim", "--folder", "parts"), "--folder is of --plant short-period"),
-    (("output-error", "--plant", "jsbsim"), "--plant is of f16"),
+    (("f16", "--plant", "jsbsim", "--folder", "parts"), "--folder applies only to --plant short-period"),
+    (("output-error", "--plant", "jsbsim"), "--plant applies only to f16"),
     (("f18",), "`MODEL` must be one of 'output-error', 'f16'"),
 ])  # fmt: skip
 def test_a_wrong_call_is_one_sentence(simulate, arguments, sentence):

@@ -76,7 +76,7 @@ def test_what_is_wrong_is_said(run, tmp_path):
         in run("tune", "model.toml", "--weight", "rho").stderr
     )
     assert "there is no criterion 'roh'" in run("tune", "model.toml", "--weight", "roh=1").stderr
-    assert "`--designs` must be a whole number, at least 2" in run("tune", "model.toml", "--designs", "1").stderr
+    assert "`--designs` must be an integer of at least 2" in run("tune", "model.toml", "--designs", "1").stderr
     assert "--report must end in .html" in run("tune", "model.toml", "--report", "tuning.txt").stderr
     refused = run("tune", "nowhere.toml", "--json")
     assert (refused.code, refused.json["error"]) == (2, "InputError")
@@ -84,7 +84,7 @@ def test_what_is_wrong_is_said(run, tmp_path):
         "from estimable import *\nmodel = NonlinearModel(lambda x, u, p: x, lambda x, u, p: x, Q=[[1.0]], R=[[1.0]], dt=1)\n"
         "prior = Prior([0.0], [[1.0]])\n"
     )
-    assert "tune needs a linear model, and this one is nonlinear." in run("tune", "curved.py").stderr
+    assert "tune needs a linear model. This model is nonlinear." in run("tune", "curved.py").stderr
     (tmp_path / "free.py").write_text(
         "from estimable import *\nmodel = StateSpace([[1.1]], R=[[1.0]], dt=1)\nprior = Prior([0.0], [[1.0]])\n"
     )
@@ -101,5 +101,5 @@ def test_samples_slower_than_the_plant(run):
     assert said["chosen"]["margin"]["rho"] > 0.99
     people = run("tune", "model.toml", "--dt", "10", *FEW, "--report", "slow.html").stdout
     assert said["chosen"]["bandwidth_rad_s"] is None
-    assert "faster than samples show" in people
+    assert "faster than can be resolved at this step" in people
     assert "none" in people

@@ -85,7 +85,7 @@ def test_a_filter_that_is_not_there(run, tmp_path):
     ("setting", "says"),
     [
         ("walk", ["--set needs name=value", "'walk'"]),
-        ("walk=[0.1", ["--set walk", "'[0.1' is no number, list or word"]),
+        ("walk=[0.1", ["--set walk", "'[0.1' is not a number, list or word"]),
         ("wlak=1", ["unknown-gain has no setting 'wlak'", "'directions', 'fixed', 'feedthrough'", "mean 'walk'?"]),
         ("name=1", ["unknown-gain has no setting 'name'"]),
         ("file=1", ["unknown-gain has no setting 'file'"]),

@@ -218,7 +218,7 @@ def test_wrong_waveforms():
         Waveform(np.zeros((2, 2)), [[1.0]])
     with pytest.raises(InputError, match="`frequency` must be greater than 0 rad/s"):
         Waveform.sinusoid(0.0)
-    with pytest.raises(InputError, match="`degree` must be a whole number"):
+    with pytest.raises(InputError, match="`degree` must be an integer"):
         Waveform.polynomial(-1)
     with pytest.raises(InputError, match="did you mean `each`"):
         Waveform.constant() + Waveform.each(Waveform.constant(), Waveform.constant())

@@ -117,7 +117,7 @@ WRONG = {
     ),
     "varying": (
         lambda: kalman_gain(StateSpace(np.ones((3, 1, 1)), R=[[1.0]], dt=1)),
-        ["a stationary answer needs a constant model: 'A' of `model` has 3 rows in time."],
+        ["a steady-state analysis needs a constant model: 'A' of `model` has 3 rows in time."],
     ),
     "continuous, R zero": (
         lambda: kalman_gain(StateSpace([[-1.0]], R=[[0.0]], dt=0)),

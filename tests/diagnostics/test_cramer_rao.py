@@ -50,7 +50,7 @@ def deviance(parameters, record):
 
 
 def test_without_information_there_is_no_bound():
-    with pytest.raises(AssumptionError, match="tells nothing of 4 directions of the 4 parameters"):
+    with pytest.raises(AssumptionError, match="has no information about 4 directions of the 4 parameters"):
         diagnostics.cramer_rao(PLANT, Record(np.ones(5), np.zeros(5), dt=1))
 
 

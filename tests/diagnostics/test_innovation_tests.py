@@ -41,7 +41,7 @@ def test_a_right_model_alarms_as_rarely_as_is_said():
 
 
 CAUSES = {
-    "Q too small": (loop(Q=0.0025), INPUT, "Q too small beside R"),
+    "Q too small": (loop(Q=0.0025), INPUT, "Q too small relative to R"),
     "Q too large": (loop(Q=1.0), INPUT, "Q probably too large"),
     "R too small": (loop(R=0.02), INPUT, "R of position probably too small"),
     "R too large": (loop(R=0.5), INPUT, "R of position probably too large"),
@@ -95,13 +95,13 @@ def test_units_of_outputs_and_inputs_change_no_verdict():
 
 
 def test_too_little_to_judge_by_is_said():
-    with pytest.raises(InputError, match="too few pairs of samples to judge by: at most 4 at a lag"):
+    with pytest.raises(InputError, match="too few pairs of samples to judge: at most 4 at a lag"):
         whiteness(np.append(np.full(20, np.nan), np.ones(5)), lags=2)
-    with pytest.raises(InputError, match="`lags` must be less than the 5 samples"):
+    with pytest.raises(InputError, match="`lags` must be less than the number of samples, 5"):
         whiteness(np.ones(5), lags=5)
-    with pytest.raises(InputError, match="too few samples to judge by: 4 for 2 lags"):
+    with pytest.raises(InputError, match="too few samples to judge: 4 for 2 lags"):
         cross_correlation(np.ones(5), np.arange(5.0), lags=1)
-    with pytest.raises(InputError, match="the input never moves"):
+    with pytest.raises(InputError, match="the input is constant"):
         cross_correlation(np.ones(50), np.ones(50), lags=1)
     with pytest.raises(InputError, match=r"equally long\. Got 3 and 4"):
         cross_correlation(np.ones(3), np.ones(4))

@@ -35,8 +35,8 @@ def test_the_sentence_follows_the_size():
             es.NonlinearModel(lambda x, u, θ: x, h, Q=[[0.0]], R=[[0.01]], dt=1), es.Prior([1.0], [[variance]])
         )
 
-    assert about(lambda x, u, θ: x + 1e-3 * x**2, 0.1).sentence.endswith("ExtendedKalman is enough.")
+    assert about(lambda x, u, θ: x + 1e-3 * x**2, 0.1).sentence.endswith("ExtendedKalman is sufficient.")
     assert "use SecondOrderKalman or UnscentedKalman." in about(lambda x, u, θ: x**2, 0.1).sentence
     strong = about(lambda x, u, θ: jnp.sin(3 * x), 0.5)
     assert strong.third_order.max() > 0.3
-    assert "the second order does not hold either" in strong.sentence
+    assert "the second order is not valid either" in strong.sentence

@@ -40,7 +40,7 @@ WRONG = {
         lambda: estimability(StateSpace([[0.5]], dt=1), horizon=0, prior=Prior([0.0, 0.0], I2, diffuse=[[1.0], [0.0]])),
         [
             "`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).",
-            "`horizon` must be a whole number, at least 1. Got 0.",
+            "`horizon` must be an integer of at least 1. Got 0.",
             "`prior` must have a finite covariance: a direction without one shrinks by an infinite amount.",
             "`prior` must be of n = 1 states: the model has so many. Got 2.",
         ],
@@ -51,7 +51,7 @@ WRONG = {
     ),
     "horizon in part": (
         lambda: estimability(STABLE, horizon=2.5),
-        ["`horizon` must be a whole number, at least 1. Got 2.5."],
+        ["`horizon` must be an integer of at least 1. Got 2.5."],
     ),
     "horizon of no time": (
         lambda: estimability(CONTINUOUS, horizon=0.0),
@@ -110,7 +110,7 @@ WRONG = {
     ),
     "no order": (
         lambda: reduce(STABLE, method="balanced"),
-        ["`order` must be a whole number, at least 1. Got None."],
+        ["`order` must be an integer of at least 1. Got None."],
     ),
     "an order too large": (
         lambda: reduce(STABLE, method="balanced", order=3),
@@ -126,7 +126,7 @@ WRONG = {
     ),
     "a model that varies": (
         lambda: reduce(VARYING, method="minimal"),
-        ["a stationary answer needs a constant model: 'A' of `model` has 3 rows in time."],
+        ["a steady-state analysis needs a constant model: 'A' of `model` has 3 rows in time."],
     ),
     "nothing left": (
         lambda: reduce(StateSpace([[0.5]], R=[[1.0]], dt=1)),

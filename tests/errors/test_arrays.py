@@ -102,7 +102,7 @@ def test_a_stack_is_asked_for_as_a_stack(refused):
 
 def test_a_mask_over_outputs_says_how_to_write_what_is_not_known(refused):
     assert refused(lambda: Record(MASKED)) == [
-        "`y` has masked entries, and a mask is not read: pass y.filled(np.nan), where NaN means not known."
+        "`y` has masked entries, and a mask is not read: pass y.filled(np.nan), where NaN means unknown."
     ]
 
 
@@ -225,12 +225,12 @@ def test_a_choice_of_one_is_not_called_one_of_them(refused):
 
 
 NAMES = {
-    "text": ("ab", "`states` must be a list of names. Got the text 'ab': did you mean ['ab']?"),
+    "text": ("ab", "`states` must be a list of names. Got the string 'ab'. Did you mean ['ab']?"),
     "number": (3, "`states` must be a list of names, in order. Got 3."),
     "mapping": ({"a": 1, "b": 2}, "`states` must be a list of names, in order. Got {'a': 1, 'b': 2}."),
-    "numbers": ([1, 2], "`states` must be names (texts, not empty). Got (1, 2)."),
-    "nothing": ([None, None], "`states` must be names (texts, not empty). Got (None, None)."),
-    "empty names": (["a", " "], "`states` must be names (texts, not empty). Got ('a', ' ')."),
+    "numbers": ([1, 2], "`states` must be nonempty strings. Got (1, 2)."),
+    "nothing": ([None, None], "`states` must be nonempty strings. Got (None, None)."),
+    "empty names": (["a", " "], "`states` must be nonempty strings. Got ('a', ' ')."),
     "twice": (["a", "a"], "`states` names a channel twice: 'a'."),
     "too many": (list("abc"), "`states` must hold n = 2 names: `A` is 2 × 2. Got 3: 'a', 'b', 'c'."),
     "none of them": ([], "`states` must hold n = 2 names: `A` is 2 × 2. Got 0: none."),

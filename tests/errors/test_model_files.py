@@ -37,7 +37,7 @@ FILES = {
     "nothing": ({}, ["the section [model] is missing.", "the section [prior] is missing."]),
     "unknown section": (
         sections(priors="a = 1"),
-        ["there is no section [priors] in a model file. Did you mean 'prior'?"],
+        ["a model file has no section [priors]. Did you mean 'prior'?"],
     ),
     "unknown key": (
         sections(model=MODEL_SECTION + "\nstate = 1"),
@@ -82,7 +82,7 @@ FILES = {
     ),
     "name for names": (
         sections(model=MODEL_SECTION.replace('["x"]', '"x"')),
-        [("[model] `states` must be a list of names. Got the text 'x': did you mean ['x']?")],
+        [("[model] `states` must be a list of names. Got the string 'x'. Did you mean ['x']?")],
     ),
     "point": (
         sections(operating_point="states = [1.0, 2.0]"),
@@ -94,11 +94,11 @@ FILES = {
     ),
     "unknown input of no such name": (
         sections(unknown='inputs = ["v", "u"]'),
-        ["[unknown] names 'v', which is no input of the model: 'u'."],
+        ["[unknown] names 'v', which is not an input of the model. Its inputs are 'u'."],
     ),
     "unknown input one text": (
         sections(unknown='inputs = "elevator"'),
-        [("`[unknown] inputs` must be a list of names. Got the text 'elevator': did you mean ['elevator']?")],
+        [("`[unknown] inputs` must be a list of names. Got the string 'elevator'. Did you mean ['elevator']?")],
     ),
     "unknown input a number": (
         sections(unknown="inputs = 3"),
@@ -151,7 +151,7 @@ def test_a_binary_model_file_is_refused(refused, tmp_path):
 
 def test_a_path_must_be_of_a_file_that_is_there(refused, tmp_path):
     assert refused(lambda: read_model(None)) == ["`path` must be the name of a file. Got None."]
-    assert refused(lambda: read_model(tmp_path / "none")) == [f"{tmp_path / 'none'} is not there."]
+    assert refused(lambda: read_model(tmp_path / "none")) == [f"{tmp_path / 'none'} does not exist."]
     assert refused(lambda: read_model(tmp_path)) == [f"{tmp_path} is not a file."]
 
 
@@ -165,8 +165,8 @@ PYTHON = {
             "a Python model file must define `prior`, a Prior.",
         ],
     ),
-    "syntax": ("model = (", ["its Python failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
-    "a mistake": ("model = mode", ["its Python failed: NameError: name 'mode' is not defined."]),
+    "syntax": ("model = (", ["the Python code in it failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
+    "a mistake": ("model = mode", ["the Python code in it failed: NameError: name 'mode' is not defined."]),
     "a wrong call": (
         IMPORTS + "model = StateSpace([1.0], dt=1)",
         ["`A` must be (n, n). Got (1,). Did you mean `np.diag(A)`?"],
@@ -187,7 +187,7 @@ PYTHON = {
     ),
     "one unknown, no list": (
         GOOD_PYTHON + "unknown = 'u1'",
-        [("`[unknown] inputs` must be a list of names. Got the text 'u1': did you mean ['u1']?")],
+        [("`[unknown] inputs` must be a list of names. Got the string 'u1'. Did you mean ['u1']?")],
     ),
     "record no mapping": (
         GOOD_PYTHON + "record = 3",
@@ -251,7 +251,7 @@ WRITING = {
     "unknown input": (
         (MODEL, PRIOR),
         dict(unknown=("v",)),
-        ["[unknown] names 'v', which is no input of the model: 'u'."],
+        ["[unknown] names 'v', which is not an input of the model. Its inputs are 'u'."],
     ),
     "unknown record option": (
         (MODEL, PRIOR),
@@ -276,10 +276,13 @@ def test_a_file_that_cannot_be_written_is_refused(refused, tmp_path):
 
 
 SYSTEMS = {
-    "nothing": (lambda: None, "`system` must be a control.StateSpace: control.ss(system) makes one. Got NoneType."),
+    "nothing": (
+        lambda: None,
+        "`system` must be a control.StateSpace. Convert it with control.ss(system). Got NoneType.",
+    ),
     "transfer function": (
         lambda: control.tf([1.0], [1.0, 1.0]),
-        ("`system` must be a control.StateSpace: control.ss(system) makes one. Got TransferFunction."),
+        ("`system` must be a control.StateSpace. Convert it with control.ss(system). Got TransferFunction."),
     ),
     "no dt": (
         lambda: control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]], None),
@@ -311,11 +314,11 @@ def test_noises_added_to_a_system_are_checked(refused):
 
 def test_what_python_control_has_no_place_for_is_refused(refused):
     assert refused(lambda: StateSpace(np.ones((2, 1, 1)), dt=1).to_control()) == [
-        "python-control has no time-varying models. Varying here: 'A'.",
-        "python-control needs an input: this model has none.",
+        "python-control has no time-varying models. These matrices vary in time: 'A'.",
+        "python-control needs a model with an input. This model has none.",
     ]
     assert refused(lambda: CONTINUOUS.discretise(0.1, hold="first_order").to_control()) == [
-        "python-control has no first-order hold: `B_end` would be lost. Convert the continuous model."
+        "python-control has no first-order hold, so `B_end` would be lost. Convert the continuous model instead."
     ]
 
 

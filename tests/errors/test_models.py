@@ -35,7 +35,7 @@ def test_every_fault_of_a_model_is_named_at_once(refused):
         "`Q` must be positive semidefinite: its smallest eigenvalue is -1.",
         "`R` must be symmetric: it differs from its transpose by 2. If that is rounding, pass (R + R.T) / 2.",
         "`states` must hold n = 2 names: `A` is 2 × 2. Got 1: 'a'.",
-        "`inputs` must be a list of names. Got the text 'u': did you mean ['u']?",
+        "`inputs` must be a list of names. Got the string 'u'. Did you mean ['u']?",
         "`outputs` names a channel twice: 'y'.",
     ]
 
@@ -65,7 +65,7 @@ SHAPES = {
     ),
     "G without a column": (
         dict(G=np.zeros((2, 0))),
-        ("`G` must have at least one column: leave it out, and Q zero, where no noise enters the state."),
+        ("`G` must have at least one column. If no noise enters the state, leave out `G` and `Q`."),
     ),
     "Q of another G": (dict(G=[[1.0], [0.0]], Q=I2), "`Q` must be (q, q) = (1, 1): `G` is 2 × 1. Got (2, 2)."),
     "Q without G": (dict(Q=R1), "`Q` must be (q, q) = (2, 2): without `G`, noise enters every state. Got (1, 1)."),
@@ -101,7 +101,7 @@ SHAPES = {
     "S without R": (dict(S=I2), "`S` needs `R`, the covariance of the measurement noise."),
     "S of a continuous model": (
         dict(R=I2, S=I2, dt=0),
-        ("`S` is between noises of one sample: a continuous model (dt = 0) has none. Discretise it first."),
+        ("`S` is for noises of one sample, which a continuous model (dt = 0) does not have. Discretise it first."),
     ),
     "S too large": (
         dict(Q=I2, R=I2, S=2 * I2),
@@ -109,7 +109,7 @@ SHAPES = {
     ),
     "B_end of a continuous model": (
         dict(B=I2, B_end=I2, dt=0),
-        ("`B_end` belongs to a discrete model, and dt = 0: discretise(dt, hold='first_order') makes both."),
+        ("`B_end` belongs to a discrete model, but dt = 0 is continuous. Use discretise(dt, hold='first_order')."),
     ),
     "point not a mapping": (
         dict(operating_point=[1.0, 2.0]),
@@ -144,7 +144,7 @@ SHAPES = {
     ),
     "point of a C that varies": (
         dict(C=np.zeros((3, 1, 2)), operating_point={"states": [1.0, 2.0]}),
-        "`operating_point` must give outputs where C or D varies in time.",
+        "`operating_point` must give outputs if C or D varies in time.",
     ),
 }
 
@@ -173,10 +173,13 @@ def test_dt_has_no_default():
 
 
 BASES = {
-    "singular": ([[1.0, 2.0], [2.0, 4.0]], "`T` must be invertible: with rows and columns scaled, its condition is "),
+    "singular": (
+        [[1.0, 2.0], [2.0, 4.0]],
+        "`T` must be invertible: with rows and columns scaled, its condition number is ",
+    ),
     "a zero row": (
         [[1.0, 0.0], [0.0, 0.0]],
-        "`T` must be invertible: with rows and columns scaled, its condition is inf.",
+        "`T` must be invertible: with rows and columns scaled, its condition number is inf.",
     ),
     "another size": (np.eye(3), "`T` must be (n, n) = (2, 2): the model has 2 states. Got (3, 3)."),
     "not square": (np.ones((3, 2)), "`T` must be (n, n) = (2, 2): the model has 2 states. Got (3, 2)."),
@@ -295,7 +298,5 @@ def test_a_step_that_does_not_fit_is_refused_by_name(A, step):
 @pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 def test_a_step_over_which_the_model_overflows_is_refused(refused, hold):
     assert refused(lambda: model(1e4 * I2, dt=0).discretise(1.0, hold=hold)) == [
-        "the model grows beyond any number within a step of 1 s: its fastest entry is 1e+04 per second. "
-        "Are A and dt in "
-        "seconds?"
+        "the model overflows within a step of 1 s: its fastest entry is 1e+04 per second. Are A and dt in seconds?"
     ]

@@ -26,16 +26,19 @@ def model(**changes):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"f": lambda x, u: x}, "`f` must take three arguments, f(x, u, θ), also where it does not use them. It is f(x, u)."),
+        ({"f": lambda x, u: x}, "`f` must take three arguments, f(x, u, θ), even if it does not use them. Got f(x, u)."),
         ({"h": 3}, "`h` must be a function h(x, u, θ). Got 3."),
-        ({"f": lambda x, u, θ: x[:1]}, "`f` must give an array (2,): one entry a state. At x (2,), u (0,), θ (0,) it gives"),
-        ({"h": lambda x, u, θ: 1.0 * x[0]}, "`h` must give an array (2,): `R` has as many rows."),
+        ({"f": lambda x, u, θ: x[:1]},
+         "`f` must return an array (2,): one entry for each state. At x (2,), u (0,), θ (0,) it returns"),
+        ({"h": lambda x, u, θ: 1.0 * x[0]}, "`h` must return an array (2,): one entry for each row of `R`."),
         ({"f": lambda x, u, θ: x if x[0] > 0 else -x}, "`f` cannot be traced at x (2,), u (0,), θ (0,): TracerBoolConversion"),
-        ({"G": lambda x, u, θ: x, "states": ["a", "b"]}, "`G` must give an array (2, 2): states by noises."),
-        ({"G": np.eye(2)}, "`states` must name the states where `G` is given: nothing else says how many there are."),
-        ({"states": ["a"]}, "`Q` must be (n, n) = (1, 1) without `G`: noise then enters each of the 1 state. Got (2, 2)."),
-        ({"parameters": [1.0]}, "`parameters` must be a mapping of names to numbers, as {'drag': 0.3}. Got [1.0]."),
-        ({"substeps": 0}, "`substeps` must be a whole number, at least 1. Got 0."),
+        ({"G": lambda x, u, θ: x, "states": ["a", "b"]},
+         "`G` must return an array (2, 2): one row for each state, one column for each noise."),
+        ({"G": np.eye(2)}, "`states` must name the states if `G` is given: nothing else determines their number."),
+        ({"states": ["a"]},
+         "`Q` must be (n, n) = (1, 1) without `G`: noise then enters every state, and `states` names 1. Got (2, 2)."),
+        ({"parameters": [1.0]}, "`parameters` must be a mapping of names to numbers, such as {'drag': 0.3}. Got [1.0]."),
+        ({"substeps": 0}, "`substeps` must be an integer of at least 1. Got 0."),
         ({"Q": [[1.0, 2.0], [0.0, 1.0]]}, "`Q` must be symmetric"),
         ({"dt": -1.0}, "`dt` must be at least 0 seconds. Got -1."),
     ],
@@ -54,7 +57,7 @@ def test_all_faults_of_a_model_come_together():
     ("make", "sentence"),
     [
         (lambda: es.ExtendedKalman(3), "`model` must be a NonlinearModel or a StateSpace. Got 3."),
-        (lambda: es.ExtendedKalman(model(), iterations=0), "`iterations` must be a whole number, at least 1. Got 0."),
+        (lambda: es.ExtendedKalman(model(), iterations=0), "`iterations` must be an integer of at least 1. Got 0."),
         (lambda: es.SecondOrderKalman(model(), moments="all"), "`moments` must be one of 'gaussian', 'bias_only', 'truncated'."),
         (lambda: es.SecondOrderKalman(model(), between="points"), "`between` must be one of 'moments', 'map'."),
         (lambda: es.SecondOrderKalman(model(dt=0), between="map"),
@@ -78,7 +81,8 @@ def test_filters_are_refused_in_words(make, sentence):
 def test_the_gain_of_a_linear_model_file_is_not_passed_over(name):
     file = es.read_model(es.packaged.path("f16-model.toml"))
     sentence = (
-        f"{name} estimates no gain of a linear model, and the model file has a section [gain]: take unknown-gain, which"
+        f"{name} does not estimate the gain of a linear model, but the model file has a section [gain]: "
+        "use unknown-gain, which"
     )
     refused(sentence, lambda: catalogue.build(name, file))
     assert catalogue.build(name, file._replace(gain=None)).model is file.model
@@ -91,7 +95,7 @@ def test_a_wrapper_wraps_what_a_nonlinear_model_bears():
     built = catalogue.build("change-detection", file, algorithm="second-order-kalman", length=5)
     assert isinstance(built.algorithm, es.SecondOrderKalman)
     assert isinstance(catalogue.build("bounded", file).algorithm, es.ExtendedKalman)
-    refused("unknown-gain needs a linear model, and this one is nonlinear: take 'extended-kalman'",
+    refused("unknown-gain needs a linear model. This model is nonlinear: use 'extended-kalman'",
             lambda: catalogue.build("bounded", file, algorithm="unknown-gain"))  # fmt: skip
 
 
@@ -129,5 +133,6 @@ def test_nonlinearity_needs_a_nonlinear_model_and_covariances():
         es.diagnostics.nonlinearity(None, result, record)
     assert "`model` must be a NonlinearModel. Got None." in error.value.faults
     assert (
-        '`result` must hold the covariances of at least two rows: run estimate(..., keep="all").' in error.value.faults
+        '`result` must hold the covariances of at least two rows. Make it by estimate(..., keep="all").'
+        in error.value.faults
     )

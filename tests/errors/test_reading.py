@@ -27,47 +27,47 @@ TEXTS = {
     "a mark": (
         GOOD + "2,-9999,5\n3,-9999,6\n",
         (
-            "column 'y' holds -9999 in row 3 below the header and 1 more row, and else 1 to 3. Where it stands for what was "
-            "not measured, say na_values=[-9999] (--na -9999); where it was measured, na_values=[]."
+            "column 'y' holds -9999 in row 3 below the header and 1 more row; its other values are 1 to 3. If -9999 marks "
+            "missing values, give na_values=[-9999] (--na -9999). If it was measured, give na_values=[]."
         ),
     ),
-    "empty": ("", "it is empty: it has no header and no row."),
-    "blank": ("\n\n", "it is empty: it has no header and no row."),
+    "empty": ("", "it is empty: it needs a header and rows."),
+    "blank": ("\n\n", "it is empty: it needs a header and rows."),
     "header only": ("t,y,u\n", "there is no row below the header."),
-    "no header": ("0,1,2\n1,3,4\n", "it has no header: its first line must name the columns, and holds '0', '1', '2'."),
+    "no header": ("0,1,2\n1,3,4\n", "it has no header. The first line must name the columns. It holds '0', '1', '2'."),
     "semicolons": (
         GOOD.replace(",", ";"),
         (
-            "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated "
+            "its header is one name, 't;y;u'. Are the cells separated by semicolons? They must be separated "
             "by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."
         ),
     ),
     "semicolons and decimal commas": (
         "t;y;u\n0,0;1,0;2,0\n1,0;3,0;4,0\n",
         (
-            "its header is one name, 't;y;u'. Are its cells separated by semicolons? They must be separated "
+            "its header is one name, 't;y;u'. Are the cells separated by semicolons? They must be separated "
             "by commas. Or read it with pandas.read_csv(path, sep=';'), then use Record.from_pandas."
         ),
     ),
     "tabs": (
         GOOD.replace(",", "\t"),
         (
-            "its header is one name, 't\\ty\\tu'. Are its cells separated by tabs? They must be separated by "
+            "its header is one name, 't\\ty\\tu'. Are the cells separated by tabs? They must be separated by "
             "commas. Or read it with pandas.read_csv(path, sep='\\t'), then use Record.from_pandas."
         ),
     ),
     "spaces": (
         GOOD.replace(",", " "),
         (
-            "its header is one name, 't y u'. Are its cells separated by spaces? They must be separated by "
+            "its header is one name, 't y u'. Are the cells separated by spaces? They must be separated by "
             "commas. Or read it with pandas.read_csv(path, sep=' '), then use Record.from_pandas."
         ),
     ),
-    "zero bytes": (b"\0" * 100, "it is not a text file, or not in UTF-8: it holds zero bytes."),
-    "UTF-16": (GOOD.encode("utf-16"), "it is not a text file, or not in UTF-8: it holds zero bytes."),
+    "zero bytes": (b"\0" * 100, "it is not a text file in UTF-8: it holds zero bytes."),
+    "UTF-16": (GOOD.encode("utf-16"), "it is not a text file in UTF-8: it holds zero bytes."),
     "a picture": (
         b"\x89PNG\r\n\x1a\n" + bytes(range(256)),
-        "it is not a text file, or not in UTF-8: it holds zero bytes.",
+        "it is not a text file in UTF-8: it holds zero bytes.",
     ),
     "Latin 1": (
         "t,y,u,\N{DEGREE SIGN}\n".encode("latin-1"),
@@ -88,12 +88,15 @@ TEXTS = {
     ),
     "longer rows": (
         "t,y,u\n0,1,2,9\n1,2,3,9\n",
-        ("its rows hold more cells than its header has names: 't', 'y', 'u'. Is a name missing there?"),
+        ("its rows hold more cells than its header has names: 't', 'y', 'u'. Is a name missing in the header?"),
     ),
-    "a shorter row": ("t,y,u\n0,1,2\n1,3\n", "row 2 below the header has 2 cells, the header 3: is the line cut off?"),
+    "a shorter row": (
+        "t,y,u\n0,1,2\n1,3\n",
+        "row 2 below the header has 2 cells, the header has 3. Is the line truncated?",
+    ),
     "a row cut off": (
         "t,y,u\n0,1,2\n1,3,4\n2",
-        "row 3 below the header has 1 cell, the header 3: is the line cut off?",
+        "row 3 below the header has 1 cell, the header has 3. Is the line truncated?",
     ),
     "time empty": ("t,y,u\n0,1,2\n,3,4\n", "the time column 't' must not be empty or NaN. Row 2 below the header is."),
     "time back": (
@@ -143,7 +146,7 @@ def test_commas_in_a_tsv_are_told(refused, written):
     path = written(GOOD, "run.tsv")
     (sentence,) = refused(lambda: read_record(path, **COLUMNS))
     assert (
-        "its header is one name, 't,y,u'. Are its cells separated by commas? They must be separated by tabs."
+        "its header is one name, 't,y,u'. Are the cells separated by commas? They must be separated by tabs."
     ) in sentence
 
 
@@ -154,12 +157,12 @@ ARGUMENTS = {
         "there is no column 'tt'. The columns are 't', 'y', 'u'. Did you mean 't'?",
     ),
     "no such arrival": (dict(arrived="lost"), "there is no column 'lost'. The columns are 't', 'y', 'u'."),
-    "one text": (dict(outputs="y"), "`outputs` must be a list of names. Got the text 'y': did you mean ['y']?"),
+    "one text": (dict(outputs="y"), "`outputs` must be a list of names. Got the string 'y'. Did you mean ['y']?"),
     "a number": (dict(outputs=3), "`outputs` must be a list of names, in order. Got 3."),
     "no output": (dict(outputs=[]), "`outputs` must name at least one column."),
     "nothing": (dict(outputs=None), "`outputs` must name at least one column."),
     "twice": (dict(outputs=["y", "y"]), "`outputs` names a channel twice: 'y'."),
-    "inputs one text": (dict(inputs="u"), "`inputs` must be a list of names. Got the text 'u': did you mean ['u']?"),
+    "inputs one text": (dict(inputs="u"), "`inputs` must be a list of names. Got the string 'u'. Did you mean ['u']?"),
     "time is an output": (dict(outputs=["t", "y"]), "`time` names 't', which is an output too."),
     "times": (dict(time=["t"]), "`time` must be the name of one column. Got ['t']."),
     "arrivals": (
@@ -168,9 +171,9 @@ ARGUMENTS = {
     ),
     "arrivals of no input": (
         dict(inputs=[], arrived="u"),
-        ("`arrived` says which inputs were applied, but the record has no input: give `u`."),
+        ("`arrived` marks which inputs were applied, but the record has no input: give `u`."),
     ),
-    "no arrivals": (dict(arrived="y"), "`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows)."),
+    "no arrivals": (dict(arrived="y"), "`arrived` must be 1 (applied), 0 (lost) or NaN (unknown)."),
     "dt": (dict(dt=0.5), "`dt` = 0.5 s and `t` disagree: its mean step is 1 s. Give one."),
     "lost": (dict(lost="keep"), "`lost` must be one of 'zero', 'hold'. Got 'keep'."),
     "hold": (dict(hold="zoh"), "`hold` must be one of 'zero_order', 'first_order'. Got 'zoh'."),
@@ -203,7 +206,7 @@ def test_every_cell_that_is_no_number_is_named_at_once(refused, written):
     [
         (None, "`path` must be the name of a file. Got None."),
         (3, "`path` must be the name of a file. Got 3."),
-        ("nowhere.csv", "nowhere.csv is not there."),
+        ("nowhere.csv", "nowhere.csv does not exist."),
     ],
 )
 def test_a_path_must_be_of_a_file_that_is_there(refused, path, sentence):
@@ -267,7 +270,7 @@ def test_a_matlab_variable_that_is_missing_is_named_beside_those_there_are(refus
 def test_matlab_7_3_is_refused_with_what_to_do(refused, written):
     path = written(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\0" * 400, "run.mat")
     assert refused(lambda: read_record(path, **COLUMNS)) == [
-        f"{path}: it was saved by MATLAB in its format 7.3: save it again with save(..., '-v7')."
+        f"{path}: the file has the MATLAB format 7.3, which cannot be read. Save it again with save(..., '-v7')."
     ]
 
 
@@ -356,5 +359,5 @@ def test_an_index_is_refused_like_a_time_column(refused, index, sentence):
 
 def test_columns_that_are_numbers_are_no_names(refused):
     assert refused(lambda: Record.from_pandas(pd.DataFrame(np.zeros((3, 2))), outputs=[0])) == [
-        "`outputs` must be names (texts, not empty). Got (0,)."
+        "`outputs` must be nonempty strings. Got (0,)."
     ]

@@ -58,7 +58,7 @@ RECORDS = {
     ),
     "arrived no number of packets": (
         dict(u=Y, arrived=[1, 0, 2]),
-        "`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows).",
+        "`arrived` must be 1 (applied), 0 (lost) or NaN (unknown).",
     ),
     "arrived short": (
         dict(u=Y, arrived=[1, 0]),
@@ -70,14 +70,14 @@ RECORDS = {
     ),
     "arrived without input": (
         dict(arrived=[1, 0, 1]),
-        ("`arrived` says which inputs were applied, but the record has no input: give `u`."),
+        ("`arrived` marks which inputs were applied, but the record has no input: give `u`."),
     ),
     "arrived in between": (
         dict(u=Y, arrived=[1, 0, 1], hold="first_order"),
-        ('`arrived` needs hold = "zero_order": an input that comes in packets does not move between them.'),
+        ('`arrived` needs hold = "zero_order": an input that arrives in packets is constant between them.'),
     ),
     "outputs": (dict(outputs=["a", "b"]), "`outputs` must hold p = 1 name: `y` is 3 × 1. Got 2: 'a', 'b'."),
-    "inputs": (dict(u=Y, inputs="u"), "`inputs` must be a list of names. Got the text 'u': did you mean ['u']?"),
+    "inputs": (dict(u=Y, inputs="u"), "`inputs` must be a list of names. Got the string 'u'. Did you mean ['u']?"),
     "units no mapping": (
         dict(units=["deg"]),
         ("`units` must be a mapping of names to units, as in {'speed': 'm/s'}. Got ['deg']."),

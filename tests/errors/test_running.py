@@ -164,12 +164,16 @@ def test_an_output_only_algorithm_is_not_given_an_unknown_input_by_accident(refu
 
 def test_a_result_without_rows_is_no_table(refused):
     result = estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood")
-    assert refused(result.to_pandas) == ['this result has no rows: it was kept with keep="likelihood".']
+    assert refused(result.to_pandas) == [
+        'this result has no rows, because it was made with keep="likelihood". Use keep="all".'
+    ]
 
 
 def test_a_result_without_rows_is_no_figure(refused):
     result = estimate(Kalman(MODEL), RECORD, prior=PRIOR, keep="likelihood")
-    assert refused(result.plot) == ['this result has no rows to draw: it was kept with keep="likelihood".']
+    assert refused(result.plot) == [
+        'this result has no rows to draw, because it was made with keep="likelihood". Use keep="all".'
+    ]
 
 
 def test_without_xarray_it_says_what_to_install(refused, monkeypatch):
@@ -450,7 +454,7 @@ SIMULATIONS = {
     ),
     "no row": (
         lambda: simulate_bank(NO_INPUT, seed=1, runs=2, steps=0),
-        "`steps` must be a whole number, at least 1. Got 0.",
+        "`steps` must be an integer of at least 1. Got 0.",
     ),
 }
 
@@ -481,7 +485,10 @@ GAINS = {
         lambda: UnknownGain(MODEL, [1.0]),
         ["`gain` must be a Prior. Got [1.0]."],
     ),
-    "no input": (lambda: UnknownGain(NO_INPUT, PRIOR), ["the model has no input: a gain multiplies B u, so give `B`."]),
+    "no input": (
+        lambda: UnknownGain(NO_INPUT, PRIOR),
+        ["the model has no input, and a gain multiplies B u: give `B`."],
+    ),
     "directions": (
         lambda: UnknownGain(MODEL, PRIOR, directions="per input"),
         [("`directions` must be one of 'one', 'per_input', 'every_entry'. Got 'per input'. Did you mean 'per_input'?")],
@@ -522,7 +529,10 @@ def test_a_setting_of_an_unknown_gain_of_a_wrong_shape_is_named(refused, setting
 
 FILE = ModelFile(MODEL, PRIOR)
 OTHERS = {
-    "no such algorithm": (lambda: catalogue.entry("kalmann"), "there is no algorithm 'kalmann'. There are 'kalman', "),
+    "no such algorithm": (
+        lambda: catalogue.entry("kalmann"),
+        "there is no algorithm 'kalmann'. The algorithms are 'kalman', ",
+    ),
     "no such setting": (
         lambda: catalogue.build("kalman", FILE, walk=1.0),
         "kalman has no setting 'walk': it has none.",
@@ -533,11 +543,11 @@ OTHERS = {
     ),
     "nothing seen": (
         lambda: diagnostics.nis(np.full((3, 1), np.nan), np.ones((3, 1, 1))),
-        ("there is no innovation to judge by: nothing was seen that was not known exactly, or not at all."),
+        ("there is no innovation to judge: no output with a finite, nonzero innovation variance was seen."),
     ),
     "known exactly": (
         lambda: diagnostics.nees(np.ones((3, 1)), np.zeros((3, 1, 1))),
-        "there is no error to judge by: every covariance is zero.",
+        "there is no error to judge: every covariance is zero.",
     ),
     "another simulation": (
         lambda: plants.f16.flight(0.5, seed=1, simulation="held"),

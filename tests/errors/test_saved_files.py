@@ -34,7 +34,7 @@ class Level(enum.IntEnum):
     HIGH = 1
 
 
-UNKNOWN = "A file holds records of estimable, arrays, numbers and texts."
+UNKNOWN = "A file can hold records of estimable, arrays, numbers and strings."
 UNSAVED = {
     "object": (object(), f"thing is of type object. {UNKNOWN}"),
     "set": ({1.0}, f"thing is of type set. {UNKNOWN}"),
@@ -43,8 +43,8 @@ UNSAVED = {
     "enumeration": ((Level.HIGH,), f"thing[0] is of type {__name__}.Level. {UNKNOWN}"),
     "a record of the user's": (Mine(1.0), f"thing is of type {__name__}.Mine. {UNKNOWN}"),
     "masked array": ([np.ma.array([1.0])], f"thing[0] is of type numpy.ma.MaskedArray. {UNKNOWN}"),
-    "function": (np.linalg.norm, "thing is a function, and a file holds none."),
-    "class": (es.Prior, "thing is a class, and a file holds none."),
+    "function": (np.linalg.norm, "thing is a function, which a file cannot hold."),
+    "class": (es.Prior, "thing is a class, which a file cannot hold."),
     "objects": ({"a": np.array([None])}, "thing['a'] is an array of object."),
     "random key": (jax.random.key(0), "thing is an array of key<fry>."),
     "a field": (replace(es.Kalman(MODEL), model=object()), f"thing.model is of type object. {UNKNOWN}"),
@@ -81,7 +81,7 @@ def test_what_a_run_holds_must_be_ours(refused, tmp_path):
 
 def test_a_path_must_be_of_a_file_that_is_there(refused, tmp_path):
     assert refused(lambda: es.load(None)) == ["`path` must be the name of a file. Got None."]
-    assert refused(lambda: es.load(tmp_path / "none")) == [f"{tmp_path / 'none'} is not there."]
+    assert refused(lambda: es.load(tmp_path / "none")) == [f"{tmp_path / 'none'} does not exist."]
     assert refused(lambda: es.load(tmp_path)) == [f"{tmp_path} is not a file."]
 
 
@@ -252,7 +252,7 @@ EDITED = {
     ),
     "modules": (PRIOR, lambda said, arrays: said.update(modules=[]), [
         "`modules` of its header must name a module for each class."]),
-    "no module": (PRIOR, lambda said, arrays: said.update(modules={}), ["its header names no module of 'Prior'."]),
+    "no module": (PRIOR, lambda said, arrays: said.update(modules={}), ["its header names no module for 'Prior'."]),
     "a kind of its own": (
         PRIOR,
         lambda said, arrays: said.update(thing={"pickle": "gASVBwAAAA=="}),
@@ -266,7 +266,7 @@ EDITED = {
     "a dictionary of no pairs": (
         PRIOR,
         lambda said, arrays: said.update(thing={"dict": [[1.0]]}),
-        ["thing is a dictionary of no pairs, which `save` does not write."],
+        ["thing is a dictionary whose items are not pairs, which `save` does not write."],
     ),
     "a record in no form": (
         PRIOR,
@@ -276,7 +276,7 @@ EDITED = {
     "a run of what does not run": (
         PRIOR,
         lambda said, arrays: said.update(thing={"online": said["thing"]}),
-        ["thing is a run that goes on from Prior, which `save` does not write."],
+        ["thing is a run that resumes from Prior, which `save` does not write."],
     ),
 }  # fmt: skip
 
@@ -379,8 +379,11 @@ FOREIGN = {
         lambda path: wrote(path, "[" * 100_000 + "]" * 100_000),
         "was not written by estimable.save, or is damaged: RecursionError.",
     ),
-    "a number that is none": (lambda path: wrote(path, '{"format": NaN}'), ": its header holds NaN, which is no JSON."),
-    "another header": (lambda path: wrote(path, [1]), ": its header is no JSON object."),
+    "a number that is none": (
+        lambda path: wrote(path, '{"format": NaN}'),
+        ": its header holds NaN, which is not JSON.",
+    ),
+    "another header": (lambda path: wrote(path, [1]), ": its header is not a JSON object."),
     "no header": (lambda path: wrote(path, {}), ": it has format None; this version reads format 2."),
 }
 

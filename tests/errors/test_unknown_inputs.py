@@ -28,7 +28,7 @@ FANG = {"unknown": ["leak"], "method": "fang"}
         (lambda: UnknownInput(EXAMPLE, unknown=[]), ["`unknown` must name at least one input"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak", 0]), ["names an input twice"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak"], method="Fang"), ["`method` must be", "Did you mean 'fang'?"]),
-        (lambda: UnknownInput(EXAMPLE, unknown=["leak"], delay=-1), ["`delay` must be a whole number, at least 0"]),
+        (lambda: UnknownInput(EXAMPLE, unknown=["leak"], delay=-1), ["`delay` must be an integer of at least 0"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak"], variance=-1.0), ["`variance` must be variances, at least 0"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak"], walk=[1.0, 2.0]), ["`walk` must be (d,) = (1,)", "names 1 input"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak"], levels=[]), ["`levels` must hold at least one value"]),

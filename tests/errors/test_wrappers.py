@@ -25,7 +25,7 @@ GAIN = UnknownGain(C.model, Prior([1.0], [[0.5]]))
 TWO = UnknownGain(C.model, Prior([1.0, 1.0], np.eye(2)), directions="per_input")
 
 SENTENCES = [
-    (lambda: MovingWindow(GAIN, 0), "`length` must be a whole number, at least 1. Got 0."),
+    (lambda: MovingWindow(GAIN, 0), "`length` must be an integer of at least 1. Got 0."),
     (
         lambda: MovingWindow(GAIN, 1),
         "`length` must be at least 2: a window of 1 sample holds 2 numbers, which cannot determine 3 states and 1 gain. "
@@ -88,7 +88,7 @@ SENTENCES = [
     ),
     (lambda: ChangeDetection(GAIN, jump=-1.0), "`jump` must be variances of a jump, greater than 0. Got [-1.0]."),
     (lambda: ChangeDetection(GAIN, jump=[1.0, 2.0]), "`jump` must be (gains,) = (1,): `gain` is a prior of 1 gain. Got (2,)."),
-    (lambda: ChangeDetection(GAIN, length=1), "`length` must be a whole number, at least 2. Got 1."),
+    (lambda: ChangeDetection(GAIN, length=1), "`length` must be an integer of at least 2. Got 1."),
     (
         lambda: ChangeDetection(GAIN, seconds_between_false_alarms=0),
         "`seconds_between_false_alarms` must be greater than 0. Got 0.",

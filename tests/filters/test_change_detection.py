@@ -261,9 +261,9 @@ def test_a_change_says_itself_in_words():
     from estimable.diagnostics import DetectedChange
 
     timed = DetectedChange("gain", 450, 458, 4.5, 4.58, 1.0, 0.5, 0.012, 1.5, 0.015)
-    assert timed.sentence == "gain went from 1 to 0.5 ± 0.012 at 4.5 ± 0.015 s, seen at 4.58 s."
+    assert timed.sentence == "gain changed from 1 to 0.5 ± 0.012 at 4.5 ± 0.015 s, detected at 4.58 s."
     assert timed._replace(onset_s=None, detected_at_s=None).sentence == (
-        "gain went from 1 to 0.5 ± 0.012 at row 450 ± 1.5, seen at row 458."
+        "gain changed from 1 to 0.5 ± 0.012 at row 450 ± 1.5, detected at row 458."
     )
 
 

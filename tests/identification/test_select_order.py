@@ -38,7 +38,7 @@ def test_a_tenth_missing_leaves_the_order():
     ("call", "sentence"),
     [
         (lambda: select_order(RECORD, orders=[]), "`orders` must hold at least one number to try."),
-        (lambda: select_order(RECORD, orders=[0]), "`orders` must be a whole number, at least 1. Got 0."),
+        (lambda: select_order(RECORD, orders=[0]), "`orders` must be an integer of at least 1. Got 0."),
         (lambda: select_order(RECORD, criterion="aci"), "Did you mean 'aic'?"),
         (lambda: select_order(3), "`record` must be a Record, or a list of them. Got 3."),
         (lambda: select_order(Record([1.0, 2.0], dt=1)), "`record` has no input: give `u`."),

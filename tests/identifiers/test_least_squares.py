@@ -171,7 +171,7 @@ def test_what_was_fitted_is_stored(tmp_path):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: LeastSquares(-1, 0), "`na` must be a whole number, at least 0. Got -1."),
+        (lambda: LeastSquares(-1, 0), "`na` must be an integer of at least 0. Got -1."),
         (lambda: LeastSquares(1, 0, offset=1), "`offset` must be True or False. Got 1."),
         (
             lambda: identify(LeastSquares(1, 0), Record(np.full(9, np.nan), np.ones(9), dt=1)),
@@ -179,7 +179,7 @@ def test_what_was_fitted_is_stored(tmp_path):
         ),
         (
             lambda: ARX([-1.0], [1.0], noise_variance=1.0, dt=1, offset=[1.0]).to_state_space(),
-            "the model has a pole at 1, so that its offset is a ramp: no level belongs to it.",
+            "the model has an offset and a pole at 1: its output is a ramp and has no level.",
         ),
         (
             lambda: ARX([-1.0], [1.0], noise_variance=1.0, dt=1, offset=[1.0, 2.0]),

@@ -41,7 +41,7 @@ def test_without_noise_it_is_exact_with_several_channels_and_gaps():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: MinimumVariance(1.5, 0), "`na` must be a whole number, at least 0. Got 1.5."),
+        (lambda: MinimumVariance(1.5, 0), "`na` must be an integer of at least 0. Got 1.5."),
         (
             lambda: identify(MinimumVariance(1, 0), Record(np.ones(9), np.full(9, np.nan), dt=1)),
             "record 0: an input is not known at index (0, 0)",

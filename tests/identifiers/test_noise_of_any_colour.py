@@ -123,8 +123,8 @@ def test_a_fit_goes_into_a_file_and_into_a_filter(tmp_path):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: InstrumentalVariables(-1, 0), "`na` must be a whole number, at least 0. Got -1."),
-        (lambda: PredictionError(1, 0, 0.5), "`nc` must be a whole number, at least 0. Got 0.5."),
+        (lambda: InstrumentalVariables(-1, 0), "`na` must be an integer of at least 0. Got -1."),
+        (lambda: PredictionError(1, 0, 0.5), "`nc` must be an integer of at least 0. Got 0.5."),
         (
             lambda: identify(PredictionError(1, 0, 1), Record([1.0, 2.0], [1.0, 0.0], dt=1)),
             "output y1 was seen 2 times: 5 needed for 3 parameters and what came before row 0. Lower the orders.",

@@ -148,7 +148,7 @@ def test_information_criteria_find_the_orders():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: OutputErrorML(-1, 0), "`na` must be a whole number"),
+        (lambda: OutputErrorML(-1, 0), "`na` must be an integer"),
         (lambda: OutputErrorML(1, 0, noise_variance=0.0), "`noise_variance` must be greater than 0"),
         (lambda: OutputErrorML(1, 0, initial="moving"), "`initial` must be one of"),
         (lambda: identify(OutputErrorML(1, 0), Record([np.nan, np.nan], [1.0, 2.0], dt=1)), "'y1' was never seen"),

@@ -98,7 +98,7 @@ GOOD = record_of(sines(0.3))
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: Phasor(0, [1.0]), "`order` must be a whole number, at least 1. Got 0."),
+        (lambda: Phasor(0, [1.0]), "`order` must be an integer of at least 1. Got 0."),
         (lambda: Phasor(1, [0.0]), "`frequencies` must be greater than 0 hertz."),
         (lambda: Phasor(1, [1.0, 1.0]), "`frequencies` must differ from each other."),
         (lambda: Phasor(1, [1.0], domain="z"), "`domain` must be one of 'discrete', 'continuous'. Got 'z'."),

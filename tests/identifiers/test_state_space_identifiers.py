@@ -215,9 +215,9 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: Subspace(0), "`order` must be a whole number, at least 1. Got 0."),
+        (lambda: Subspace(0), "`order` must be an integer of at least 1. Got 0."),
         (lambda: Subspace(2, weighting="moep"), "Did you mean 'moesp'?"),
-        (lambda: Subspace(2, horizon=1), "`horizon` must be a whole number, at least 2. Got 1."),
+        (lambda: Subspace(2, horizon=1), "`horizon` must be an integer of at least 2. Got 1."),
         (lambda: Subspace(2, draws=1), "`draws` must be 0, or at least 2: one draw has no spread."),
         (lambda: Subspace(2, feedthrough=0), "`feedthrough` must be True or False. Got 0."),
         (lambda: identify(Subspace(4, horizon=2), UNSEEN), "output 'y1' was never seen"),
@@ -229,7 +229,7 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
             lambda: identify(Subspace(4, horizon=3), Record(np.arange(90.0), np.arange(90.0) ** 2, dt=1)),
             "`horizon` must be at least 5 for order 4 with 1 output. Got 3.",
         ),
-        (lambda: HoKalman(2, length=1), "`length` must be a whole number, at least 2. Got 1."),
+        (lambda: HoKalman(2, length=1), "`length` must be an integer of at least 2. Got 1."),
         (lambda: HoKalman(2).realise([1.0, 2.0], dt=1), "order 2 needs the Markov parameters up to M4"),
         (lambda: MarkovParameters(2, weighting="worst"), "`weighting` must be one of 'ordinary', 'best', 'observer'"),
         (lambda: MarkovParameters(2, offset=1), "`offset` must be True or False. Got 1."),

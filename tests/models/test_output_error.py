@@ -52,7 +52,7 @@ def test_no_denominator_is_a_finite_impulse_response():
         ({"b": [[1.0]]}, "`b` must be (p, m, lags)"),
         ({"noise_variance": -0.1}, "`noise_variance` must be at least 0"),
         ({"dt": 0.0}, "`dt` must be greater than 0"),
-        ({"delay": -1}, "`delay` must be a whole number"),
+        ({"delay": -1}, "`delay` must be an integer"),
         ({"a": [np.nan]}, "`a` must not hold NaN"),
         ({"noise_variance": [0.1, 0.2]}, "`noise_variance` must be (p,) = (1,)"),
     ],

@@ -100,7 +100,7 @@ def test_of_inputs_that_are_not_acknowledged_a_record_does_not_know():
     ("make", "sentence"),
     [
         (lambda: BernoulliLink(1.5), "`arrival` must be probabilities"),
-        (lambda: GilbertElliottLink(0.0, 0.0), "nothing says in which state the channel starts"),
+        (lambda: GilbertElliottLink(0.0, 0.0), "so the initial state of the channel is undefined"),
         (lambda: GilbertElliottLink.of_rate(0.1, burst=2), "`burst` must be at least 9 packets"),
         (lambda: DelayLink([0.8, 0.4]), "`delays` must sum to at most 1"),
         (lambda: DelayLink([0.8], late="keep"), "`late` must be"),

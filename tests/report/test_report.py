@@ -144,7 +144,7 @@ def test_what_is_not_known_is_a_gap_and_said_in_words():
     level = made.charts[0]
     assert np.isnan(numbers(level.traces[-1]["y"])[:5]).all()
     assert np.isfinite(numbers(level.traces[-1]["y"])[6:]).all()
-    assert "State level nothing is known (diffuse)" in text_of(made)
+    assert "State level unknown (diffuse)" in text_of(made)
     assert "Output level_m [m] 12.5% not seen" in text_of(made)
 
 
@@ -163,7 +163,7 @@ def test_a_record_without_time_counts_samples():
 def test_what_was_assumed_is_told():
     told = text_of(report_of()[1])
     for words in (
-        "UnknownGain Assumes that the model but its input gain is right",
+        "UnknownGain Assumes that the model is right except for its input gain",
         "Samples 40 over 19.5 s, every 0.5 s",
         "Input valve held over each sample; measured without error",
         "State level 1 ± 1 (1 sigma)",
@@ -196,7 +196,7 @@ def test_an_input_that_is_left_in_the_innovations_is_told():
 def test_a_result_of_one_row_is_refused():
     record, algorithm = record_of(), Kalman(MODEL)
     last = estimate(algorithm, record, prior=PRIOR, keep="last")
-    with pytest.raises(InputError, match="a report shows every row"):
+    with pytest.raises(InputError, match="a report needs every row"):
         report.report_of(last, record=record, algorithm=algorithm, prior=PRIOR)
 
 

@@ -46,7 +46,7 @@ def test_the_page_is_over_a_logarithmic_bandwidth(found):
 def test_what_lies_at_the_end_of_the_range_is_said():
     narrow = report.tuning_report(rho_synthesis(MASS, eta=[0.5, 1.0, 2.0], weights={"rho": 1.0}))
     said = {verdict.name: (verdict.sentence, verdict.met) for verdict in narrow.verdicts}
-    assert said["The range, for margin rho"][0].startswith("margin rho is best at the largest eta that was tried")
+    assert said["The range, for margin rho"][0].startswith("margin rho is best at the largest eta of the range")
     assert said["The choice"] == ("the chosen design is at the end of the range of eta", None)
     assert said["The margin"][1] is True
 

@@ -69,7 +69,7 @@ def test_signal_to_noise_is_a_constant_from_the_table(results):
     ("name", "draws", "sentence"),
     [
         ("sillence-table-44", 3, "Did you mean 'sillence-table-4'"),
-        ("sillence-table-2", 0, "`draws` must be a whole number, at least 1"),
+        ("sillence-table-2", 0, "`draws` must be an integer of at least 1"),
         ("sillence-fig-13", 3, "sillence-fig-13 is not reproduced: a drawing"),
     ],
 )

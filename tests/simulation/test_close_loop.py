@@ -155,7 +155,7 @@ def test_what_was_run_can_be_saved(tmp_path):
     ({"plant": es.StateSpace(MODEL.A, MODEL.B, R=MODEL.R, dt=0.5, inputs=["force"])}, "needs the output 'place'"),
     ({"estimator": es.Kalman(es.StateSpace(MODEL.A, MODEL.B, R=MODEL.R, dt=0.5, outputs=NAMES["outputs"], inputs=["thrust"]))},
      r"must have the plant's inputs, 'force'\. It has 'thrust'"),
-    ({"seed": -1}, "`seed` must be a whole number"),
+    ({"seed": -1}, "`seed` must be an integer"),
     ({"start": [1.0]}, r"`start` must be \(n,\) = \(2,\): the plant has 2 states"),
     ({"engine": "quick"}, "`engine` must be one of"),
 ])  # fmt: skip

@@ -97,9 +97,9 @@ def test_runs_that_failed_are_raised_or_kept():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"runs": 0}, "`runs` must be a whole number, at least 1"),
-        ({"seed": -1}, "`seed` must be a whole number, at least 0"),
-        ({"chunk": 0}, "`chunk` must be a whole number"),
+        ({"runs": 0}, "`runs` must be an integer of at least 1"),
+        ({"seed": -1}, "`seed` must be an integer of at least 0"),
+        ({"chunk": 0}, "`chunk` must be an integer"),
         ({"summary": 3}, "`summary` must be a function"),
         ({"summary": lambda drawn, result: 1.0}, "`summary` must give {name: number or array}"),
         (

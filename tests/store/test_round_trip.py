@@ -352,7 +352,7 @@ def test_what_holds_functions_is_refused(tmp_path, name):
     with pytest.raises(es.InputError) as caught:
         save(tmp_path / "thing.npz", FUNCTIONS[name]())
     where = "thing.f" if name == "NonlinearModel" else "thing.model.f"
-    assert str(caught.value) == f"`thing` cannot be saved: {where} is a function, and a file holds none."
+    assert str(caught.value) == f"`thing` cannot be saved: {where} is a function, which a file cannot hold."
     assert not (tmp_path / "thing.npz").exists()
 
 

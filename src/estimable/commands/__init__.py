@@ -1,7 +1,7 @@
-"""The command line `estimable`, one command a file.
+"""The command line `estimable`, with one file for each command.
 
 A command reads its options, calls one function, and prints. Data go to stdout (JSON with `--json`), notes to stderr.
-Exit codes: 0; 2 for a wrong call, file or option; 1 for any other error of ours.
+Exit codes: 0 for success; 2 for a wrong call, file or option; 1 for any other `EstimableError`.
 """
 
 import sys
@@ -33,7 +33,7 @@ def estimable(
     version: options.Version = False,
     machine: options.Machine = False,
 ) -> None:
-    """Estimation when part of the loop is unknown, as an actuator's effect.
+    """Estimation when part of the loop is unknown, such as the effect of an actuator.
 
     \b
     Example:
@@ -59,5 +59,5 @@ def main() -> None:
     """Run the command line of this process."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a name that the terminal cannot show is no reason to stop
+            stream.reconfigure(errors="replace")  # print names that the terminal cannot show with "?"
     app()

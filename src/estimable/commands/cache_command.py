@@ -1,4 +1,4 @@
-"""`estimable cache`: where compiled steps lie, and how to delete them."""
+"""`estimable cache`: where compiled steps are stored, and how to delete them."""
 
 from typing import Annotated
 
@@ -6,15 +6,15 @@ import typer
 
 from . import options, show
 
-Where = Annotated[bool, typer.Option("--where", help="Print the folder alone.")]
+Where = Annotated[bool, typer.Option("--where", help="Print only the folder.")]
 Clear = Annotated[bool, typer.Option("--clear", help="Delete every entry.")]
 
 
 def cache(where: Where = False, clear: Clear = False, machine: options.Machine = False) -> None:
     """Show or delete the compiled steps on the disk.
 
-    The folder is ESTIMABLE_CACHE, or else estimable in the user's cache. ESTIMABLE_CACHE=off keeps nothing on the disk. The
-    folder is used only where no other user can write.
+    The folder is the one in ESTIMABLE_CACHE, by default estimable in the user's cache. With ESTIMABLE_CACHE=off nothing is
+    stored on the disk. The folder is used only if no other user can write to it.
 
     \b
     Example:

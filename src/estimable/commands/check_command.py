@@ -1,4 +1,4 @@
-"""`estimable check`: what a model lets be known, before any data."""
+"""`estimable check`: what can be estimated with a model, before any data."""
 
 from . import check_report, options, show
 
@@ -10,12 +10,12 @@ def check(
     record: options.Measured = None,
     machine: options.Machine = False,
 ) -> None:
-    """Say what can be known with a model, before any data.
+    """Show what can be estimated with a model, before any data.
 
-    Which directions of the state do the outputs reveal, and by how much does each state's variance shrink? What do
-    they not show, what do the inputs not move, and does it die out? A stable model is judged in steady state, an
-    unstable one over a horizon, from the prior in the file. How many samples may be lost, and, with a record, how well
-    can its inputs let the gain be known?
+    Which directions of the state do the outputs reveal, and by how much do they reduce the variance of each state?
+    Which directions are unobservable or unreachable, and are those stable? A stable model is judged in steady state. An
+    unstable one is judged over a horizon, from the prior in the file. How many samples may be lost? With a record: how
+    accurately can the gain be estimated with the inputs of the record?
 
     \b
     Example:

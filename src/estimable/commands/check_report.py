@@ -1,4 +1,4 @@
-"""What can be known with a model, for machines and for people."""
+"""What can be estimated with a model, as JSON and as text."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,15 +34,15 @@ WORDS = {
     "reachable": "reachable by inputs",
     "stabilisable": "stabilisable by inputs",
     "disturbable": "reachable by process noise",
-    "unknown_inputs": "unknown inputs can be told",
+    "unknown_inputs": "unknown inputs determined",
 }
 
 
 class Checked(NamedTuple):
     """A model file, the model that was judged (sampled, where a step was given), and the verdicts.
 
-    `losses`: how many samples may be lost; None where no rate is enough, or where the question has no sense. `gains`: what the
-    inputs of a record tell of the gains; None without a record.
+    `losses`: how many samples may be lost; None if no arrival rate suffices or the question does not apply. `gains`: the
+    information about the gains that the inputs of a record provide; None without a record.
     """
 
     path: Path
@@ -60,10 +60,10 @@ class Checked(NamedTuple):
 def checked(
     path: Path, *, dt: float | None = None, horizon: float | None = None, record: Path | None = None
 ) -> Checked:
-    """Read a model file and judge its model, in steady state where it has one.
+    """Read a model file and judge its model, in steady state if it has one.
 
     `dt`: the step at which a continuous model is sampled, instead of the model file's. `horizon`: in samples, or in
-    seconds where the model stays continuous. `record`: a file whose inputs are asked what they tell of the gains.
+    seconds if the model stays continuous. `record`: a file; the information about the gains is computed for its inputs.
     """
     file = read_model(path)
     model = sampled(file, dt)
@@ -87,12 +87,12 @@ def checked(
 def _losses(model: StateSpace) -> LossTolerance | None:
     try:
         return loss_tolerance(model)
-    except EstimableError:  # the question has no sense, or no rate is enough: "detectable" says so
+    except EstimableError:  # the question does not apply, or no rate suffices: "detectable" shows it
         return None
 
 
 def _gains(file: ModelFile, path: Path) -> GainInformation:
-    """What the inputs of a record tell, with the gains of the model file, or else one on all inputs."""
+    """The information in the inputs of a record about the gains of the model file, or else about one gain on all inputs."""
     names = Names(file.model.states, file.model.inputs, file.model.outputs)
     record, _ = read_measured(file, path, names)
     settings = {} if file.gain is None else file.gain.settings
@@ -102,7 +102,7 @@ def _gains(file: ModelFile, path: Path) -> GainInformation:
 
 
 def sampled(file: ModelFile, dt: float | None) -> StateSpace:
-    """The model, sampled where `dt` or the file's record gives a step."""
+    """The model, sampled if `dt` or the section [record] of the file gives a step."""
     if not file.model.is_continuous:
         if dt is not None:
             checks.refuse(f"--dt is for continuous models: this one has dt = {file.model.dt:g} s.")
@@ -121,40 +121,40 @@ def _horizon(model: StateSpace, horizon: float | None) -> float | None:
     return 2 * model.n if not model.is_continuous else float(2 * model.n / (np.abs(λ).max() or 1.0))
 
 
-def knows_remainders(found: Checked) -> bool:
-    """Whether R, which is of a sample, says what is left: not of a continuous model that was not sampled."""
+def has_sampled_noise(found: Checked) -> bool:
+    """Whether R is the covariance of a sample, which the remaining variance needs: not in a model that is still continuous."""
     return not found.model.is_continuous
 
 
 def answers(found: Checked) -> dict[str, dict[str, Any]]:
-    """Each question with its answer, the distance to the opposite one, and the directions it concerns."""
+    """Each question with its answer, the distance to the opposite answer, and the directions concerned."""
     e, o, r, d = found.estimability, found.observability, found.reachability, found.disturbability
-    said = {
+    verdicts = {
         "estimable": (e.verdict, e.distance, e.directions),
         "estimable_with_present": (e.filter_verdict, e.filter_distance, e.filter_directions),
         "observable": (o.verdict, o.distance, o.directions),
         "detectable": (_yes(o.detectable), None, o.unstable_directions),
     }
     if r is not None:
-        said["reachable"] = (r.verdict, r.distance, r.directions)
-        said["stabilisable"] = (_yes(r.stabilisable), None, r.unstable_directions)
-    said["disturbable"] = (d.verdict, d.distance, d.directions)
+        verdicts["reachable"] = (r.verdict, r.distance, r.directions)
+        verdicts["stabilisable"] = (_yes(r.stabilisable), None, r.unstable_directions)
+    verdicts["disturbable"] = (d.verdict, d.distance, d.directions)
     if found.unknown is not None:
-        said["unknown_inputs"] = (_yes(found.unknown.exists), None, ())
+        verdicts["unknown_inputs"] = (_yes(found.unknown.exists), None, ())
     return {
         name: {
             "answer": answer,
             "distance": distance,
             "directions": [_named(g, found.model.states) for g in directions],
         }
-        for name, (answer, distance, directions) in said.items()
+        for name, (answer, distance, directions) in verdicts.items()
     }
 
 
 def as_data(found: Checked) -> dict[str, Any]:
-    """What `check` says to a machine."""
+    """What `check` prints as JSON."""
     e, states = found.estimability, found.model.states
-    sure = knows_remainders(found)
+    sampled_noise = has_sampled_noise(found)
     return {
         "outcome": {"code": 0, "sentence": ""},
         "model": str(found.path),
@@ -167,10 +167,10 @@ def as_data(found: Checked) -> dict[str, Any]:
         "answers": answers(found),
         "known_directions": [_named(g, states) for g in e.known_directions],
         "singular_values": e.singular_values.tolist(),
-        "squared_correlations": e.squared_correlations.tolist() if sure else None,
+        "squared_correlations": e.squared_correlations.tolist() if sampled_noise else None,
         "sigma": _by_state(np.sqrt(np.diagonal(e.prior_covariance)), states),
-        "variance_reduction": _by_state(e.variance_reduction, states) if sure else None,
-        "variance_reduction_with_present": _by_state(e.filter_variance_reduction, states) if sure else None,
+        "variance_reduction": _by_state(e.variance_reduction, states) if sampled_noise else None,
+        "variance_reduction_with_present": _by_state(e.filter_variance_reduction, states) if sampled_noise else None,
         "arrival_rate_needed": None if found.losses is None else [found.losses.lower, found.losses.upper],
         "gain_sigma": None if found.gains is None else _by_state(found.gains.sigma, found.gains.gains),
         "sentences": sentences(found),
@@ -178,29 +178,29 @@ def as_data(found: Checked) -> dict[str, Any]:
 
 
 def sentences(found: Checked) -> list[str]:
-    """What is hidden, in words; of questions answered with yes, one sentence on what is known least."""
+    """Sentences on what is hidden; if all is estimable, one sentence on the direction that is known least."""
     parts = [found.estimability, found.observability, found.reachability, found.disturbability]
-    told = [sentence for part in parts if part is not None and part.verdict != "yes" for sentence in part.sentences]
+    hidden = [sentence for part in parts if part is not None and part.verdict != "yes" for sentence in part.sentences]
     if found.estimability.estimable:
-        told = [*found.estimability.sentences[: None if knows_remainders(found) else 1], *told]
+        hidden = [*found.estimability.sentences[: None if has_sampled_noise(found) else 1], *hidden]
     unknown = [] if found.unknown is None else [found.unknown.sentence]
     losses = [found.losses.sentence] if found.losses is not None and found.losses.upper > 0 else []
     gains = () if found.gains is None else found.gains.sentences
-    return list(dict.fromkeys([*told, *unknown, *losses, *gains]))
+    return list(dict.fromkeys([*hidden, *unknown, *losses, *gains]))
 
 
 def as_text(found: Checked) -> list[Any]:
-    """What `check` says to people."""
+    """What `check` prints as text."""
     return [_header(found), "", _verdicts(found), "", _states(found), "", *sentences(found)]
 
 
 def next_steps(found: Checked) -> tuple[str, ...]:
-    """What would say more."""
-    told = ["With --record FILE, what its inputs tell of the gain is shown too."]
-    told = told if found.file.gain is not None and found.gains is None else []
-    if knows_remainders(found):
-        return ("", *told) if told else ()
-    return ("", *told, "R is the covariance of a sample: with --dt SECONDS, what remains of each sigma is shown too.")
+    """The options that show more."""
+    of_gain = ["--record FILE also shows how accurately the gain can be estimated with the inputs of that record."]
+    of_gain = of_gain if found.file.gain is not None and found.gains is None else []
+    if has_sampled_noise(found):
+        return ("", *of_gain) if of_gain else ()
+    return ("", *of_gain, "R is the covariance of a sample: --dt SECONDS also shows what remains of each sigma.")
 
 
 def _header(found: Checked) -> str:
@@ -216,21 +216,22 @@ def _header(found: Checked) -> str:
 
 def _verdicts(found: Checked) -> Any:
     table = _table("", "answer", "distance")
-    for name, said in answers(found).items():
-        distance = "" if said["distance"] is None else f"{said['distance']:.2g}"
-        table.add_row(WORDS[name], said["answer"] or "not asked", distance)
+    for name, verdict in answers(found).items():
+        distance = "" if verdict["distance"] is None else f"{verdict['distance']:.2g}"
+        table.add_row(WORDS[name], verdict["answer"] or "not asked", distance)
     return table
 
 
 def _states(found: Checked) -> Any:
-    """Each state's standard deviation by the model alone, and with the outputs."""
-    e, sure = found.estimability, knows_remainders(found)
-    table = _table("state", "sigma", *(("with past outputs", "and the present", "variance less by") if sure else ()))
+    """Each state's standard deviation with the model alone, and with the outputs."""
+    e, sampled_noise = found.estimability, has_sampled_noise(found)
+    headings = ("with past outputs", "and the present", "variance less by") if sampled_noise else ()
+    table = _table("state", "sigma", *headings)
     sigma = np.sqrt(np.diagonal(e.prior_covariance))
     for i, name in enumerate(found.model.states):
         left = [np.sqrt(1 - share[i]) for share in (e.variance_reduction, e.filter_variance_reduction)]
         after = [f"{sigma[i] * part:.3g}" for part in left] + [f"{100 * e.filter_variance_reduction[i]:.1f} %"]
-        table.add_row(name, f"{sigma[i]:.3g}", *(after if sure else ()))
+        table.add_row(name, f"{sigma[i]:.3g}", *(after if sampled_noise else ()))
     return table
 
 

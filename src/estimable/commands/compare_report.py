@@ -1,4 +1,4 @@
-"""What `estimable identify` says when it compares methods."""
+"""What `estimable identify` prints when it compares methods."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from .numbers import counted
 
 
 class Compared(NamedTuple):
-    """A comparison, what was compared on, what the order rests on, and what was written."""
+    """A comparison, its record, the choice of the order, and the files that were written."""
 
     asked: Asked
     record: Record
@@ -35,7 +35,7 @@ def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int]
 
 
 def selected(found: Comparison) -> OrderSelection | None:
-    """What the order rests on; None where the record does not bear the smallest."""
+    """The choice of the order; None if the record is too short for order 1."""
     from ..identification.select_order import select_order
 
     assert found.task is not None
@@ -46,7 +46,7 @@ def selected(found: Comparison) -> OrderSelection | None:
 
 
 def _write(run: Compared, order: int | None) -> WrittenFiles:
-    """The model, where there is one worth it, and the page, where anything could be fitted."""
+    """Write the model if one explains the record, and the page if any method could be fitted."""
     best, files = run.found.predictor, run.asked.files
     if run.found.ranked == () or run.found.ranked[0].fit is None:
         return WrittenFiles(None, None)
@@ -61,22 +61,22 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
 
 
 def _sentences(run: Compared) -> list[str]:
-    """What was found, in words."""
-    said = [run.found.sentence]
+    """The findings, as sentences."""
+    lines = [run.found.sentence]
     best, filtering = run.found.best, run.found.predictor
     if best is not None and filtering is not None and filtering is not best:
         ahead, behind = (float(one.one_step_fits.mean()) for one in (filtering, best))
-        said.append(
-            f"The model file holds {filtering.label} of order {filtering.order}: as good within noise, and better one step "
-            f"ahead ({ahead:.1f} % against {behind:.1f} %), which a filter needs."
+        lines.append(
+            f"The model file holds {filtering.label} of order {filtering.order}: equally good within the noise, and "
+            f"better one step ahead ({ahead:.1f} % against {behind:.1f} %), which a filter needs."
         )
     if run.selection is not None:
-        said.append(f"{run.selection.sentence} To overrule it: --order N.")
-    return said
+        lines.append(f"{run.selection.sentence} To overrule it: --order N.")
+    return lines
 
 
 def as_data(run: Compared) -> dict[str, Any]:
-    """What a comparison says to a machine: `best` is null where no linear model explains the record."""
+    """What a comparison prints as JSON: `best` is null if no linear model explains the record."""
     best, filtering, selection = run.found.best, run.found.predictor, run.selection
     return {
         "outcome": {"code": 0, "sentence": run.found.sentence},
@@ -106,7 +106,7 @@ def _short(one: Ranked) -> dict[str, Any]:
 
 
 def _long(one: Ranked, outputs: Sequence[str]) -> dict[str, Any]:
-    """One method; numbers are null where it failed, and `failure` says why."""
+    """One method; if it failed, its numbers are null and `failure` holds the reason."""
     if one.fit is None:
         return {"method": one.name, "order": None, "fit_percent": None, "failure": one.failure}
     return {
@@ -122,13 +122,13 @@ def _long(one: Ranked, outputs: Sequence[str]) -> dict[str, Any]:
 
 
 def settings(one: Ranked) -> dict[str, Any]:
-    """The settings of a method that are plain numbers and words."""
+    """The settings of a method that are numbers or strings."""
     fields = {name: getattr(one.method, name) for name in type(one.method).__dataclass_fields__ if name != "_"}
     return {name: value for name, value in fields.items() if isinstance(value, bool | int | float | str)}
 
 
 def as_text(run: Compared) -> list[Any]:
-    """What a comparison says to people."""
+    """What a comparison prints as text."""
     from rich import box
     from rich.table import Table
 

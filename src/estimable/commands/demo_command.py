@@ -14,8 +14,8 @@ STORY = "A simulated F-16 at Mach 0.9, 20,000 ft. At 4.5 s its elevator loses ha
 def demo(report: options.Report = Path("report.html"), machine: options.Machine = False) -> None:
     """Estimate the gain of the example flight.
 
-    The flight comes with estimable: an F-16 whose elevator loses half its effectiveness. The answer is also written as
-    an interactive page, report.html.
+    The flight comes with estimable: an F-16 whose elevator loses half its effectiveness. The result is also written to an
+    interactive page, report.html.
 
     \b
     Example:

@@ -6,8 +6,8 @@ from pathlib import Path
 from .. import checks
 
 
-def check_destination(option: str, path: Path | None, suffix: str, *, kept: Path | None = None) -> None:
-    """Refuse a file that could not be written, or that would overwrite the record `kept`."""
+def check_destination(option: str, path: Path | None, suffix: str, *, record: Path | None = None) -> None:
+    """Refuse a file that cannot be written, or that would overwrite the input file `record`."""
     if path is None:
         return
     faults, folder = checks.Faults(), path.absolute().parent
@@ -18,7 +18,7 @@ def check_destination(option: str, path: Path | None, suffix: str, *, kept: Path
     elif not folder.is_dir():
         faults.add(f"{option} {path}: there is no folder {folder}.")
     elif not os.access(path if path.exists() else folder, os.W_OK):
-        faults.add(f"{option} {path} may not be written: give another place.")
-    elif kept is not None and path.exists() and kept.exists() and path.samefile(kept):
-        faults.add(f"{option} {path} is the record itself: give another name.")
+        faults.add(f"{option} {path} is not writable: give another path.")
+    elif record is not None and path.exists() and record.exists() and path.samefile(record):
+        faults.add(f"{option} {path} is the input file itself: give another name.")
     faults.finish()

@@ -1,4 +1,4 @@
-"""The edge of the command line: what was raised becomes a sentence and an exit code."""
+"""The edge of the command line: an exception becomes a message and an exit code."""
 
 import json
 import sys
@@ -10,15 +10,15 @@ from typer.core import TyperGroup
 
 from ..errors import EstimableError, InputError
 
-UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # wherever this version of typer keeps it
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # its module differs between versions of typer
 WRONG_CALL, OTHER, INTERRUPTED = 2, 1, 130
 
 
 class Edge(TyperGroup):
-    """A group of commands whose errors leave as JSON where `--json` was given, else as a sentence on stderr."""
+    """A group of commands that reports errors as JSON with `--json`, else as a message on stderr."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **extra: Any) -> NoReturn:
-        """Run a command and end with its exit code. What is not an error of ours is a bug, and traces."""
+        """Run a command and end with its exit code. An exception other than `EstimableError` is a bug: its traceback is shown."""
         given = sys.argv[1:] if args is None else list(args)
         extra["standalone_mode"] = False
         try:
@@ -31,15 +31,15 @@ class Edge(TyperGroup):
         except typer.Abort:
             code = INTERRUPTED
         except BrokenPipeError:
-            sys.stderr.close()  # the reader has left: nothing more to say, and nobody to say it to
+            sys.stderr.close()  # the reader has closed the pipe: write no further messages
             code = OTHER
         sys.exit(code if isinstance(code, int) else 0)
 
 
 def _usage(error: Exception) -> str:
-    """What was wrong with the options, and where to read about them."""
-    worded = getattr(error, "format_message", error.__str__)
-    message = " ".join(worded().split())
+    """What is wrong with the options, and the help that describes them."""
+    text = getattr(error, "format_message", error.__str__)
+    message = " ".join(text().split())
     message += "" if message.endswith((".", "?")) else "."
     context = getattr(error, "ctx", None)
     return message if context is None else f"{message} Try: {context.command_path} --help."

@@ -1,4 +1,4 @@
-"""`estimable estimate`: the states of a record, by any filter."""
+"""`estimable estimate`: the states of a record, with any filter."""
 
 from . import estimate_report, options, show
 from .destination import check_destination
@@ -22,7 +22,8 @@ def estimate(
 ) -> None:
     """Estimate the states of a record.
 
-    Any filter of the catalogue runs over the record. The last estimate of each state is shown; --out writes them all.
+    Any filter of the catalogue can be run over the record. The last estimate of each state is shown. --out writes the
+    estimates of all samples.
 
     \b
     Example:
@@ -30,7 +31,7 @@ def estimate(
       estimable estimate flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --out gain.csv
       estimable estimate flight.csv --model aircraft.toml --filter unknown-input --unknown elevator
     """
-    check_destination("--out", out, ".csv", kept=record)
+    check_destination("--out", out, ".csv", record=record)
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
     with show.working(f"Running {name}"):
         run = run_filter(name, record, model, settings=settings or (), unknown=unknown or (), reading=reading)

@@ -1,4 +1,4 @@
-"""The last estimates of a record, for machines and for people."""
+"""The last estimates of a record, as JSON and as text."""
 
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,9 @@ KINDS = (("mean", "state"), ("gain", "gain"), ("unknown_input", "unknown_input")
 
 
 def last_estimates(result: Estimate) -> dict[str, dict[str, tuple[float, float]]]:
-    """{"state": {name: (mean, sigma)}, "gain": {...}, "unknown_input": {...}} of the last row that tells of it.
+    """{"state": {name: (mean, sigma)}, "gain": {...}, "unknown_input": {...}} of the last row that has an estimate.
 
-    Sigma is infinite where nothing is known.
+    Sigma is infinite if the value is unknown.
     """
     last: dict[str, dict[str, tuple[float, float]]] = {"state": {}, "gain": {}, "unknown_input": {}}
     for band in bands(result):
@@ -28,13 +28,13 @@ def last_estimates(result: Estimate) -> dict[str, dict[str, tuple[float, float]]
 
 
 def _delay(result: Estimate) -> int:
-    """How many rows before the last the last unknown input is."""
+    """How many rows the last estimate of the unknown input lies before the last row."""
     rows = 0 if result.unknown_input is None else len(result.unknown_input)
     return result.names.input_delay if rows > max(result.names.input_delay, 1) else 0
 
 
 def as_data(run: FilterRun, out: Path | None) -> dict[str, Any]:
-    """What `estimate` says to a machine."""
+    """What `estimate` prints as JSON."""
     result, last = run.result, last_estimates(run.result)
     return {
         **run_filter.as_data(run),
@@ -50,7 +50,7 @@ def as_data(run: FilterRun, out: Path | None) -> dict[str, Any]:
 
 
 def as_text(run: FilterRun) -> list[Any]:
-    """What `estimate` says to people."""
+    """What `estimate` prints as text."""
     from rich import box
     from rich.table import Table
 
@@ -78,7 +78,7 @@ def as_text(run: FilterRun) -> list[Any]:
 
 
 def write_table(run: FilterRun, out: Path) -> str:
-    """Write every sample's estimate; the sentence that says so. Raises `InputError` where `out` cannot be written."""
+    """Write the estimates of all samples and return the message. Raises `InputError` if `out` cannot be written."""
     frame = run.result.to_pandas()
     text = frame.to_csv(index_label=frame.index.name or "sample")
     writing.write(out, lambda stream: stream.write(text.encode()), option="--out")

@@ -1,4 +1,4 @@
-"""`estimable gain`: how much of the input's effect is left."""
+"""`estimable gain`: how much of an input's effect is left."""
 
 from pathlib import Path
 
@@ -26,9 +26,9 @@ def gain(
 ) -> None:
     """Find how much of an input's effect is left.
 
-    The model file says how the plant moves and, in its section [gain], what is believed of the gain. The gain is
-    estimated together with the state, sample by sample; told are each change of it, the 2 s before the first (or up
-    to one third of the record), and the last 2 s.
+    The model file describes the plant and, in its section [gain], the prior of the gain. The gain is estimated together
+    with the state, sample by sample. The report shows each change of the gain, its mean over the 2 s before the first
+    change (without a change: the 2 s before one third of the record), and its mean over the last 2 s.
 
     \b
     Example:
@@ -36,7 +36,7 @@ def gain(
       estimable gain flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --json
     """
     reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
-    check_destination("--report", report, ".html", kept=record)
+    check_destination("--report", report, ".html", record=record)
     with show.working("Estimating the gain"):
         run = run_filter(name, record, model, settings=settings or (), reading=reading)
     again = gain_text.command_of(run, "gain", settings or (), reading)
@@ -48,7 +48,7 @@ def gain(
 def present(
     command_name: str, run: FilterRun, machine: bool, report: Path | None, *, command: str, story: tuple[str, ...] = ()
 ) -> None:
-    """The gain of a run on stdout, and as a page in the file `report`; `command` makes that page again."""
+    """Print the gain of a run and write it as a page to the file `report`; `command` makes that page again."""
     if run.result.gain is None:
         checks.refuse(f"{run.filter} does not estimate a gain: leave --filter out.")
     summary = gain_summary(run.result)

@@ -12,7 +12,7 @@ from .run_filter import FilterRun
 def write_gain_report(
     run: FilterRun, summary: GainSummary, path: Path, *, story: tuple[str, ...], command: str
 ) -> None:
-    """Write the page: what was found, the diagrams, the checks, what was assumed, and `command`, which makes it again."""
+    """Write the page: findings, diagrams, checks, assumptions, and the `command` that makes the page again."""
     from ..report import report_of, write_report
 
     check = innovation_checks.innovation_check(run.judged)
@@ -32,7 +32,7 @@ def _facts(run: FilterRun, summary: GainSummary) -> Any:
     for change in summary.changes:
         if change.onset_s is not None:
             yield Fact(
-                f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"seen at {change.detected_at_s:.4g} s"
+                f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"detected at {change.detected_at_s:.4g} s"
             )
     for i, name in enumerate(summary.names):
         for word, window in (("before", summary.before), ("after", summary.after)):
@@ -55,7 +55,7 @@ def _when(window: GainWindow) -> str:
 
 
 def _script(run: FilterRun) -> str:
-    """The same in Python."""
+    """The same run in Python."""
     reading = "".join(f",\n    {name}={value!r}" for name, value in run.reading.items() if value is not None)
     settings = "".join(f", {name}={value!r}" for name, value in run.settings.items())
     return "\n".join(

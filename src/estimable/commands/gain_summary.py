@@ -1,4 +1,4 @@
-"""What a record says of the gain: before, after, and how much of it is lost."""
+"""The gain of a record before and after a change, and how much of it is lost."""
 
 from typing import Any, NamedTuple
 
@@ -11,13 +11,13 @@ from ..tables import standard_deviation
 from .numbers import decimals
 
 WINDOW = 2.0  # seconds over which the gain is averaged
-SIGMAS = 2.0  # a difference below this many standard deviations is no change
+SIGMAS = 2.0  # smaller differences are not reported as a change
 
 
 class GainWindow(NamedTuple):
-    """The gains over some seconds of a record: when, their mean (p,), and their standard deviation at the end (p,).
+    """The gains over an interval of a record: its times, their mean (p,), and their standard deviation at its end (p,).
 
-    NaN and infinite where nothing is known.
+    The mean is NaN and the standard deviation infinite if a gain is unknown.
     """
 
     start: float
@@ -27,9 +27,9 @@ class GainWindow(NamedTuple):
 
 
 class GainSummary(NamedTuple):
-    """The gains of a record before and after its first change (or its first third), and the changes that were found.
+    """The gains of a record before and after its first change (or its first third), and the detected changes.
 
-    `overlap`: no change was found, and the record is too short to tell before and after apart.
+    `overlap`: no change was detected, and the record is too short to separate before from after.
     """
 
     names: tuple[str, ...]
@@ -40,7 +40,7 @@ class GainSummary(NamedTuple):
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the changes, or else the two windows, say of each gain, in words."""
+        """One sentence for each change, and for each gain without a change a comparison of its two windows."""
         changed = {change.gain for change in self.changes}
         quiet = (self._finding(i) for i, name in enumerate(self.names) if name not in changed)
         return (*map(self._changed, range(len(self.changes))), *quiet)
@@ -51,7 +51,7 @@ class GainSummary(NamedTuple):
     def _changed(self, which: int) -> str:
         change, last = self.changes[which], len(self.changes) - 1
         i = self.names.index(change.gain)
-        before = self.before.mean[i] if which == 0 else change.before  # the table's numbers, where it has them
+        before = self.before.mean[i] if which == 0 else change.before  # the table's numbers, if it has them
         after = self.after.mean[i] if which == last else change.after
         digits = decimals(SIGMAS * change.sigma)
         was, now, spread = (f"{value:.{digits}f}" for value in (before, after, SIGMAS * change.sigma))
@@ -60,7 +60,7 @@ class GainSummary(NamedTuple):
             when = f"{change.onset_s:.4g} ± {SIGMAS * change.onset_sigma_s:.1g} s"
             seen = f"{change.detected_at_s - change.onset_s:.2g} s later"
         verb = _verb(before, after)
-        return f"{self._called(change.gain)} {verb} from {was} to {now} (2 sigma {spread}) at {when}; that was seen {seen}."
+        return f"{self._called(change.gain)} {verb} from {was} to {now} (2 sigma {spread}) at {when}; detected {seen}."
 
     def _finding(self, i: int) -> str:
         name = self._called(self.names[i])
@@ -69,11 +69,12 @@ class GainSummary(NamedTuple):
         if self.overlap:
             return f"{name}: the record is too short to compare before and after."
         if not np.isfinite(spread):
-            return f"{name}: the record does not say what it is."
+            return f"{name}: the record does not determine it."
         was, now, chance = (f"{value:.{decimals(spread)}f}" for value in (before, after, spread))
         if abs(after - before) <= spread:
             early, late = (f"{window.start:.4g} to {window.end:.4g} s" for window in (self.before, self.after))
-            return f"{name}: no change is shown, {early} against {late}: {was} and {now} differ by less than 2 sigma ({chance})."
+            same = f"{was} and {now} differ by less than 2 sigma ({chance})"
+            return f"{name}: no change is detected, {early} against {late}: {same}."
         return f"{name} {_verb(before, after)} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
 
 
@@ -82,13 +83,13 @@ def _verb(before: float, after: float) -> str:
 
 
 def gain_summary(result: Estimate) -> GainSummary:
-    """The gains over 2 s before the first change that was found, and over the last 2 s of a record, or since the last change
-    was seen.
+    """The gains over the 2 s before the first detected change, and over the last 2 s of a record (at most since the last
+    change was detected).
 
-    Where no change was found, or none was looked for, the first window ends at one third of the record. The mean is that
-    of the estimates in the window, the standard deviation that of the last of them, which has seen every sample before it.
-    `findings` takes the errors of two windows as independent: those of a constant gain are alike, and the comparison is
-    then careful. A window without a sample has the last one before its end.
+    If no change was detected, the first window ends at one third of the record. The mean is that of the estimates in the
+    window. The standard deviation is that of its last estimate, which uses all earlier samples. `findings` assumes that the
+    errors of the two windows are independent. The errors of a constant gain are correlated, so the comparison is then
+    conservative. A window without a sample uses the last sample before its end.
     """
     t = np.zeros(len(result.gain)) if result.t is None else np.asarray(result.t)
     sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
@@ -103,14 +104,14 @@ def gain_summary(result: Estimate) -> GainSummary:
 
 
 def changes_of(result: Estimate) -> tuple[Any, ...]:
-    """The changes that a detector found; none where none was looked for."""
+    """The changes that a detector found; none if no detector ran."""
     from .. import diagnostics
 
     return diagnostics.changes(result) if "alarm" in result.extra else ()
 
 
 def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, first: int = 0) -> GainWindow:
-    """The `WINDOW` seconds up to `end`, from row `first` on."""
+    """The `WINDOW` seconds up to `end`, not before row `first`."""
     last = int(np.searchsorted(t, end, side="right")) - 1
     rows = slice(min(max(first, int(np.searchsorted(t, end - WINDOW, side="right"))), last), last + 1)
     seen = ~np.isnan(gain[rows])
@@ -121,7 +122,7 @@ def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, firs
 
 
 def is_effectiveness(algorithm: Algorithm[Any]) -> bool:
-    """Whether a gain of 1 is the model's own effect, and 1 minus the gain therefore the part that is lost."""
+    """Whether a gain of 1 means the full effect in the model, so that 1 minus the gain is the part that is lost."""
     inner = algorithm.innermost
     if not isinstance(inner, UnknownGain) or not isinstance(inner.directions, str):
         return False

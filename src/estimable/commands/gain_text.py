@@ -1,4 +1,4 @@
-"""The gain of a record, for people."""
+"""The gain of a record, as text."""
 
 import shlex
 from collections.abc import Iterable
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-PLOTS = 4  # gains drawn at most: the screen is short
+PLOTS = 4  # at most so many gains are drawn, to fit on the screen
 WIDEST = 100
 
 
 def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
-    """What `gain` and `demo` say to a machine."""
+    """What `gain` and `demo` print as JSON."""
     before, after, names, result = summary.before, summary.after, summary.names, run.result
     check, first = innovation_checks.innovation_check(run.judged), next(iter(summary.changes), None)
     return {
@@ -49,7 +49,7 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
 
 
 def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[Any]:
-    """What `gain` and `demo` say to people: what was read, before and after, the gain over time, and the check."""
+    """What `gain` and `demo` print as text: the files, the gain before and after, the gain over time, and the check."""
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
     return [
@@ -60,12 +60,12 @@ def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[An
 
 
 def findings(summary: GainSummary, check: Consistency | None) -> tuple[str, ...]:
-    """What the record says of each gain; first of all, whether the model explains the record."""
+    """The findings about each gain, after a warning if the model does not explain the record."""
     return (*innovation_checks.warning(check), *summary.findings)
 
 
 def header(run: FilterRun) -> list[str]:
-    """What was read, and what ran."""
+    """The files that were read, and the filter that ran."""
     names, seconds = run.result.names, run.record.seconds
     lasting = "" if seconds is None else f" over {seconds:.4g} s"
     outputs = f"output{'s' if len(names.outputs) > 1 else ''} {', '.join(names.outputs)}"
@@ -79,7 +79,7 @@ def header(run: FilterRun) -> list[str]:
 
 
 def _settings(run: FilterRun) -> Iterable[str]:
-    """What the filter ran with."""
+    """The settings of the filter."""
     from rich.markup import escape
 
     settings = run_filter.settings_in_force(run.algorithm)
@@ -92,25 +92,25 @@ def _written(value: Tree) -> str:
 
 
 def _unseen(run: FilterRun) -> Iterable[str]:
-    """What of the outputs was not measured, and what a gate left out."""
+    """The share of each output that was not seen, and the outputs that a gate rejected."""
     seen = np.mean([run.record.seen[:, run.record.outputs.index(name)] for name in run.result.names.outputs], axis=1)
     for name, share in zip(run.result.names.outputs, seen, strict=True):
         if share == 0:
-            yield f"No sample of {name} was seen: it tells nothing."
+            yield f"No sample of {name} was seen: it gives no information."
         elif share < 1:
             yield f"{100 * (1 - share):.2g} % of {name} was not seen."
     if (rejected := run.result.extra.get("rejected")) is not None:
         out, of = int(rejected.sum()), int(run.record.seen.sum())
-        yield f"The gate left out {out:,} of {of:,} outputs: if that is many, it may be closed on the truth."
+        yield f"The gate rejected {out:,} of {of:,} outputs. A large share means that it may be rejecting good data."
 
 
 def next_steps(run: FilterRun, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:
-    """What to do after `gain`: the same run again, with a table."""
+    """What to do after `gain`: the same run again, written as a table."""
     return ("", "Every sample, as a table:", f"  {command_of(run, 'estimate', settings, reading)} --out gain.csv")
 
 
 def command_of(run: FilterRun, command: str, settings: Iterable[str], reading: dict[str, Any]) -> str:
-    """The command line that does the same again."""
+    """The command line of the same run."""
     words = [str(run.record_path), "--model", str(run.model_path), "--filter", run.filter]
     for setting in settings:
         words += ["--set", setting]

@@ -9,19 +9,20 @@ from . import compare_report, identify_report, options, show
 from .identify_files import Asked, destinations
 
 METHOD_HELP = "One method instead of a comparison: output-error-ml, subspace, ..."
-LEVEL_HELP = "What is taken away first: mean, trend or none. Without it mean, and none with --method."
+LEVEL_HELP = "What is subtracted first: mean, trend or none. Default: mean; none with --method."
 Method = Annotated[str | None, typer.Option("--method", metavar="NAME", help=METHOD_HELP, show_default=False)]
-Split = Annotated[float, typer.Option("--split", metavar="FRACTION", help="Compare on what comes after this fraction.")]
+SPLIT_HELP = "Fit to this fraction of the record, compare on the rest."
+Split = Annotated[float, typer.Option("--split", metavar="FRACTION", help=SPLIT_HELP)]
 Outputs = Annotated[
     list[str] | None,
     typer.Option(
-        "--output", "--outputs", metavar="NAME", help="A column measured (y). May be repeated.", show_default=False
+        "--output", "--outputs", metavar="NAME", help="A measured column (y). May be repeated.", show_default=False
     ),
 ]
 Inputs = Annotated[
     list[str] | None,
     typer.Option(
-        "--input", "--inputs", metavar="NAME", help="A column applied (u). May be repeated.", show_default=False
+        "--input", "--inputs", metavar="NAME", help="An input column (u). May be repeated.", show_default=False
     ),
 ]
 
@@ -34,13 +35,19 @@ Level = Annotated[str | None, typer.Option("--level", metavar="WHAT", help=LEVEL
 ModelOut = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="PATH", help="Write the model to this .toml file (RECORD-model.toml).", show_default=False
+        "--out",
+        metavar="PATH",
+        help="Write the model to this .toml file. Default: RECORD-model.toml.",
+        show_default=False,
     ),
 ]
 PageOut = Annotated[
     Path | None,
     typer.Option(
-        "--report", metavar="PATH", help="Write the page to this .html file (RECORD-report.html).", show_default=False
+        "--report",
+        metavar="PATH",
+        help="Write the page to this .html file. Default: RECORD-report.html.",
+        show_default=False,
     ),
 ]
 
@@ -65,13 +72,13 @@ def identify(
 ) -> None:
     """Identify a model from a record with gaps.
 
-    Several methods are fitted to the first part of the record, and ranked by simulating the rest. With --method or --set one
-    is fitted to all of it. Written are a model file, for estimate, gain and check, and a page: the fit to what was held
-    out, what the order rests on, residuals, poles and responses.
+    Several methods are fitted to the first part of the record and ranked by simulating the rest. With --method or --set,
+    one method is fitted to the whole record. The command writes a model file for estimate, gain and check, and a page with
+    the fit to the held-out part, the choice of the order, residuals, poles and responses.
 
-    Empty cells are outputs that were lost; --arrived names the column that says which inputs arrived (default: arrived, where
-    there is one). Orders are degrees: --set na=2 --set nb=1. Without them they are chosen by BIC; without
-    noise_variance, the recursion takes that of a fit by maximum likelihood.
+    Empty cells are lost outputs. --arrived names the column that shows which inputs arrived (default: the column arrived,
+    if there is one). Orders are degrees, as in --set na=2 --set nb=1. Orders that are not given are chosen by BIC. Without
+    noise_variance, a recursive method uses the noise variance of a maximum-likelihood fit.
 
     \b
     Example:

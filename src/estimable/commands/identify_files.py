@@ -23,7 +23,7 @@ class Files(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What the command line asked for: the record and how to read it, the split, what level is taken away, and the files."""
+    """What the command line asked for: the record and how to read it, the split, the level to subtract, and the files."""
 
     path: Path
     outputs: Sequence[str]
@@ -34,7 +34,7 @@ class Asked(NamedTuple):
     files: Files
 
     def again(self, *options: str) -> str:
-        """The command that does it again."""
+        """The command line of the same run."""
         words = ["estimable identify", self.path.name]
         words += [f"--output {name}" for name in self.outputs] + [f"--input {name}" for name in self.inputs]
         for name, value in self.reading.items():
@@ -45,29 +45,29 @@ class Asked(NamedTuple):
 
 
 class WrittenFiles(NamedTuple):
-    """What was written; None where there was nothing to write."""
+    """The files that were written; None for one that was not."""
 
     model: Path | None
     report: Path | None
 
     def as_data(self) -> dict[str, Any]:
-        """For machines."""
+        """The files, as JSON."""
         return {
             name: None if path is None else str(path) for name, path in (("model", self.model), ("report", self.report))
         }
 
     def notes(self) -> list[str]:
-        """For people."""
-        said = []
+        """The messages about the files."""
+        lines = []
         if self.model is not None:
-            said.append(f"Wrote {self.model}: for estimable estimate, gain and check, or es.read_model in Python.")
+            lines.append(f"Wrote {self.model}: for estimable estimate, gain and check, or es.read_model in Python.")
         if self.report is not None:
-            said.append(f"Wrote {self.report}: open it in a browser.")
-        return said
+            lines.append(f"Wrote {self.report}: open it in a browser.")
+        return lines
 
 
 def destinations(record: Path, out: Path | None, report: Path | None) -> Files:
-    """The files asked for, or those named after the record, in this folder. Raises `InputError` where they cannot be written."""
+    """The given files, or files in this folder named after the record. Raises `InputError` if they cannot be written."""
     files = Files(out or Path(f"{record.stem}-model.toml"), report or Path(f"{record.stem}-report.html"))
     check_destination("--out", files.model, ".toml")
     check_destination("--report", files.report, ".html")
@@ -75,7 +75,7 @@ def destinations(record: Path, out: Path | None, report: Path | None) -> Files:
 
 
 def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> None:
-    """The model, with nothing believed of its state, and how to read the record."""
+    """Write the model with a diffuse prior, and how to read the record."""
     from ..models.files import write_model
     from ..models.prior import Prior
 
@@ -90,7 +90,7 @@ def write_page(
     found: Comparison, record: Record, path: Path, *, chosen: Ranked | None, selection: OrderSelection | None,
     source: Path, command: str, lead: Sequence[str],
 ) -> None:  # fmt: skip
-    """The page of a comparison."""
+    """Write the page of a comparison."""
     from ..report import report_of_comparison, write_report
 
     page = report_of_comparison(
@@ -101,7 +101,7 @@ def write_page(
 
 
 def _script(found: Comparison, record: Record, source: Path) -> str:
-    """The same in Python."""
+    """The same comparison in Python."""
     methods = ", ".join(_call(one.method) for one in found.ranked)
     columns = f"outputs={list(record.outputs)!r}, inputs={list(record.inputs)!r}, dt={record.dt!r}"
     return "\n".join(

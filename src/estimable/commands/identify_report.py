@@ -1,4 +1,4 @@
-"""What `estimable identify` does and says."""
+"""What `estimable identify` does and prints for one method."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -20,11 +20,11 @@ from .settings import read_settings
 if TYPE_CHECKING:
     from ..catalogue import Entry
 
-RECURSIVE = ("joint-output-error", "recursive-output-error")  # which need the noise variance
+RECURSIVE = ("joint-output-error", "recursive-output-error")  # they need the noise variance
 
 
 class Identified(NamedTuple):
-    """A fit, how it was made, the sentence on the orders where they were chosen, and what was written."""
+    """A fit, how it was made, the message on the chosen orders (None if given), and the files that were written."""
 
     asked: Asked
     record: Record
@@ -38,7 +38,7 @@ class Identified(NamedTuple):
 def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int | None) -> Identified:
     """Read the record, choose what was not given, identify, and write the model and the page.
 
-    Raises `InputError` for what is wrong with the record, the method or its settings.
+    Raises `InputError` for faults of the record, the method or its settings.
     """
     from .. import catalogue
     from ..identification.compare import divided
@@ -57,7 +57,7 @@ def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int |
 
 
 def _choose(entry: "Entry", record: Record, given: dict[str, Any], order: int | None) -> str | None:
-    """Fill in what was not given; the sentence on the orders where they were chosen."""
+    """Choose the settings that were not given; returns the message on the orders, None if they were given."""
     fields, chosen = entry.cls.__dataclass_fields__, None
     if "order" in fields and "order" not in given:
         chosen = _chosen_order(record, given, order)
@@ -70,7 +70,7 @@ def _choose(entry: "Entry", record: Record, given: dict[str, Any], order: int | 
 
 
 def _made(entry: "Entry", given: dict[str, Any]) -> Any:
-    """The method with its settings; those without a default in their places."""
+    """The method with its settings; settings without a default are passed by position."""
     fields = [field for field in entry.cls.__dataclass_fields__ if field != "_"]
     places = [given[name] for name in fields if name in ("na", "nb", "order", "length") and name in given]
     rest = {name: value for name, value in given.items() if name not in ("na", "nb", "order", "length")}
@@ -83,7 +83,7 @@ def _made(entry: "Entry", given: dict[str, Any]) -> Any:
 
 
 def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> WrittenFiles:
-    """The model of the fit, and the page of the same method fitted to the first part; less where that cannot be."""
+    """Write the model of the fit and, if possible, the page of the same method fitted to the first part of the record."""
     from ..identification.compare import absolute, compare, divided
 
     model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
@@ -109,7 +109,7 @@ def name_of(method: Method) -> str:
 
 
 def as_data(run: Identified) -> dict[str, Any]:
-    """What `identify` says to a machine."""
+    """What `identify` prints as JSON."""
     fit = run.fit
     return {
         "outcome": {"code": fit.outcome.code, "sentence": fit.outcome.sentence},
@@ -129,7 +129,7 @@ def as_data(run: Identified) -> dict[str, Any]:
 
 
 def as_text(run: Identified) -> list[Any]:
-    """What `identify` says to people."""
+    """What `identify` prints as text."""
     from rich import box
     from rich.table import Table
 
@@ -155,13 +155,13 @@ def _degrees(fit: Fit) -> dict[str, int | None]:
 
 
 def _noise_variance(fit: Fit) -> list[float]:
-    """Of each output: of v, or of the innovations."""
+    """The noise variance of each output: of v, or of the innovations."""
     model = fit.model
     return [float(r) for r in (np.diagonal(model.R) if isinstance(model, StateSpace) else model.noise_variance)]
 
 
 def _chosen_order(record: Record, given: dict[str, Any], order: int | None) -> str | None:
-    """The number of states, where it was not given; the sentence that says so."""
+    """Choose the number of states if it was not given; returns the message on it."""
     from ..identification.select_order import select_order
 
     if order is not None:
@@ -173,7 +173,7 @@ def _chosen_order(record: Record, given: dict[str, Any], order: int | None) -> s
 
 
 def _shown(value: float, sigma: float) -> tuple[str, str]:
-    """A parameter and its standard deviation; a value that the record does not fix is not shown."""
+    """A parameter and its standard deviation; "not known" if the record does not determine it."""
     if math.isinf(sigma):
         return "not known", ""
     digits = decimals(sigma)
@@ -181,7 +181,7 @@ def _shown(value: float, sigma: float) -> tuple[str, str]:
 
 
 def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:
-    """The record; the columns `time` and `arrived` are taken where they are there and nothing else was said."""
+    """The record; uses the columns `time` and `arrived` if they exist and no other was given."""
     from ..data.reading import column_names, read_record
 
     given = {name: value for name, value in reading.items() if value is not None}
@@ -196,7 +196,7 @@ def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dic
 
 
 def _chosen_orders(record: Record, given: dict[str, Any]) -> str:
-    """Choose the orders that were not given, by BIC; the sentence that says so."""
+    """Choose the orders that were not given, by BIC; returns the message on them."""
     from ..identification.choose_orders import choose_orders
 
     fixed: dict[str, Any] = {name: (given[name],) for name in ("na", "nb", "delay") if name in given}
@@ -206,7 +206,7 @@ def _chosen_orders(record: Record, given: dict[str, Any]) -> str:
 
 
 def _noise(record: Record, given: dict[str, Any]) -> Any:
-    """The noise variances of a fit by maximum likelihood."""
+    """The noise variances of a maximum-likelihood fit."""
     from ..identifiers.output_error_ml import OutputErrorML
 
     fit = OutputErrorML(given["na"], given["nb"], delay=given.get("delay", 0)).fit([record])

@@ -1,4 +1,4 @@
-"""Whether the innovations of a result are what its covariances say."""
+"""Whether the innovations of a result are consistent with its covariances."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 from ..results import Estimate
 
-NOTHING = "no innovation to judge by: no output was seen with noise"
+NOTHING = "no innovation to judge: no output with measurement noise was seen"
 
 
 def innovation_check(result: Estimate) -> Consistency | None:
-    """The normalised innovations squared of a result; None where there is nothing to judge by."""
+    """The normalised innovations squared of a result; None if it has no innovation to judge."""
     if result.innovation is None or result.innovation_covariance is None:
         return None
     try:
@@ -22,28 +22,28 @@ def innovation_check(result: Estimate) -> Consistency | None:
 
 
 def warning(check: Consistency | None) -> tuple[str, ...]:
-    """What to say before any number, where the innovations are larger than the covariances allow."""
+    """The warning to print before any number if the innovations are larger than the covariances allow."""
     if check is None or check.mean <= check.upper:
         return ()
     return (
         f"The model does not explain this record: its innovations are {check.mean / check.expected:.3g} times what the "
-        "covariances allow, so neither are the numbers here what their sigmas say. Look at the units, the time, the order "
-        "and signs of the columns, lost inputs; then at Q and R.",
+        "covariances allow, so the sigmas of the numbers here are too small as well. Check the units, the time, the order "
+        "and signs of the columns, and lost inputs; then Q and R.",
     )
 
 
 def described(check: Consistency | None) -> dict[str, Any] | None:
-    """A check as JSON holds it."""
+    """A check, as JSON."""
     return None if check is None else {**check._asdict(), "consistent": check.consistent, "sentence": check.sentence}
 
 
 def sentence(check: Consistency | None) -> str:
-    """A check in words."""
+    """A check, as a sentence."""
     return f"Innovation check (NIS): {NOTHING if check is None else check.sentence}."
 
 
 def faults(result: Estimate, record: Record) -> tuple[str, ...]:
-    """What else the innovations say against the model: that they are not white, or that an input is left in them."""
+    """Further faults of the model that the innovations show: they are not white, or are correlated with an input."""
     try:
         found = check_innovations(result, record)
     except InputError:
@@ -52,6 +52,6 @@ def faults(result: Estimate, record: Record) -> tuple[str, ...]:
     return tuple(check.sentence for check in checks if not check.passed)
 
 
-def also(told: tuple[str, ...]) -> list[str]:
-    """The faults in words, one a line."""
-    return [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in told]
+def also(faults: tuple[str, ...]) -> list[str]:
+    """The faults as sentences, one on each line."""
+    return [f"{fault[:1].upper()}{fault[1:]}." for fault in faults]

@@ -1,4 +1,4 @@
-"""The estimate whose innovations tell whether the model explains a record in which a gain may have jumped."""
+"""The estimate whose innovations show whether the model explains a record in which a gain may have jumped."""
 
 import itertools
 from typing import Any
@@ -14,10 +14,10 @@ from ..results import Estimate
 
 
 def estimate_between_changes(algorithm: Algorithm[Any], record: Record, prior: Prior, onsets: list[int]) -> Estimate:
-    """The algorithm run anew from each onset, from what was then believed of the state and the gain's own prior.
+    """Run the algorithm again from each onset, from the state estimate at that time and the prior of the gain.
 
-    A jump that was found must not count against the model; one that was not found does. A model that varies in time cannot
-    be cut, and is run through.
+    A detected jump must not count against the model; an undetected one does. A model that varies in time cannot be cut and
+    is run once over the whole record.
     """
     from ..estimation.binding import model_of
     from ..estimation.estimate import estimate
@@ -38,14 +38,14 @@ def estimate_between_changes(algorithm: Algorithm[Any], record: Record, prior: P
 
 
 def _with_next_row_unseen(record: Record, start: int, stop: int) -> tuple[Record, bool]:
-    """Rows start to stop, and one more with no output, where there is one: what is believed there is the prediction."""
+    """Rows start to stop, and the next one (if any) without outputs: its estimate is the prediction."""
     last = stop == len(record)
     part = record[start : stop if last else stop + 1]
     return (part, True) if last else (replace(part, y=np.concatenate([part.y[:-1], np.nan * part.y[-1:]])), False)
 
 
 def _columns(diffuse: np.ndarray) -> Any:
-    """Columns that span what nothing is known of at the last row; None where all is known."""
+    """Columns that span the unknown directions at the last row; None if there are none."""
     if diffuse is None:
         return None
     values, vectors = np.linalg.eigh(diffuse[-1])

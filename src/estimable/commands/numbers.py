@@ -17,7 +17,7 @@ def decimals(spread: float) -> int:
 
 
 def spread_of(value: float, spread: float, *, unit: str = "", sign: str = "±") -> str:
-    """A value and its spread, to the digits that the spread leaves; "not known" where the spread is infinite.
+    """A value and its spread, to the digits that the spread justifies; "not known" if the spread is infinite.
 
     >>> spread_of(0.4926, 0.219), spread_of(51.2, 22.4, unit=" %"), spread_of(1.0, math.inf)
     ('0.49 ± 0.22', '51 % ± 22 %', 'not known')
@@ -29,7 +29,7 @@ def spread_of(value: float, spread: float, *, unit: str = "", sign: str = "±") 
 
 
 def counted(number: int, thing: str) -> str:
-    """A number of things.
+    """A number and its noun, in the plural if need be.
 
     >>> counted(1, "sample"), counted(1201, "sample")
     ('1 sample', '1,201 samples')

@@ -1,4 +1,4 @@
-"""The options that commands share: each with its type and a sentence of help."""
+"""The options that several commands share, each with its type and help."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,29 +14,29 @@ def _option(name: str, metavar: str | None, help: str, callback: Callback | None
 
 
 def _at_either_end(context: typer.Context, value: bool) -> bool:
-    """`estimable --json gain ...` is `estimable gain ... --json`."""
+    """Accept `estimable --json gain ...` as `estimable gain ... --json`."""
     return value or bool(context.find_root().params.get("machine"))
 
 
 CHECKED_MODEL_HELP = "The model file, TOML or Python."
 CHECK_STEP_HELP = "Sample a continuous model at this step, instead of the model file's."
-HORIZON_HELP = "Judge after so many samples (seconds, of a continuous model)."
+HORIZON_HELP = "Judge after this many samples (seconds for a continuous model)."
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
-MEASURED_HELP = "A record, whose inputs are asked how well they let the gain be known."
+MEASURED_HELP = "A record: show how accurately the gain can be estimated with its inputs."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
 FILTER_HELP = "The filter to run: kalman, unknown-gain, ..."
-GAIN_FILTER_HELP = "The filter of the gain, as unknown-gain; without it change-detection."
-UNKNOWN_HELP = "An input that nobody measured, for unknown-input; instead of the model file's. May be repeated."
-SET_HELP = "A setting of the filter, as walk=0.02. May be repeated."
+GAIN_FILTER_HELP = "The filter of the gain, such as unknown-gain. Default: change-detection."
+UNKNOWN_HELP = "An unmeasured input for unknown-input, instead of the model file's. May be repeated."
+SET_HELP = "A setting, such as walk=0.02. May be repeated."
 TIME_HELP = "The column of seconds, instead of the model file's."
 STEP_HELP = "The step between samples, instead of the model file's time column."
-HOLD_HELP = "How the input moves between samples: zero_order or first_order."
-LOST_HELP = "What the actuator does when a packet is lost: zero or hold."
-ARRIVED_HELP = "A column that says whether the input arrived (1) or not (0). Repeat it for one an input."
-NA_HELP = "A number that stands for what was not measured, as -9999. May be repeated."
-OUT_HELP = "Write every sample's estimate to this .csv file."
+HOLD_HELP = "How the input varies between samples: zero_order or first_order."
+LOST_HELP = "What the actuator applies when a packet is lost: zero or hold."
+ARRIVED_HELP = "A column that shows whether the input arrived (1) or not (0). Repeat it for several inputs."
+NA_HELP = "A number that marks a missing value, such as -9999. May be repeated."
+OUT_HELP = "Write the estimates of all samples to this .csv file."
 REPORT_HELP = "Write an interactive report to this .html file."
-JSON_HELP = "Write JSON to stdout, for machines."
+JSON_HELP = "Write JSON to stdout."
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
 Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
@@ -57,4 +57,4 @@ Na = Annotated[list[float] | None, _option("--na", "NUMBER", NA_HELP)]
 Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
 Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
-Version = Annotated[bool, _option("--version", None, "Show the version and stop.")]
+Version = Annotated[bool, _option("--version", None, "Print the version and exit.")]

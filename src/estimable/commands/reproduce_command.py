@@ -9,19 +9,20 @@ from . import options, reproduce_report, show
 from .destination import check_destination
 
 Name = Annotated[
-    str | None, typer.Argument(metavar="NAME", help="The table or figure; none: list all.", show_default=False)
+    str | None,
+    typer.Argument(metavar="NAME", help="The table or figure. Without it all are listed.", show_default=False),
 ]
-Draws = Annotated[int, typer.Option("--draws", metavar="N", help="How often random numbers are drawn.")]
+Draws = Annotated[int, typer.Option("--draws", metavar="N", help="Number of random draws.")]
 Figure = Annotated[
-    Path | None, typer.Option("--figure", metavar="PATH", help="Write the picture to this .html file.", show_default=False)
+    Path | None, typer.Option("--figure", metavar="PATH", help="Write the figure to this .html file.", show_default=False)
 ]  # fmt: skip
 
 
 def reproduce(name: Name = None, draws: Draws = 200, figure: Figure = None, machine: options.Machine = False) -> None:
     """Recompute a table or figure of the sources.
 
-    Each published number stands beside ours: the mean and 1 sigma over the draws. Without NAME all tables and figures
-    are listed, with those that are not reproduced and why.
+    Each published number is shown next to ours: the mean and 1 sigma over the draws. Without NAME all tables and figures
+    are listed, including those that are not reproduced and the reason.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""The tables and figures of the sources, for machines and for people."""
+"""The tables and figures of the sources, as JSON and as text."""
 
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,17 @@ def list_all(machine: bool) -> None:
     """Every table and figure, with its status."""
     entries = reproductions.ENTRIES
     if machine:
-        told = [{**_named(entry), "reproduced": entry.compute is not None} for entry in entries]
-        show.data("reproduce", {"outcome": {"code": 0, "sentence": ""}, "entries": told})
+        listed = [{**_named(entry), "reproduced": entry.compute is not None} for entry in entries]
+        show.data("reproduce", {"outcome": {"code": 0, "sentence": ""}, "entries": listed})
         return
     show.text(lambda _: [_contents(), *_summary()])
     show.notes("", "One of them:", "  estimable reproduce sillence-table-2")
 
 
 def write_figure(entry: Reproduction, result: Reproduced, figure: Path) -> str:
-    """Write the picture; the sentence that says so."""
+    """Write the figure and return the message."""
     if result.figure is None:
-        checks.refuse(f"{entry.name} has no picture: leave --figure out.")
+        checks.refuse(f"{entry.name} has no figure: leave --figure out.")
     drawing = result.figure()
     drawing.update_layout(title={"text": f"{entry.source}: {entry.title}", "font": {"size": 17}}, margin={"t": 60})
     page = drawing.to_html(include_plotlyjs=True, config={"displayModeBar": False, "responsive": True})
@@ -32,7 +32,7 @@ def write_figure(entry: Reproduction, result: Reproduced, figure: Path) -> str:
 
 
 def as_data(entry: Reproduction, result: Reproduced, figure: Path | None) -> dict[str, Any]:
-    """What `reproduce NAME` says to a machine."""
+    """What `reproduce NAME` prints as JSON."""
     return {
         "outcome": {"code": 0, "sentence": ""},
         **_named(entry),
@@ -43,7 +43,7 @@ def as_data(entry: Reproduction, result: Reproduced, figure: Path | None) -> dic
 
 
 def as_text(entry: Reproduction, result: Reproduced) -> list[Any]:
-    """What `reproduce NAME` says to people."""
+    """What `reproduce NAME` prints as text."""
     draws = max(row.draws for row in result.rows)
     headings = ("", "published", "ours", *(["± 1 sigma"] if draws else []))
     table = _table(headings, numbers=len(headings) - 1)
@@ -56,7 +56,7 @@ def as_text(entry: Reproduction, result: Reproduced) -> list[Any]:
 
 
 def _ours(row: ReproducedRow) -> tuple[str, str]:
-    """Mean and sigma, to the digits that the sigma leaves, or that were published."""
+    """Mean and sigma, to the digits that the sigma justifies; without a sigma, the mean to six digits."""
     if row.sigma is None:
         return ("never" if row.mean != row.mean else f"{row.mean:.6g}"), ""
     digits = decimals(row.sigma)
@@ -80,7 +80,7 @@ def _summary() -> list[str]:
 
 
 def _table(headings: tuple[str, ...], *, numbers: int) -> Any:
-    """A table whose last `numbers` columns are numbers, which are never broken."""
+    """A table whose last `numbers` columns are numbers, which are never wrapped."""
     from rich import box
     from rich.table import Table
 

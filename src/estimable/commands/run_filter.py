@@ -1,4 +1,4 @@
-"""A filter of the catalogue on a record and a model file."""
+"""Run a filter of the catalogue on a record and a model file."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,11 +16,11 @@ from .settings import read_settings, settings_in_force
 
 
 class FilterRun(NamedTuple):
-    """What ran: the name of the filter, the algorithm, the prior of the state, the record, the estimate; the files that
-    the record and the model came from, how the record was read, and the settings that were given.
+    """A run: the name of the filter, the algorithm, the prior of the state, the record, the estimate; the files of the record
+    and the model, how the record was read, and the given settings.
 
-    `judged`: the estimate whose innovations tell whether the model explains the record: of the algorithm inside a change
-    detector (which counts process noise many times), started anew at each change that was found; else the estimate itself.
+    `judged`: the estimate whose innovations show whether the model explains the record. For a change detector (which counts
+    process noise many times) it is that of the algorithm inside, restarted at each detected change; else `result`.
     """
 
     filter: str
@@ -36,7 +36,7 @@ class FilterRun(NamedTuple):
 
 
 def as_data(run: FilterRun) -> dict[str, Any]:
-    """What every command that runs a filter says of the run to a machine."""
+    """The JSON of the run that is common to all commands that run a filter."""
     result = run.result
     return {
         "outcome": {"code": result.outcome.code, "sentence": result.outcome.sentence},
@@ -51,9 +51,9 @@ def as_data(run: FilterRun) -> dict[str, Any]:
 
 
 def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """How to read a record: what the model file says, and what was given instead (not None).
+    """How to read a record: the options of the model file, replaced by those given (not None).
 
-    A step given replaces the file's time column, and a time column given the file's step: either says when.
+    A given step replaces the file's time column, and a given time column the file's step: either determines the times.
 
     >>> record_options({"time": "t", "hold": "zero_order"}, {"time": None, "dt": 0.1, "hold": None})
     {'hold': 'zero_order', 'dt': 0.1}
@@ -66,25 +66,25 @@ def record_options(section: dict[str, Any], given: dict[str, Any]) -> dict[str, 
 def read_measured(
     file: ModelFile, path: Path, names: Names, reading: dict[str, Any] | None = None
 ) -> tuple[Record, dict[str, Any]]:
-    """The record in the columns `names`, and the options that it was read with: the model file's, and those in `reading`."""
+    """The record in the columns `names`, and the options it was read with: those of the model file, replaced by `reading`."""
     from ..data.reading import read_record
 
     options = record_options(file.record, reading or {})
     if not options.keys() & {"time", "dt"} and not file.model.is_continuous:
         options["dt"] = file.model.dt
-    nowhere = names.unknown_inputs
-    if nowhere and "units" in options:
-        options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in nowhere}
+    unmeasured = names.unknown_inputs
+    if unmeasured and "units" in options:
+        options["units"] = {channel: unit for channel, unit in options["units"].items() if channel not in unmeasured}
     if not options.keys() & {"time", "dt"}:
         checks.refuse(
-            f"the model is continuous, and nothing says when the samples of {path} were taken: give --time NAME (a column) "
+            f"the model is continuous, and the times of the samples of {path} are not given: give --time NAME (a column) "
             "or --dt SECONDS, or either in section [record] of the model file."
         )
     return read_record(path, outputs=names.outputs, inputs=names.inputs, **options), options
 
 
 def gain_filter(file: ModelFile) -> str:
-    """The filter of a gain where none is asked for: it looks for changes where the gain's prior says how large they may be."""
+    """The default filter of a gain: it detects changes if the prior of the gain says how large they may be."""
     sizes = () if file.gain is None else np.diagonal(file.gain.prior.covariance)
     return "change-detection" if np.all(np.asarray(sizes) > 0) else "unknown-gain"
 
@@ -100,10 +100,10 @@ def run_filter(
 ) -> FilterRun:
     """Read a model file and a record, and run the filter `name` of the catalogue (None: `gain_filter`).
 
-    `settings`: texts name=value. `unknown`: inputs that nobody measured. `reading`: arguments of `read_record`
-    instead of those in the model file.
+    `settings`: texts name=value. `unknown`: unmeasured inputs. `reading`: arguments of `read_record` that
+    replace those in the model file.
 
-    Raises `InputError` for what is wrong with the files and settings, `RunError` where the numbers fail.
+    Raises `InputError` for faults of the files and settings, `RunError` if the computation fails.
     """
     from ..estimation.estimate import estimate
     from ..models.files import read_model
@@ -113,7 +113,7 @@ def run_filter(
         name = asked.name
         if asked.kind != "filter":
             filters = [entry.name for entry in catalogue.ENTRIES if entry.kind == "filter"]
-            checks.refuse(f"{name} is no filter. There are {checks.listed(filters)}.")
+            checks.refuse(f"{name} is not a filter. The filters are {checks.listed(filters)}.")
     chosen = read_settings(settings)
     if unknown:
         chosen["unknown"] = tuple(unknown)

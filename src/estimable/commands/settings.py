@@ -16,9 +16,9 @@ WORD = re.compile(r"[A-Za-z_][\w.-]*")
 
 
 def read_settings(given: Iterable[str]) -> dict[str, Any]:
-    """Settings from texts `name=value`; a value is TOML or JSON (numbers, lists, texts), or one bare word.
+    """Settings from texts `name=value`; a value is TOML or JSON (numbers, lists, strings), or one bare word.
 
-    Raises `InputError` with every fault at once.
+    Raises `InputError` with all faults at once.
 
     >>> read_settings(["walk=0.02", "directions=per_input", "fixed=[[0.0], [1]]"])
     {'walk': 0.02, 'directions': 'per_input', 'fixed': [[0.0], [1]]}
@@ -37,7 +37,7 @@ def read_settings(given: Iterable[str]) -> dict[str, Any]:
 
 
 def settings_in_force(algorithm: Algorithm[Any]) -> dict[str, Any]:
-    """What --set can change of an algorithm and of those it wraps, as it is: of two of a name, the outer one acts.
+    """The current settings of an algorithm and of those it wraps, as --set names them; of two with one name, the outer one.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> settings_in_force(MovingWindow(UnknownGain(model, Prior([1.0], [[0.3]]), walk=0.1), 5))
@@ -52,7 +52,7 @@ def settings_in_force(algorithm: Algorithm[Any]) -> dict[str, Any]:
 
 
 def _plain(value: Tree) -> Any:
-    """A number, a word, or a list; the number of a multiple of the identity, and of numbers that are alike; else None."""
+    """A number, a string or a list; one number for a multiple of the identity or for equal numbers; None for anything else."""
     if isinstance(value, np.ndarray) and value.size:
         alike = value.flat[0] * (np.eye(len(value)) if value.ndim == 2 else np.ones(value.shape))
         return value.flat[0].item() if np.array_equal(value, alike) else value.tolist()
@@ -67,7 +67,7 @@ def _value(name: str, text: str, faults: checks.Faults) -> Any:
             continue
     if WORD.fullmatch(text):
         return text
-    faults.add(f"--set {name}: {text!r} is no number, list or word. Write numbers as 0.02 and lists as [0.1, 0.2].")
+    faults.add(f"--set {name}: {text!r} is not a number, list or word. Write numbers as 0.02 and lists as [0.1, 0.2].")
     return None
 
 

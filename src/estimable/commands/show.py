@@ -17,34 +17,34 @@ OneRun = TypeVar("OneRun", contravariant=True)
 
 
 class Words(Protocol[OneRun]):
-    """What says what was found: the module of a command."""
+    """The module of a command that prints its result."""
 
     def as_data(self, run: OneRun) -> dict[str, Any]:
-        """What a command says to a machine."""
+        """What a command prints as JSON."""
         ...
 
     def as_text(self, run: OneRun) -> list[Any]:
-        """What a command says to people."""
+        """What a command prints as text."""
         ...
 
 
 def front_page(context: typer.Context, version: bool, machine: bool) -> None:
-    """What `estimable` alone says: its version, or its help."""
+    """What `estimable` alone prints: its version, or its help."""
     if version:
         data("version", {"outcome": {"code": 0, "sentence": ""}}) if machine else print(f"estimable {_version()}")
     elif machine:
-        checks.refuse("a command is needed before --json: see estimable --help.")
+        checks.refuse("--json needs a command, as in estimable demo --json: see estimable --help.")
     else:
         print(context.get_help())
 
 
 def data(command: str, found: dict[str, Any]) -> None:
-    """One JSON object on stdout: the command, the version, and what was found."""
+    """Print one JSON object: the command, the version, and the result."""
     print(json.dumps(plain({"command": command, "version": _version(), **found}), indent=2, allow_nan=False))
 
 
 def plain(value: Tree) -> Tree:
-    """`value` as JSON holds it; what is not a finite number is None.
+    """`value` as JSON; a number that is not finite is None.
 
     >>> plain({"a": float("nan"), "b": (1, float("inf"))})
     {'a': None, 'b': [1, None]}
@@ -59,7 +59,7 @@ def plain(value: Tree) -> Tree:
 
 
 def text(write: Callable[[Any], Iterable[Any]]) -> None:
-    """Lines, tables and plots on stdout; `write(console)` makes them as wide as the terminal."""
+    """Print lines, tables and plots; `write(console)` makes them as wide as the terminal."""
     from rich.console import Console
 
     console = Console(highlight=False, markup=False, emoji=False)
@@ -68,14 +68,14 @@ def text(write: Callable[[Any], Iterable[Any]]) -> None:
 
 
 def notes(*sentences: str) -> None:
-    """Sentences on stderr."""
+    """Print sentences on stderr."""
     sys.stdout.flush()
     for sentence in sentences:
         print(sentence, file=sys.stderr)
 
 
 def working(sentence: str) -> AbstractContextManager[Any]:
-    """A spinner on stderr while something runs, where stderr is a terminal."""
+    """A spinner on stderr while something runs, if stderr is a terminal."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -84,7 +84,7 @@ def working(sentence: str) -> AbstractContextManager[Any]:
 
 @contextmanager
 def counted(sentence: str) -> Iterator[Callable[[str, int, int], None] | None]:
-    """A bar on stderr while several things run, where stderr is a terminal: told (what runs now, done, of how many)."""
+    """A progress bar on stderr, if stderr is a terminal; it is called with (what runs now, number done, total)."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -101,7 +101,7 @@ def counted(sentence: str) -> Iterator[Callable[[str, int, int], None] | None]:
 
 
 def both(command: str, machine: bool, words: Words[Run], run: Run) -> None:
-    """What was found, for machines or for people."""
+    """Print the result, as JSON or as text."""
     if machine:
         data(command, words.as_data(run))
     else:

@@ -11,8 +11,8 @@ from .destination import check_destination
 What = Annotated[
     str, typer.Argument(metavar="MODEL", help="What to simulate: output-error or f16.", show_default=False)
 ]
-Rows = Annotated[int, typer.Option("--rows", metavar="N", help="How many samples.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same record.")]
+Rows = Annotated[int, typer.Option("--rows", metavar="N", help="Number of samples.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="The same seed gives the same record.")]
 Arrival = "The fraction of the {} packets that arrive."
 InputArrival = Annotated[float, typer.Option("--input-arrival", metavar="RATE", help=Arrival.format("input"))]
 OutputArrival = Annotated[float, typer.Option("--output-arrival", metavar="RATE", help=Arrival.format("output"))]
@@ -21,24 +21,24 @@ Burst = Annotated[
 ]
 Loss = Annotated[
     float | None,
-    typer.Option("--loss", metavar="FRACTION", help="f16: how much of the elevator's effect is lost.", show_default=False),
+    typer.Option("--loss", metavar="FRACTION", help="f16: the lost fraction of the elevator's effect.", show_default=False),
 ]  # fmt: skip
 Runs = Annotated[
-    int | None, typer.Option("--runs", metavar="N", help="f16: how many flights; 200, of JSBSim 1.", show_default=False)
+    int | None, typer.Option("--runs", metavar="N", help="f16: number of flights (default 200, JSBSim 1).", show_default=False)
 ]  # fmt: skip
 Plant = Annotated[
     str | None,
     typer.Option("--plant", metavar="NAME", show_default=False,
-                 help="f16: short-period (default), or of JSBSim jsbsim and jsbsim-untrimmed, whose loss upsets the trim too."),
+                 help="f16: short-period (default), jsbsim, or jsbsim-untrimmed, in which the loss also changes the trim."),
 ]  # fmt: skip
 Folder = Annotated[
     Path | None,
-    typer.Option("--folder", metavar="PATH", help="f16: keep finished parts here; the same call goes on where it stopped.",
+    typer.Option("--folder", metavar="PATH", help="f16: store finished parts here. The same call then resumes where it stopped.",
                  show_default=False),
 ]  # fmt: skip
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="f16: fly on the cluster of this Dask scheduler, as tcp://10.0.0.1:8786.",
+    typer.Option("--scheduler", metavar="ADDRESS", help="f16: run on the cluster of this Dask scheduler, such as tcp://10.0.0.1:8786.",
                  show_default=False),
 ]  # fmt: skip
 OutFile = Annotated[
@@ -65,12 +65,13 @@ def simulate(
 ) -> None:
     """Draw a record over lossy links, or fly a failing F-16.
 
-    The plant of output-error is that of Fang (2009), section 3.5, unless --set says otherwise (a, b, delay, noise_variance,
-    dt); its input is uniform, of zero mean and unit variance. The record has the columns time, u (what was sent), arrived
-    and y (empty where it was lost), as `estimable identify` reads them.
+    The plant of output-error is that of Fang (2009), section 3.5. --set changes its a, b, delay, noise_variance and dt. The
+    input is uniform, with zero mean and unit variance. The record has the columns time, u (the input that was sent),
+    arrived, and y (empty if it was lost), as `estimable identify` reads them.
 
-    f16 flies three pitch doublets with a law that stays as it is, and with one that finds the failure out: told are medians
-    over the runs of the RMS of the pitch rate about the flight that does not fail, and how soon the failure is seen.
+    f16 flies three pitch doublets with a fixed control law, and with one that detects the failure and is redesigned. The
+    report shows medians over the runs: the RMS difference of the pitch rate from the flight without a failure, and the
+    time until the failure is detected.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""What `estimable simulate f16` flies and says."""
+"""What `estimable simulate f16` flies and prints."""
 
 import statistics
 from typing import Any
@@ -7,15 +7,18 @@ from .. import checks
 from . import show
 from .simulate_report import check_links, link
 
-SIMULATED = {"jsbsim": "trim", "jsbsim-untrimmed": "zero"}  # plants of JSBSim: about which deflection the loss is
-REST = {"rows": 1000, "lost": None, "settings": None, "out": None}  # options that are not of a flight
+SIMULATED = {
+    "jsbsim": "trim",
+    "jsbsim-untrimmed": "zero",
+}  # plants of JSBSim: the deflection about which the effect is lost
+REST = {"rows": 1000, "lost": None, "settings": None, "out": None}  # options that do not apply to a flight
 
 
 def flown(
     loss: float, plant: str, *, runs: int | None, seed: int, arrivals: tuple[float, float], burst: float, where: dict[str, Any],
     rest: dict[str, Any],
 ) -> dict:  # fmt: skip
-    """The numbers of the flights. Raises `InputError` with every fault of the call."""
+    """The numbers of the flights. Raises `InputError` with all faults of the call."""
     faults = checks.Faults()
     faults.number("--loss", loss, lower=0.0, upper=1.0)
     faults.choice("--plant", plant, ("short-period", *SIMULATED))
@@ -26,7 +29,7 @@ def flown(
     for name, value in rest.items():
         if value != REST[name]:
             option = "--set" if name == "settings" else f"--{name}"
-            faults.add(f"{option} is not of f16, whose flights are always the same 16.5 s: leave it out.")
+            faults.add(f"{option} does not apply to f16, whose flights always last the same 16.5 s: leave it out.")
     faults.finish()
     links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
     fly = _in_simulator if plant in SIMULATED else _short_period
@@ -46,7 +49,8 @@ def _in_simulator(gain: float, plant: str, runs: int, seed: int, links: dict, wh
     for name, value in where.items():
         if value is not None:
             faults.add(
-                f"--{name} is of --plant short-period: leave it out, JSBSim flies here, one flight after the other."
+                f"--{name} applies only to --plant short-period: leave it out. "
+                "JSBSim flies on this machine, one flight after the other."
             )
     faults.finish()
     with show.working("Flying"):
@@ -55,28 +59,28 @@ def _in_simulator(gain: float, plant: str, runs: int, seed: int, links: dict, wh
 
 
 def as_data(numbers: dict[str, Any]) -> dict[str, Any]:
-    """What the flights say to a machine."""
+    """The flights, as JSON."""
     return {"outcome": {"code": 0, "sentence": ""}, **numbers}
 
 
 def as_text(numbers: dict[str, Any]) -> list[str]:
-    """What the flights say to people."""
+    """The flights, as text."""
     loss, delay = 100 * numbers["loss"], numbers["detection_delay_s"]
-    found = f"was seen {delay:.2f} s later" if delay < float("inf") else "was not seen in most flights"
+    found = f"was detected {delay:.2f} s later" if delay < float("inf") else "was not detected in most flights"
     return [
-        f"At 4.5 s the elevator loses {loss:g} % of its effect; that {found} (median of {numbers['runs']:,}).",
-        "Pitch rate about the flight that does not fail, RMS in deg/s:",
+        f"At 4.5 s the elevator loses {loss:g} % of its effect. The loss {found} (median of {numbers['runs']:,}).",
+        "RMS difference of the pitch rate from the flight without a failure, in deg/s:",
         "                    4.5 to 6 s   after 6 s",
-        f"law as it is        {numbers['fixed_rms_transient']:10.3g} {numbers['fixed_rms_after']:11.3g}",
+        f"fixed law           {numbers['fixed_rms_transient']:10.3g} {numbers['fixed_rms_after']:11.3g}",
         f"reconfigured        {numbers['adaptive_rms_transient']:10.3g} {numbers['adaptive_rms_after']:11.3g}",
     ]
 
 
 def refuse_options(given: dict[str, Any]) -> None:
-    """Options of a flight that were given for a record."""
+    """Refuse options of a flight that were given for a record."""
     faults = checks.Faults()
     for name, value in given.items():
         if value is not None:
-            told = f"{value:g}" if isinstance(value, int | float) else value
-            faults.add(f"--{name} is of f16: estimable simulate f16 --{name} {told}.")
+            shown = f"{value:g}" if isinstance(value, int | float) else value
+            faults.add(f"--{name} applies only to f16: estimable simulate f16 --{name} {shown}.")
     faults.finish()

@@ -1,4 +1,4 @@
-"""What `estimable simulate` draws and says."""
+"""What `estimable simulate` draws and prints."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +19,7 @@ UNIFORM = np.sqrt(3.0)  # half the width of the uniform density of unit variance
 def simulated(
     what: str, *, rows: int, seed: int, arrivals: tuple[float, float], burst: float, lost: str, settings: Iterable[str]
 ) -> Simulation:
-    """Draw the record. Raises `InputError` with every fault of the call."""
+    """Draw the record. Raises `InputError` with all faults of the call."""
     from ..models.output_error import OutputError
     from ..simulation.simulate import simulate
 
@@ -38,7 +38,7 @@ def simulated(
 
 
 def check_links(arrivals: tuple[float, float], burst: float, faults: checks.Faults) -> None:
-    """The options of the links say what a link can be."""
+    """Check the options of the links."""
     for option, rate in zip(("--input-arrival", "--output-arrival"), arrivals, strict=True):
         faults.number(option, rate, lower=0.0, upper=1.0)
     if burst != 0:
@@ -46,7 +46,7 @@ def check_links(arrivals: tuple[float, float], burst: float, faults: checks.Faul
 
 
 def link(rate: float, burst: float) -> Any:
-    """The link of an arrival rate and a mean burst of losses; None where nothing gets lost."""
+    """The link with an arrival rate and a mean length of a burst of losses; None if nothing is lost."""
     from ..networks.links import BernoulliLink, GilbertElliottLink
 
     if rate == 1.0:
@@ -55,7 +55,7 @@ def link(rate: float, burst: float) -> Any:
 
 
 def frame(simulation: Simulation) -> Any:
-    """The record as a table: time, the inputs sent, what arrived of them, the outputs."""
+    """The record as a table: time, the inputs sent, whether each arrived, the outputs."""
     import pandas as pd
 
     record = simulation.record
@@ -72,14 +72,14 @@ def _short(names: tuple[str, ...], letter: str) -> list[str]:
 
 
 def write(simulation: Simulation, out: Path) -> str:
-    """Write the record; the sentence that says so. Raises `InputError` where `out` cannot be written."""
+    """Write the record and return the message. Raises `InputError` if `out` cannot be written."""
     table = frame(simulation)
     writing.write(out, lambda stream: stream.write(table.to_csv(index=False).encode()), option="--out")
     return f"Wrote {counted(len(table), 'row')} of {counted(len(table.columns), 'column')} to {out}."
 
 
 def as_data(simulation: Simulation, seed: int, out: Path | None) -> dict[str, Any]:
-    """What `simulate` says to a machine; the rows themselves where they go to no file."""
+    """What `simulate` prints as JSON, including the rows if they are not written to a file."""
     record = simulation.record
     found = {
         "outcome": {"code": 0, "sentence": ""},
@@ -95,10 +95,10 @@ def as_data(simulation: Simulation, seed: int, out: Path | None) -> dict[str, An
 
 
 def as_text(simulation: Simulation) -> list[Any]:
-    """What `simulate` says to people."""
+    """What `simulate` prints as text."""
     record = simulation.record
     arrived = "all" if record.arrived is None else f"{100 * np.mean(record.arrived):.1f} %"
     return [
         f"Drew {counted(len(record), 'sample')} of an output-error plant.",
-        f"Of the inputs {arrived} arrived, of the outputs {100 * np.mean(record.seen):.1f} %.",
+        f"Arrived inputs: {arrived}. Arrived outputs: {100 * np.mean(record.seen):.1f} %.",
     ]

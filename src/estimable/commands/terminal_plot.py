@@ -7,9 +7,9 @@ import numpy as np
 from ..figures.bands import value_range
 
 BRAILLE = 0x2800
-DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # of a braille character, by column and then by row
-ENOUGH = 0.35  # of a cell that the band must fill to be drawn there
-STEPS = (1.0, 2.0, 5.0, 10.0)  # of a power of ten, between two labels
+DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # bits of a braille character, by column and then by row
+ENOUGH = 0.35  # fraction of a cell that the band must fill to be drawn there
+STEPS = (1.0, 2.0, 5.0, 10.0)  # distances between labels, in powers of ten
 
 
 class Ink(NamedTuple):
@@ -51,7 +51,7 @@ def plot(
 ) -> list[str]:
     """Lines of text, at most `width` long: the curve, its ± 2 sigma band, values at the left, seconds below.
 
-    `marks` names spans of time, which are shown under the axis. Where sigma is infinite nothing is drawn but the band.
+    `marks` names spans of time, which are shown under the axis. Where sigma is infinite only the band is drawn.
     """
     lower, upper = middle - 2 * sigma, middle + 2 * sigma
     bottom, top = value_range(middle, lower, upper)
@@ -92,7 +92,7 @@ def _column(frame: Frame, time: float) -> int:
 
 
 def _band(frame: Frame, t: np.ndarray, lower: np.ndarray, upper: np.ndarray, ink: Ink) -> list[list[str]]:
-    """Cells of which the band fills enough."""
+    """The cells, with the band drawn in those that it fills to `ENOUGH`."""
     times = frame.left + (np.arange(frame.width) + 0.5) / frame.width * (frame.right - frame.left)
     cell = (frame.top - frame.bottom) / frame.height
     ceiling = (frame.top - np.arange(frame.height) * cell)[:, None]
@@ -101,7 +101,7 @@ def _band(frame: Frame, t: np.ndarray, lower: np.ndarray, upper: np.ndarray, ink
 
 
 def _curve(cells: list[list[str]], frame: Frame, t: np.ndarray, middle: np.ndarray, ink: Ink) -> None:
-    """Draw the curve over the band, at two by four dots a cell where the characters allow it."""
+    """Draw the curve over the band, with two by four dots in each cell if the characters allow it."""
     across, down = (2, 4) if ink.dotted else (1, 1)
     times = frame.left + (np.arange(frame.width * across) + 0.5) / (frame.width * across) * (frame.right - frame.left)
     share = (frame.top - np.interp(times, t, middle)) / (frame.top - frame.bottom)
@@ -118,14 +118,14 @@ def _curve(cells: list[list[str]], frame: Frame, t: np.ndarray, middle: np.ndarr
 
 
 def _stroke(before: int | None, y: int) -> range:
-    """The dots of one column: from beside the last one to this one."""
+    """The dots of one column: from next to the last one up to this one."""
     if before is None or abs(before - y) <= 1:
         return range(y, y + 1)
     return range(y, before) if y < before else range(before + 1, y + 1)
 
 
 def _time_axis(frame: Frame, margin: int, ink: Ink) -> list[str]:
-    """The axis, and the time under it; "s", the unit, stands below the values."""
+    """The axis, and the time under it; the unit "s" is below the values."""
     labels = ticks(frame.left, frame.right, max(2, min(8, frame.width // 8)))
     line, words = [ink.floor] * frame.width, list(f"{'s':>{margin}} {'':{frame.width}}")
     for value, label in labels.items():
@@ -137,7 +137,7 @@ def _time_axis(frame: Frame, margin: int, ink: Ink) -> list[str]:
 
 
 def _spans(frame: Frame, margin: int, marks: dict[str, tuple[float, float]], ink: Ink) -> list[str]:
-    """One line with the named spans of time; a name that has no room is left out."""
+    """One line with the named spans of time; a name without room is left out."""
     line = [" "] * frame.width
     for name, (start, end) in marks.items():
         first, last = _column(frame, start), _column(frame, end)

@@ -1,4 +1,4 @@
-"""`estimable tune`: how fast a loop should be made."""
+"""`estimable tune`: how fast a loop should be."""
 
 from typing import Annotated
 
@@ -7,9 +7,9 @@ import typer
 from . import options, show, tune_report
 from .destination import check_destination
 
-WEIGHT_HELP = "What a criterion counts in the choice, as rho=1. May be repeated; default rho=1 and control=1."
-FILTER_HELP = "kalman: leave the filter that of the model's Q and R, and tune the control only."
-DESIGNS_HELP = "How many designs are judged."
+WEIGHT_HELP = "The weight of a criterion, such as rho=1. May be repeated. Default: rho=1 and control=1."
+FILTER_HELP = "kalman: use the Kalman filter of the model's Q and R, and tune only the control."
+DESIGNS_HELP = "Number of designs to judge."
 Weight = Annotated[
     list[str] | None, typer.Option("--weight", metavar="NAME=VALUE", help=WEIGHT_HELP, show_default=False)
 ]
@@ -28,16 +28,16 @@ def tune(
 ) -> None:
     """Tune the feedback and the filter of a model by robustness.
 
-    One number makes the loop slow or fast. For each of many designs: what the loop bears that is not modelled, what noise, a
-    constant and a harmonic force do to it, and what the control costs, all over its bandwidth. Chosen is where the
-    weighted composite is best.
+    One number, eta, makes the loop slow or fast. Many designs are judged: the unmodelled terms that the loop tolerates, the
+    effect of noise, of a constant force and of a harmonic force, and the cost of the control, each as a function of the
+    bandwidth. The design with the best weighted composite is chosen.
 
     \b
     Example:
       estimable tune aircraft.toml --dt 0.01 --report tuning.html
       estimable tune aircraft.toml --dt 0.01 --weight rho=1 --weight control=2 --json
     """
-    check_destination("--report", report, ".html", kept=model)
+    check_destination("--report", report, ".html", record=model)
     with show.working("Judging designs"):
         found = tune_report.tuned(model, dt=dt, weights=weight or (), filter=filter, designs=designs)
     if report is not None:

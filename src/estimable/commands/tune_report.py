@@ -1,4 +1,4 @@
-"""A rho synthesis, for machines and for people."""
+"""A rho synthesis, as JSON and as text."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from .numbers import counted
 
 
 class Tuned(NamedTuple):
-    """A model file, what was found, and what it was asked with."""
+    """A model file, the result, and the options of the command."""
 
     path: Path
     file: ModelFile
@@ -29,14 +29,14 @@ class Tuned(NamedTuple):
 
 
 def tuned(path: Path, *, dt: float | None, weights: Sequence[str], filter: str | None, designs: int) -> Tuned:
-    """Read a model file and judge designs for its model, sampled where a step is given."""
+    """Read a model file and judge designs for its model, sampled if a step is given."""
     faults = checks.Faults()
     faults.whole("--designs", designs, 2)
     faults.finish()
     given = read_weights(weights)
     file = read_model(path)
     if isinstance(file.model, NonlinearModel):
-        checks.refuse("tune needs a linear model, and this one is nonlinear.")
+        checks.refuse("tune needs a linear model. This model is nonlinear.")
     model = sampled(file, dt)
     eta = None if model.m == 0 or model.varying else default_eta(model, designs)
     found = rho_synthesis(model, eta=eta, filter=filter, weights=given or None)
@@ -61,7 +61,7 @@ def read_weights(given: Sequence[str]) -> dict[str, float]:
 
 
 def as_data(run: Tuned, report: Path | None) -> dict[str, Any]:
-    """What `tune` says to a machine."""
+    """What `tune` prints as JSON."""
     found, i = run.found, run.found.chosen
     return {
         "outcome": {"code": 0, "sentence": ""},
@@ -108,25 +108,25 @@ def _values(found: RhoSynthesis, name: str) -> Any:
 
 
 def as_text(run: Tuned) -> list[Any]:
-    """What `tune` says to people."""
+    """What `tune` prints as text."""
     return [_header(run), "", _table(run.found), "", *sentences(run), "", *_gains(run.found)]
 
 
 def sentences(run: Tuned) -> tuple[str, ...]:
-    """The choice, in words."""
+    """The choice, as sentences."""
     found, i = run.found, run.found.chosen
     counted_by = " and ".join(f"{name} ({weight:g})" for name, weight in found.weights.items())
     known = np.isfinite(found.bandwidth[i])
     slow = (
         f"a bandwidth of {found.bandwidth[i]:.3g} rad/s"
         if known
-        else "faster than samples show (a pole at or below zero)"
+        else "faster than can be resolved at this step (a pole at or below zero)"
     )
     margin = found.margin
     return (
         f"Chosen by {counted_by}: {slow}, eta = {found.eta[i]:.4g} per second.",
-        f"This loop bears unmodelled terms of up to {margin.margin:.3g} times the state{_per(run)} (sigma {margin.sigma:.3g}, "
-        f"constant ones {margin.stability_radius:.3g}).",
+        f"This loop tolerates unmodelled terms of up to {margin.margin:.3g} times the state{_per(run)} "
+        f"(sigma {margin.sigma:.3g}, constant ones {margin.stability_radius:.3g}).",
     )
 
 
@@ -135,13 +135,13 @@ def _per(run: Tuned) -> str:
 
 
 def next_steps(run: Tuned, report: Path | None) -> tuple[str, ...]:
-    """What would say more."""
-    told = ("",) if report is None else ("", f"Wrote {report}: open it in a browser.")
+    """The options that show more."""
+    lines = ("",) if report is None else ("", f"Wrote {report}: open it in a browser.")
     if run.found.model.is_continuous:
-        told += ("This design is continuous, and takes R for a density: with --dt SECONDS it is made for samples.",)
+        lines += ("This design is continuous and uses R as a density: --dt SECONDS designs for samples.",)
     if report is None:
-        told += ("All criteria over the bandwidth: --report tuning.html",)
-    return told
+        lines += ("All criteria over the bandwidth: --report tuning.html",)
+    return lines
 
 
 def write(run: Tuned, path: Path) -> None:
@@ -199,7 +199,7 @@ def _noise(found: RhoSynthesis) -> str:
 
 
 def _table(found: RhoSynthesis) -> Any:
-    """Each criterion: its best, where, and what the choice makes of it."""
+    """Each criterion: its best value, the bandwidth of it, and its value in the chosen design."""
     from rich import box
     from rich.table import Table
 

@@ -1,1 +1,1 @@
-"""What was measured: records, and the files they come from."""
+"""Records of measurements, and the files they come from."""

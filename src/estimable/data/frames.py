@@ -25,9 +25,9 @@ def channels_of(
     arrived: str | Sequence[str] | None,
     na_values: Numbers | None,
 ) -> dict[str, Any]:
-    """The arguments `y`, `u`, `t`, `arrived`, `outputs` and `inputs` of a `Record` of named columns.
+    """The arguments `y`, `u`, `t`, `arrived`, `outputs` and `inputs` of a `Record`, from named columns.
 
-    Raises `InputError` with every column that is not there, or holds what is not a number.
+    Raises `InputError` with all columns that are missing or hold anything but numbers.
     """
     import pandas as pd
 
@@ -39,8 +39,8 @@ def channels_of(
         faults.add("`outputs` must name at least one column.")
     arrivals = faults.names("arrived", [arrived] if isinstance(arrived, str) else arrived, "", "")
     if arrivals and len(arrivals) not in (1, len(inputs)):
-        told = checks.listed(arrivals)
-        faults.add(f"`arrived` must name one column for all inputs, or one for each of the {len(inputs)}. Got {told}.")
+        given = checks.listed(arrivals)
+        faults.add(f"`arrived` must name one column for all inputs, or one for each of the {len(inputs)}. Got {given}.")
     columns = {name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals])}
     if len(frame) == 0:
         faults.add("there is no row below the header.")
@@ -61,7 +61,7 @@ def channels_of(
 
 
 def _column(frame: "pd.DataFrame", name: str, faults: checks.Faults) -> "pd.Series | None":
-    """The column of a name, or None."""
+    """The column with a name, or None."""
     import pandas as pd
 
     if name not in frame.columns:
@@ -128,7 +128,7 @@ def _time(
 
 
 def _seconds(column: "pd.Series", label: str, faults: checks.Faults) -> np.ndarray | None:
-    """Timestamps as seconds after the first; durations and numbers as they are."""
+    """Timestamps as seconds after the first; durations and numbers unchanged."""
     import pandas as pd
 
     if len(column) == 0:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 READERS = (".csv", ".txt", ".tsv", ".mat", ".parquet")
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces", ",": "commas"}
-BEGINNING = 8192  # bytes of a file that are looked at before it is read as text
+BEGINNING = 8192  # bytes of a file that are checked before it is read as text
 
 
 def read_record(
@@ -35,15 +35,15 @@ def read_record(
     units: Units = (),
     na_values: Numbers | None = None,
 ) -> Record:
-    """The record in named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
+    """Read a record from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
 
     `time` names the column of seconds or of timestamps (ISO 8601); without it give `dt` in seconds. An empty cell is
-    NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector a channel, of one length.
-    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports. `na_values`: numbers that stand
-    for what was not measured, as -9999; where nothing is said, such a number far outside the others is refused, with its
-    row, and [] takes every number as measured.
+    NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector for each channel, of one length.
+    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports. `na_values`: numbers that mark
+    missing values, such as -9999. By default such a number far outside the others raises an error that names its row; []
+    accepts every number as measured.
 
-    Raises `InputError` where the file is not there or not readable, a column is missing, or a cell is not a number.
+    Raises `InputError` if the file does not exist or is not readable, a column is missing, or a cell is not a number.
     """
     found = checks.existing_file(path)
     try:
@@ -57,7 +57,7 @@ def read_record(
 
 
 def _wanted(*arguments: str | Sequence[str] | None) -> list[str]:
-    """Every name among the arguments; what is not a name is refused later, with the rest."""
+    """All names among the arguments; other values are reported later, with the other faults."""
     lists = [[given] if isinstance(given, str) else given for given in arguments if isinstance(given, str | Sequence)]
     return [name for names in lists for name in names if isinstance(name, str)]
 
@@ -78,10 +78,10 @@ def _read_frame(path: Path, wanted: list[str]) -> "pd.DataFrame":
     except ImportError:
         checks.refuse("Parquet needs pyarrow: pip install 'estimable[parquet]'.")
     except NotImplementedError:
-        checks.refuse("it was saved by MATLAB in its format 7.3: save it again with save(..., '-v7').")
+        checks.refuse("the file has the MATLAB format 7.3, which cannot be read. Save it again with save(..., '-v7').")
     except checks.InputError:
         raise
-    except Exception as error:  # whatever a reader of another package raises at a file that it cannot read
+    except Exception as error:  # any exception with which another package reports an unreadable file
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         checks.refuse(f"it could not be read as {kind[1:]}: {first}")
 
@@ -97,7 +97,7 @@ def _read_csv(path: Path, separator: str, wanted: list[str]) -> "pd.DataFrame":
             frame = pd.read_csv(path, **options)
     except pd.errors.ParserWarning:
         checks.refuse(
-            f"its rows hold more cells than its header has names: {checks.listed(names)}. Is a name missing there?"
+            f"its rows hold more cells than its header has names: {checks.listed(names)}. Is a name missing in the header?"
         )
     if len(frame) and len(names) > 1 and frame.iloc[:, -1].isna().any():
         _check_cells(path, separator, len(names))
@@ -109,12 +109,12 @@ def _header(path: Path, separator: str, wanted: list[str]) -> list[str]:
     with path.open("rb") as file:
         beginning = file.read(BEGINNING)
     if b"\0" in beginning:
-        checks.refuse("it is not a text file, or not in UTF-8: it holds zero bytes.")
+        checks.refuse("it is not a text file in UTF-8: it holds zero bytes.")
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file, delimiter=separator, skipinitialspace=True)
         names = next((line for line in lines if line), None)
     if names is None:
-        checks.refuse("it is empty: it has no header and no row.")
+        checks.refuse("it is empty: it needs a header and rows.")
     twice = [name for name in dict.fromkeys(wanted) if names.count(name) > 1]
     if twice:
         checks.refuse(*(f"there is more than one column {name!r}." for name in twice))
@@ -124,16 +124,16 @@ def _header(path: Path, separator: str, wanted: list[str]) -> list[str]:
 
 
 def _check_header(names: list[str], separator: str) -> None:
-    """What is likely wrong with a header that has none of the names wanted."""
+    """Report the likely fault of a header that has none of the wanted names."""
     other = next((mark for mark in SEPARATORS if len(names) == 1 and mark in names[0].strip()), None)
     if other is not None:
         checks.refuse(
-            f"its header is one name, {checks.short(names[0])}. Are its cells separated by {SEPARATORS[other]}? "
+            f"its header is one name, {checks.short(names[0])}. Are the cells separated by {SEPARATORS[other]}? "
             f"They must be separated by {SEPARATORS[separator]}. Or read it with pandas.read_csv(path, sep={other!r}), "
             "then use Record.from_pandas."
         )
     if all(_is_number(name) for name in names):
-        checks.refuse(f"it has no header: its first line must name the columns, and holds {checks.listed(names)}.")
+        checks.refuse(f"it has no header. The first line must name the columns. It holds {checks.listed(names)}.")
 
 
 def _is_number(text: str) -> bool:
@@ -145,13 +145,15 @@ def _is_number(text: str) -> bool:
 
 
 def _check_cells(path: Path, separator: str, columns: int) -> None:
-    """No row may be shorter than the header: it is cut off, which is not the same as an empty cell."""
+    """Check that no row is shorter than the header: a truncated row is not the same as empty cells."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = (line for line in csv.reader(file, delimiter=separator) if "".join(line).strip())
         for number, row in enumerate(islice(rows, 1, None), start=1):
             if len(row) < columns:
                 cells = checks.counted(len(row), "cell")
-                checks.refuse(f"row {number} below the header has {cells}, the header {columns}: is the line cut off?")
+                checks.refuse(
+                    f"row {number} below the header has {cells}, the header has {columns}. Is the line truncated?"
+                )
 
 
 def _read_mat(path: Path, wanted: list[str]) -> "pd.DataFrame":
@@ -175,8 +177,8 @@ def _read_mat(path: Path, wanted: list[str]) -> "pd.DataFrame":
     vectors = {name: np.ravel(value) for name, value in found.items() if _is_vector(value)}
     lengths = {name: len(vectors[name]) for name in dict.fromkeys(wanted) if name in vectors}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name!r} has {length}" for name, length in lengths.items())
-        checks.refuse(f"the variables must have one length: {told}.")
+        sizes = ", ".join(f"{name!r} has {length}" for name, length in lengths.items())
+        checks.refuse(f"the variables must have one length: {sizes}.")
     length = next(iter(lengths.values()), max(map(len, vectors.values()), default=0))
     return pd.DataFrame({name: value for name, value in vectors.items() if len(value) == length})
 
@@ -188,7 +190,7 @@ def _is_vector(value: "np.ndarray | spmatrix") -> bool:
 
 
 def _kind(value: "np.ndarray | spmatrix") -> str:
-    """What a MATLAB variable is, in words."""
+    """The kind of a MATLAB variable, for messages."""
     if not isinstance(value, np.ndarray):
         return "sparse"
     words = {"O": "a cell array", "U": "a text", "V": "a structure", "c": "complex"}
@@ -196,5 +198,5 @@ def _kind(value: "np.ndarray | spmatrix") -> str:
 
 
 def column_names(path: str | Path) -> list[str]:
-    """The names of the columns of a file. Raises `InputError` where it is not there or not readable."""
+    """The names of the columns of a file. Raises `InputError` if it does not exist or is not readable."""
     return [str(name) for name in _read_frame(checks.existing_file(path), []).columns]

@@ -1,4 +1,4 @@
-"""What was measured, when, and what of the inputs arrived."""
+"""Records: measured outputs, logged inputs, times, and which inputs arrived."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Units: TypeAlias = Mapping[str, str] | Sequence[tuple[str, str]]  # {channel: unit}
 
 LOST = ("zero", "hold")
-UNIFORM = 1e-6  # relative scatter of time steps up to which sampling counts as regular: what rounding in a file leaves
+UNIFORM = 1e-6  # largest relative scatter of regular time steps: the rounding of a file
 
 
 @frozen
@@ -27,13 +27,14 @@ class Record:
     """Measured outputs and logged inputs, row by row.
 
     Row k: `y[k]` was measured at `t[k]`; `u[k]` was applied from `t[k]` to `t[k+1]`: constant (`hold="zero_order"`) or
-    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, channel by channel. `u` (T, m):
-    what was sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing;
-    neither, and the record takes the step of a discrete model. `arrived` (T, m): 1 the input was applied, 0 the network
-    lost it (the actuator then does what `lost` says: "zero" or "hold"), NaN nobody knows. `outputs` and `inputs` name
-    the channels (default y1.., u1..): models are matched by name. `units`: {name: unit}, for tables and figures.
+    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, for each channel. `u` (T, m):
+    the inputs sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing;
+    without either, the record uses the step of a discrete model. `arrived` (T, m): 1 if the input was applied, 0 if the
+    network lost it (the actuator then applies "zero" or its last input, "hold", as `lost` says), NaN if unknown. `outputs`
+    and `inputs` name the channels (default y1.., u1..): they are matched to those of a model by name. `units`:
+    {name: unit}, for tables and figures.
 
-    Raises `InputError` with every fault at once.
+    Raises `InputError` with all faults at once.
 
     >>> record = Record([[1.0], [float("nan")], [0.8]], [[0.0], [1.0], [1.0]], dt=0.1, outputs=["level"])
     >>> len(record), record.outputs, record.inputs, record.seconds
@@ -53,7 +54,7 @@ class Record:
     units: Any = static(default=())
     held: Annotated[Any, "m"] = field(
         default=None, init=False
-    )  # what the actuator held before row 0, where rows were cut off
+    )  # the input held by the actuator before row 0, if earlier rows were cut off
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -92,12 +93,12 @@ class Record:
         units: Units = (),
         na_values: Numbers | None = None,
     ) -> "Record":
-        """A record of named columns of a DataFrame.
+        """A record from named columns of a DataFrame.
 
-        `time`: a column of seconds or of timestamps, or None: then `dt`, or the index where it is a DatetimeIndex or
-        named "time". `arrived`: columns of 1 and 0, one an input, or one for all of them. `na_values`: as in `read_record`.
+        `time`: a column of seconds or of timestamps, or None: then `dt`, or the index if it is a DatetimeIndex or
+        named "time". `arrived`: columns of 1 and 0, one for each input, or one for all inputs. `na_values`: as in `read_record`.
 
-        Raises `InputError` where a column is not there, or holds what is not a number, with the row.
+        Raises `InputError` if a column is missing or holds anything but numbers; the message names the row.
         """
         channels = channels_of(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values
@@ -142,32 +143,32 @@ class Record:
 
     @property
     def seconds(self) -> float | None:
-        """From the first sample to the last; None where the record has no time."""
+        """Duration from the first sample to the last; None if the record has no time."""
         return None if self.t is None else float(self.t[-1] - self.t[0])
 
     @property
     def seen(self) -> np.ndarray:
-        """The mask of what was seen, (T, p)."""
+        """The mask of the seen outputs, (T, p)."""
         return ~np.isnan(self.y)
 
     def clock(self, dt: float | None = None) -> Clock:
-        """The steps of this record; `dt` where it has no time of its own. The last row has the step before it."""
+        """The steps of this record; `dt` if it has no time. The last row has the step of the row before."""
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
             return Clock.every(0.0 if regular is None else regular, self.hold)
         lengths, rows = _groups(np.diff(self.t), scatter(self.t, np.median(np.diff(self.t))))
-        filled = 2 ** int(np.ceil(np.log2(len(lengths))))  # so that another record seldom compiles anew
+        filled = 2 ** int(np.ceil(np.log2(len(lengths))))  # so that another record seldom needs a new compilation
         lengths = np.append(lengths, np.full(filled - len(lengths), lengths[-1]))
         return Clock(lengths, np.append(rows, rows[-1]), self.hold)
 
     def applied(self) -> np.ndarray:
-        """The input that the actuator applied, (T, m): what arrived, or what `lost` says; NaN where nobody knows."""
+        """The input that the actuator applied, (T, m): as sent if it arrived, else as `lost` says; NaN if unknown."""
         if self.arrived is None:
             return self.u
         applied = np.where(self.arrived == 1, self.u, np.where(self.arrived == 0, 0.0, np.nan))
         if self.lost == "hold":
             rows = np.arange(applied.shape[-2])[:, None]
-            last = np.maximum.accumulate(np.where(self.arrived != 0, rows, -1), axis=-2)  # row that the actuator holds
+            last = np.maximum.accumulate(np.where(self.arrived != 0, rows, -1), axis=-2)  # row of the held input
             held = np.zeros_like(applied[..., :1, :]) if self.held is None else self.held[..., None, :]
             applied = np.where(last < 0, held, np.take_along_axis(applied, np.maximum(last, 0), axis=-2))
         return applied
@@ -207,13 +208,13 @@ def _read_units(units: Units, channels: tuple[str, ...], faults: checks.Faults) 
 
 def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndarray | None:
     if faults.sizes.get("m") == 0:
-        faults.add("`arrived` says which inputs were applied, but the record has no input: give `u`.")
+        faults.add("`arrived` marks which inputs were applied, but the record has no input: give `u`.")
         return None
     read = faults.array("arrived", column(arrived), "T m", nan=True)
     if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
-        faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (nobody knows).")
+        faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (unknown).")
     if hold == "first_order":
-        faults.add('`arrived` needs hold = "zero_order": an input that comes in packets does not move between them.')
+        faults.add('`arrived` needs hold = "zero_order": an input that arrives in packets is constant between them.')
     return read
 
 
@@ -247,7 +248,7 @@ def _read_time(
 
 
 def _regular_step(t: np.ndarray) -> float | None:
-    """The step of regular times; None where they are not regular, or there is one only."""
+    """The step of regular times; None if they are not regular, or there is only one."""
     if len(t) == 1:
         return None
     mean = float((t[-1] - t[0]) / (len(t) - 1))
@@ -255,12 +256,12 @@ def _regular_step(t: np.ndarray) -> float | None:
 
 
 def scatter(t: np.ndarray, step: float) -> float:
-    """How far rounding may put a step from `step`: the rounding of a file, and that of large times in float64."""
+    """The largest deviation from `step` by rounding: that of a file, and that of large times in float64."""
     return UNIFORM * step + 4 * np.finfo(float).eps * np.abs(t).max()
 
 
 def _groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The distinct lengths among steps, those within `width` counting as one, their mean; and which each step is."""
+    """The distinct lengths among steps, and the index of each step; steps within `width` count as one, at their mean."""
     ordered, starts, i = np.sort(steps), [], 0
     while i < len(ordered):
         starts.append(ordered[i])
@@ -270,7 +271,7 @@ def _groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def match(names: tuple[str, ...], defaults: bool, record_names: tuple[str, ...], what: str, faults: checks.Faults):
-    """Columns of a record for a model's channels, by name; by position where the model's are the default names."""
+    """Columns of a record for a model's channels, by name; by position if the model has the default names."""
     if all(name in record_names for name in names):
         return [record_names.index(name) for name in names]
     if defaults and len(names) == len(record_names):

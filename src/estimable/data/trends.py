@@ -1,4 +1,4 @@
-"""Levels and straight drifts of the signals of a record: found by least squares, taken away in the open."""
+"""Levels and straight drifts of the signals of a record: found by least squares and subtracted."""
 
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
@@ -14,16 +14,16 @@ DEGREES = (0, 1)
 
 @saved
 class Trend(NamedTuple):
-    """What is taken away from each channel: inputs (2, m) and outputs (2, p), their value at row 0 and their change a row."""
+    """The trend to subtract from each channel: inputs (2, m) and outputs (2, p), the value at row 0 and the change per row."""
 
     inputs: Annotated[np.ndarray, "2 m"]
     outputs: Annotated[np.ndarray, "2 p"]
 
     @staticmethod
     def of(records: Sequence[Record], degree: int = 0) -> "Trend":
-        """The levels (degree 0) or straight lines (degree 1) of records, over what is known, by least squares.
+        """The levels (degree 0) or straight lines (degree 1) of records, fitted to the known samples by least squares.
 
-        Of several records it is the one they have in common. Inputs are those that were applied.
+        Several records share one trend. Inputs are those that were applied.
 
         >>> Trend.of(Record([1.0, 2.0, 3.0], [4.0, 4.0, 4.0], dt=1), 1).outputs.round(9).ravel().tolist()
         [1.0, 1.0]
@@ -37,15 +37,15 @@ class Trend(NamedTuple):
 
     @staticmethod
     def none(record: Record) -> "Trend":
-        """That of a record of which nothing is to be taken away."""
+        """The zero trend of a record."""
         return Trend(np.zeros((2, len(record.inputs))), np.zeros((2, len(record.outputs))))
 
     def at(self, row: float) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs (m,) and outputs (p,) there."""
+        """Inputs (m,) and outputs (p,) of the trend at a row."""
         return tuple(line[0] + row * line[1] for line in self)  # type: ignore[return-value]
 
     def taken_from(self, record: Record) -> Record:
-        """The record without it. The inputs are those that were applied.
+        """The record without the trend. The inputs are those that were applied.
 
         >>> record = Record([1.0, 2.0], [4.0, 4.0], dt=1)
         >>> Trend.of(record).taken_from(record).y.ravel().tolist()
@@ -57,7 +57,7 @@ class Trend(NamedTuple):
 
 
 def _lines(rows: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
-    """(2, channels); zero where nothing is known."""
+    """The lines (2, channels); zero for a channel without known samples."""
     found = np.zeros((2, values.shape[1]))
     for i, column in enumerate(values.T):
         known = ~np.isnan(column)

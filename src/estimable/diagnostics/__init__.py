@@ -1,4 +1,4 @@
-"""Is the estimate consistent with what it claims? Pure functions of arrays and results."""
+"""Consistency checks of estimates. Pure functions of arrays and results."""
 
 from .changes import DetectedChange, changes
 from .consistency import Consistency, nees, nis

@@ -1,4 +1,4 @@
-"""What a change detector found, as a list."""
+"""The list of changes that a change detector found."""
 
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ from ..results import Estimate
 
 @saved
 class DetectedChange(NamedTuple):
-    """That a gain jumped: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
-    the gain before; the gain after, with its standard deviation, as known at the next change or at the end of the record;
-    and the standard deviation of the onset as known at the alarm, in rows and in seconds."""
+    """A jump of a gain: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
+    the gain before; the gain after and its standard deviation, estimated at the next change or at the end of the record;
+    and the standard deviation of the onset, estimated at the alarm, in rows and in seconds."""
 
     gain: str
     onset: int
@@ -28,37 +28,41 @@ class DetectedChange(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The change in words."""
+        """The change, as a sentence."""
         when = f"at row {self.onset} ± {self.onset_sigma:.2g}"
         if self.onset_s is not None:
             when = f"at {self.onset_s:.6g} ± {self.onset_sigma_s:.2g} s"
-        seen = f"row {self.detected_at}" if self.detected_at_s is None else f"{self.detected_at_s:.6g} s"
-        return f"{self.gain} went from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, seen at {seen}."
+        alarm = f"row {self.detected_at}" if self.detected_at_s is None else f"{self.detected_at_s:.6g} s"
+        return f"{self.gain} changed from {self.before:.3g} to {self.after:.3g} ± {self.sigma:.2g} {when}, detected at {alarm}."
 
 
 def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     """The changes that `ChangeDetection` found, in order of their alarms.
 
-    `result`: of `estimate`, or one of a bank (`bank[i]`), kept with "all". Where several gains may jump, the one named is
-    that which moved most, in its standard deviations. Raises `InputError` for a result that knows of no alarms.
+    `result`: of `estimate`, or one of a bank (`bank[i]`), with `keep="all"`. If several gains may jump, the change is
+    attributed to the gain that moved most, in units of its standard deviation. Raises `InputError` for a result without alarms.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> record = Record([0.0, 1.0, 1.5, 1.75, 1.4, 1.2], np.ones(6), dt=1)
     >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0, length=10)
     >>> [change] = diagnostics.changes(estimate(watched, record, prior=Prior([0.0], [[0.0]])))
     >>> change.sentence
-    'gain went from 1 to 0.516 ± 0.057 at 3 ± 0.15 s, seen at 4 s.'
+    'gain changed from 1 to 0.516 ± 0.057 at 3 ± 0.15 s, detected at 4 s.'
     """
     if not isinstance(result, Estimate) or "alarm" not in result.extra:
-        told = f"keep = {'all'!r}" if isinstance(result, Estimate) else "one result of the bank, as in changes(bank[0])"
-        checks.refuse(f"`result` must be the estimate of a ChangeDetection, with {told}. Got {checks.short(result)}.")
+        expected = (
+            f"keep = {'all'!r}" if isinstance(result, Estimate) else "one result of the bank, as in changes(bank[0])"
+        )
+        checks.refuse(
+            f"`result` must be the estimate of a ChangeDetection, with {expected}. Got {checks.short(result)}."
+        )
     alarms = np.flatnonzero(result.extra["alarm"])
     ends = [*(alarms[1:] - 1), len(result.gain) - 1]
     return tuple(_change(result, int(alarm), int(end)) for alarm, end in zip(alarms, ends, strict=False))
 
 
 def _change(result: Estimate, alarm: int, end: int) -> DetectedChange:
-    """The change of which row `alarm` told, and what is known of it at row `end`."""
+    """The change detected at row `alarm`, as estimated at row `end`."""
     onset = int(result.extra["onset"][alarm])
     before = max(onset - 1, 0)
     sigma = np.sqrt(np.diagonal(result.gain_covariance[end]))

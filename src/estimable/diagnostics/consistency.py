@@ -1,4 +1,4 @@
-"""Normalised squared errors and innovations, with the band where a right model keeps them."""
+"""Normalised squared errors and innovations, with the band in which a correct model keeps them."""
 
 from typing import NamedTuple
 
@@ -8,13 +8,13 @@ from .. import checks
 from ..annotations import Numbers
 from ..frozen import saved
 
-GROSS = 30.0  # times the expected: no tuning of Q and R explains that
-KNOWN = 1e-10  # eigenvalue of a correlation matrix below which a combination counts as known exactly
+GROSS = 30.0  # times the expected value: no tuning of Q and R explains that
+KNOWN = 1e-10  # largest eigenvalue of a correlation matrix of a combination that counts as known exactly
 
 
 @saved
 class Consistency(NamedTuple):
-    """The mean of a normalised square, what a right model gives, its band, and how many degrees of freedom it has."""
+    """The mean of a normalised square, its expected value and band under a correct model, and its degrees of freedom."""
 
     mean: float
     expected: float
@@ -29,10 +29,10 @@ class Consistency(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What it says, in words."""
+        """The verdict, as a sentence."""
         band = f"{self.mean:.3f}, expected {self.expected:.3f} ({self.lower:.3f} to {self.upper:.3f})"
         if self.consistent:
-            return f"{band}: nothing speaks against the covariances"
+            return f"{band}: consistent with the model"
         if self.mean > GROSS * self.expected:
             return f"{band}: the model is grossly wrong (units, time, order or sign of the channels?)"
         if self.mean > self.upper:
@@ -44,9 +44,10 @@ def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: flo
     """Mean normalised innovation squared e' S^-1 e over the samples with an output, in units of its outputs.
 
     `innovation` (..., p), NaN where not seen; `innovation_covariance` (..., p, p), NaN where it is infinite (a diffuse
-    prior). With a right model the sum over all samples is χ² with as many degrees of freedom as outputs were seen, so the
-    mean over samples is near p. The band holds that mean with `probability`. Left out: what was not seen, what was
-    predicted from nothing, and combinations that were known exactly. Raises `InputError` where nothing remains.
+    prior). With a correct model the sum over all samples is χ² with as many degrees of freedom as outputs were seen, so the
+    mean over samples is near p. The band contains that mean with `probability`. Outputs that were not seen or were
+    predicted from a diffuse state are omitted, and so are combinations that were known exactly. Raises `InputError` if
+    nothing remains.
 
     >>> import numpy as np
     >>> e = np.random.default_rng(1).normal(size=(1000, 2))
@@ -56,23 +57,23 @@ def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: flo
     e, S = _read("innovation", innovation, innovation_covariance, probability)
     p = e.shape[-1]
     e, S = e.reshape(-1, p), S.reshape(-1, p, p)
-    told = ~np.isnan(e) & (np.einsum("bii->bi", S) > 0)
+    judged = ~np.isnan(e) & (np.einsum("bii->bi", S) > 0)
     total, samples, degrees = 0.0, 0, 0
-    for pattern in np.unique(told, axis=0):
-        rows = np.flatnonzero((told == pattern).all(axis=1))
+    for pattern in np.unique(judged, axis=0):
+        rows = np.flatnonzero((judged == pattern).all(axis=1))
         if pattern.any():
             squares, ranks = _squares(e[rows][:, pattern], S[rows][:, pattern][:, :, pattern])
             total, samples, degrees = total + squares.sum(), samples + np.sum(ranks > 0), degrees + ranks.sum()
     if degrees == 0:
-        checks.refuse("there is no innovation to judge by: nothing was seen that was not known exactly, or not at all.")
+        checks.refuse("there is no innovation to judge: no output with a finite, nonzero innovation variance was seen.")
     return _against_chi_square(float(total), int(samples), int(degrees), probability)
 
 
 def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> Consistency:
     """Mean normalised estimation error squared over independent runs: error (B, n), covariance (B, n, n).
 
-    Errors of one run at different times are correlated: use one time of each run. Combinations known exactly are left
-    out; raises `InputError` where nothing remains.
+    Errors of one run at different times are correlated: use one time of each run. Combinations known exactly are
+    omitted; raises `InputError` if nothing remains.
 
     >>> import numpy as np
     >>> round(nees(np.ones((4, 1)), np.ones((4, 1, 1))).mean, 3)
@@ -80,10 +81,10 @@ def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> 
     """
     error, covariance = _read("error", error, covariance, probability)
     if error.ndim != 2 or np.isnan(error).any() or np.isnan(covariance).any():
-        checks.refuse("`error` must be (B, n), one row a run, and known like its covariance: no NaN.")
+        checks.refuse("`error` must be (B, n), one row for each run. It and its covariance must not hold NaN.")
     squares, ranks = _squares(error, covariance)
     if ranks.sum() == 0:
-        checks.refuse("there is no error to judge by: every covariance is zero.")
+        checks.refuse("there is no error to judge: every covariance is zero.")
     return _against_chi_square(float(squares.sum()), len(squares), int(ranks.sum()), probability)
 
 

@@ -1,4 +1,4 @@
-"""What an unbiased estimate of an output-error model can reach with the packets that arrived."""
+"""The accuracy that an unbiased estimate of an output-error model can reach with the packets that arrived."""
 
 from typing import NamedTuple
 
@@ -12,15 +12,15 @@ from ..frozen import saved
 from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 
-UNTOLD = 1e-9  # eigenvalue of the scaled information, of its largest, below which a direction counts as not told of
+UNTOLD = 1e-9  # relative eigenvalue of the scaled information below which a direction counts as undetermined
 
 
 @saved
 class Efficiency(NamedTuple):
-    """Mean squared errors of estimates over the Cramér-Rao bounds of their records: `ratio` 1 is the best.
+    """Mean squared errors of estimates divided by the Cramér-Rao bounds of their records: a `ratio` of 1 is the best.
 
-    `ratio`: mean over runs of the squared errors summed over the parameters, by the mean trace of the bounds; `normalised`: mean
-    of e' I e by the number of parameters, which does not depend on units; `runs`.
+    `ratio`: mean over runs of the squared errors summed over the parameters, divided by the mean trace of the bounds;
+    `normalised`: mean of e' I e divided by the number of parameters, which does not depend on units; `runs`: their number.
     """
 
     ratio: float
@@ -29,15 +29,15 @@ class Efficiency(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What it says, in words."""
+        """The verdict, as a sentence."""
         loss = 100 * (self.normalised - 1)
         return f"{self.runs} runs: the normalised squared error is {self.normalised:.3f} of the bound ({loss:+.1f} %)."
 
 
 def slopes(model: OutputError, record: Record) -> tuple[np.ndarray, ...]:
-    """dx°_i/dθ_i of each output, (T, d) each, from rest under the inputs that were applied.
+    """dx°_i/dθ_i of each output, (T, d) each, from rest under the applied inputs.
 
-    Raises `InputError` where an input is not known.
+    Raises `InputError` if an input is unknown.
     """
     u = applied(model, record)
     rows = zip(np.asarray(model.a), np.asarray(model.b), strict=True)
@@ -45,7 +45,7 @@ def slopes(model: OutputError, record: Record) -> tuple[np.ndarray, ...]:
 
 
 def information(model: OutputError, record: Record) -> np.ndarray:
-    """Fisher's information (d, d) of the parameters in the outputs that were seen, block by output.
+    """Fisher's information (d, d) of the parameters in the seen outputs, one diagonal block for each output.
 
     >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
     >>> information(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).tolist()
@@ -57,27 +57,28 @@ def information(model: OutputError, record: Record) -> np.ndarray:
     if np.any(np.asarray(model.noise_variance) <= 0):
         faults.add("`model` must have a noise variance greater than 0: without noise the information is infinite.")
     faults.finish()
-    told = zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True)
-    return np.asarray(block_diag(*(kernel.information(ψ, seen, r) for ψ, seen, r in told)))
+    blocks = zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True)
+    return np.asarray(block_diag(*(kernel.information(ψ, seen, r) for ψ, seen, r in blocks)))
 
 
 def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
     """The smallest covariance (d, d) that an unbiased estimate of the parameters of `model` can have from `record`.
 
-    It depends on which inputs were applied and which outputs seen, not on their values: so it can be worked out before an
-    experiment, for any pattern of losses (`simulate` with links makes some). Model: `OutputError`, from rest.
+    It depends on the applied inputs and on which outputs were seen, not on the values of the outputs. It can therefore be
+    computed before an experiment, for any pattern of losses (`simulate` with links draws such patterns). Model: `OutputError`,
+    from rest.
 
-    Raises `InputError` where an input is not known, `AssumptionError` where the record tells nothing of a direction.
+    Raises `InputError` if an input is unknown, `AssumptionError` if the record has no information about a direction.
 
     >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
     >>> cramer_rao(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).round(9).tolist()
     [[0.05]]
     """
     M = information(model, record)
-    if (untold := undetermined(M)).shape[1]:
-        lacking = checks.counted(untold.shape[1], "direction")
+    if (directions := undetermined(M)).shape[1]:
+        lacking = checks.counted(directions.shape[1], "direction")
         raise AssumptionError(
-            f"the record tells nothing of {lacking} of the {len(M)} parameters, so there is no bound: "
+            f"the record has no information about {lacking} of the {len(M)} parameters, so there is no bound: "
             "`excitation(model, record)` names them."
         )
     scale = scale_of(M)
@@ -85,7 +86,7 @@ def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
 
 
 def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
-    """How near estimates come to the Cramér-Rao bound: error (B, d), bound (B, d, d) of each run.
+    """How close estimates are to the Cramér-Rao bound: error (B, d), bound (B, d, d) of each run.
 
     >>> rng = np.random.default_rng(0)
     >>> abs(efficiency(rng.normal(size=(4000, 2)), np.broadcast_to(np.eye(2), (4000, 2, 2))).ratio - 1) < 0.05
@@ -100,9 +101,9 @@ def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
 
 
 def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
-    """θ + I(θ)^-1 score(θ) of the true `model`: what an efficient estimate of this very record would be, to first order.
+    """θ + I(θ)^-1 score(θ) of the true `model`: the efficient estimate from this record, to first order.
 
-    No estimator knows it; the error of an estimate beside this one's, on the same records, is free of the luck of the draws.
+    It needs the true model. The error of an estimate relative to this one, on the same records, does not depend on the draws.
     """
     e = record.y - model.response(applied(model, record))
     score = [
@@ -113,7 +114,7 @@ def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
 
 
 def applied(model: OutputError, record: Record) -> np.ndarray:
-    """The inputs that were applied (T, m), all of them known."""
+    """The applied inputs (T, m), checked to be known."""
     faults = checks.Faults()
     if (len(record.inputs), len(record.outputs)) != (model.m, model.p):
         faults.add(
@@ -123,14 +124,14 @@ def applied(model: OutputError, record: Record) -> np.ndarray:
     u = np.asarray(record.applied())
     if np.isnan(u).any():
         faults.add(
-            f"an input is not known at row {checks.first_index(np.isnan(u))}: NaN, or nobody knows whether it arrived."
+            f"an input is unknown at row {checks.first_index(np.isnan(u))}: it is NaN, or its arrival is unknown."
         )
     faults.finish()
     return u
 
 
 def undetermined(M: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (d, r) of what the information M (d, d) does not tell of, whatever the units."""
+    """An orthonormal basis (d, r) of the directions that the information M (d, d) does not determine, in any units."""
     scale = scale_of(M)
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     largest = values.max(initial=0.0)
@@ -141,6 +142,6 @@ def undetermined(M: np.ndarray) -> np.ndarray:
 
 
 def scale_of(M: np.ndarray) -> np.ndarray:
-    """What makes the diagonal of M one; zero where it is zero."""
+    """The scale that makes the diagonal of M one; zero where the diagonal is zero."""
     size = np.sqrt(np.diagonal(M))
     return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)

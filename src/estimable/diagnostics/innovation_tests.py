@@ -1,4 +1,4 @@
-"""Everything that a record says against a result, in one list."""
+"""All consistency tests of the innovations of a result, in one list."""
 
 from typing import NamedTuple
 
@@ -14,9 +14,9 @@ from .innovations import LAGS, Correlations, cross_correlation, standardised, wh
 
 @saved
 class InnovationChecks(NamedTuple):
-    """Verdicts on a result: of all outputs together (`nis`), of each output, and of each output against each input.
+    """Verdicts on a result: on all outputs together (`nis`), on each output, and on each output against each input.
 
-    `false_alarm` is the probability with which a right model fails any of them.
+    `false_alarm` is the probability with which a correct model fails any of them.
     """
 
     nis: Consistency
@@ -27,12 +27,12 @@ class InnovationChecks(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether nothing speaks against the model."""
+        """Whether the innovations are consistent with the model."""
         return not self.faults
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The sentence of each verdict that failed, the most telling first: inputs, whiteness, levels."""
+        """The sentence of each failed verdict, the most specific first: inputs, whiteness, levels."""
         inputs = [c for c in self.cross_correlation.values() if not c.passed]
         found = [c.sentence for c in sorted(inputs, key=lambda c: c.p_value)]
         found += [c.sentence for c in sorted(self.whiteness.values(), key=lambda c: c.p_value) if not c.passed]
@@ -40,37 +40,37 @@ class InnovationChecks(NamedTuple):
         return tuple(found if found or self.nis.consistent else [self.nis.sentence])
 
     def _level(self, name: str) -> str:
-        """Whether Q or R is to blame shows in the sign of the correlation of neighbours."""
+        """The sentence on the level of an output. The sign of the correlation at lag 1 distinguishes Q from R."""
         level, first = self.outputs[name], self.whiteness[name]
         small = level.mean > level.expected
-        told = f"squared innovations of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        found = f"squared innovations of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
         if abs(first.values[0]) <= 2 / np.sqrt(max(first.pairs[0], 1)):
             which = "Q and R"
         else:
             which = "Q" if (first.values[0] > 0) == small else f"R of {name}"
-        return f"{told}: {which} probably too {'small' if small else 'large'}"
+        return f"{found}: {which} probably too {'small' if small else 'large'}"
 
     def __str__(self) -> str:
-        return "\n".join(self.faults) if self.faults else "nothing speaks against the model"
+        return "\n".join(self.faults) if self.faults else "consistent with the model"
 
 
 def check_innovations(
     result: Estimate, record: Record, *, lags: int = LAGS, false_alarm: float = 0.01
 ) -> InnovationChecks:
-    """Look at the innovations of a result in every way there is: their size, whether they are white, whether any input
-    is left in them, output by output.
+    """Test the innovations of a result: their size, their whiteness, and their correlation with each input, for each
+    output.
 
-    `result`: of `estimate`, with its covariances kept; `record`: the one it was made of, for its inputs. `false_alarm`:
-    the probability that a right model fails any of the tests; each gets an equal share. An input that feeds back the
+    `result`: of `estimate`, with its covariances; `record`: the record of that estimate, for its inputs. `false_alarm`:
+    the probability that a correct model fails any of the tests; each test gets an equal share. An input that feeds back the
     outputs with one sample's delay or more does not disturb the tests.
 
-    Raises `InputError` where the result has no innovations or the record is another.
+    Raises `InputError` if the result has no innovations or the record is a different one.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> drawn = simulate(model, seed=1, steps=300, prior=Prior([0.0], [[1.0]]))
     >>> result = estimate(Kalman(model), drawn.record, prior=Prior([0.0], [[1.0]]))
     >>> str(diagnostics.check_innovations(result, drawn.record))
-    'nothing speaks against the model'
+    'consistent with the model'
     """
     e, u, inputs = _read(result, record)
     outputs = result.names.outputs
@@ -104,7 +104,7 @@ def checks_share(false_alarm: float, tests: int) -> float:
 def _read(result: Estimate, record: Record) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     innovation, S = getattr(result, "innovation", None), getattr(result, "innovation_covariance", None)
     if innovation is None or S is None:
-        checks.refuse('`result` has no innovations with their covariances: estimate(..., keep="all") has them.')
+        checks.refuse('`result` has no innovations with covariances. Make it by estimate(..., keep="all").')
     if not hasattr(record, "applied") or len(record) != len(innovation):
-        checks.refuse(f"`record` must be the record that the result was made of: {len(innovation)} rows.")
+        checks.refuse(f"`record` must be the record of the result, with {len(innovation)} rows.")
     return standardised(innovation, S), np.asarray(record.applied(), float), tuple(record.inputs)

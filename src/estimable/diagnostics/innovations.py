@@ -1,4 +1,4 @@
-"""Do the innovations still hold something that the model could have predicted?"""
+"""Tests for a predictable part in the innovations: whiteness, and correlation with an input."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -10,18 +10,16 @@ from ..annotations import Numbers
 from ..frozen import saved
 
 LAGS = 20
-FEWEST = 8  # pairs of samples from which a correlation is a number worth judging
-
-
-COLLINEAR = 1e-3  # of the largest: directions in which the input hardly moves tell nothing
-CANCELS = 0.5  # a shift in time leaves as much of one sign as of the other, a wrong gain mostly one
+FEWEST = 8  # fewest pairs of samples for which a correlation is judged
+COLLINEAR = 1e-3  # relative size below which a direction of the input is omitted
+CANCELS = 0.5  # a time shift leaves effects of both signs, a wrong gain mostly of one
 
 
 @saved
 class Correlations(NamedTuple):
     """Correlations of standardised innovations by lag, their band, and the verdict.
 
-    `values` (lags,), each with `pairs` (lags,) seen pairs; a right model keeps each within ±`band` and the sum of squares
+    `values` (lags,), each from `pairs` (lags,) seen pairs; a correct model keeps each within ±`band` and the sum of squares
     `statistic` below `limit` with the stated probability. `lag` is the lag of the largest, relative to its band.
     """
 
@@ -41,12 +39,12 @@ class Correlations(NamedTuple):
 
     @property
     def lag(self) -> int:
-        """Lag of the correlation that is largest beside its band."""
+        """Lag of the correlation that is largest relative to its band."""
         return int(self.lags[np.argmax(np.abs(self.values) * np.sqrt(self.pairs))])
 
 
 def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndarray:
-    """Innovations (T, p) over their standard deviations; NaN where not seen, or known exactly, or not at all.
+    """Innovations (T, p) over their standard deviations; NaN where not seen, known exactly, or of infinite variance.
 
     >>> standardised([[2.0]], [[[4.0]]]).tolist()
     [[1.0]]
@@ -60,10 +58,10 @@ def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndar
 
 
 def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probability: float = 0.999) -> Correlations:
-    """Are standardised innovations (T,) of one output white? A portmanteau test that takes missing samples as they are.
+    """Are standardised innovations (T,) of one output white? A portmanteau test that allows missing samples.
 
-    The correlation at a lag is taken over the pairs that were both seen, and over their own size, so that a wrong level
-    does not count here. Under a right model its variance is 1 / pairs whatever is missing, lags are uncorrelated, and
+    The correlation at a lag is computed from the pairs of which both were seen, relative to their size, so that a wrong
+    level has no effect. Under a correct model its variance is 1 / pairs for any missing samples, lags are uncorrelated, and
     Σ pairs correlation² is χ² with `lags` degrees. (Ljung & Box 1978, with the mean known to be zero.)
 
     >>> whiteness(np.random.default_rng(0).normal(size=500)).passed
@@ -79,9 +77,9 @@ def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probabi
 
 
 def _correlation(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[float, int]:
-    """Correlation of two series of mean zero over the samples where both are known, and how many there are.
+    """Correlation of two series of mean zero over the samples where both are known, and their number.
 
-    Its variance is exactly 1 / pairs where either is white and Gaussian, whatever the other is.
+    Its variance is exactly 1 / pairs if either is white and Gaussian, for any other series.
     """
     a, b = a[both], b[both]
     size = np.sqrt((a @ a) * (b @ b))
@@ -97,12 +95,12 @@ def cross_correlation(
     lags: int = LAGS,
     probability: float = 0.999,
 ) -> Correlations:
-    """Is there anything left in standardised innovations (T,) of the input (T,), now and up to `lags` samples before?
+    """Do standardised innovations (T,) depend on the input (T,), at the same sample or up to `lags` samples before?
 
-    The innovations are regressed on the input at all these lags together, so that an input that moves slowly or in a
-    period does not smear one lag over its neighbours: `values` are the partial correlations, and `statistic` is n R², χ²
-    under a right model, of as many degrees as the input has directions (a Lagrange multiplier test). Rows not seen are
-    left out, and so is the mean of the input, which only an offset could explain.
+    The innovations are regressed on the input at all these lags together, so that a slow or periodic input does not
+    spread one lag over its neighbours. `values` are the partial correlations. `statistic` is n R², χ² under a correct
+    model, with as many degrees as the input has directions (a Lagrange multiplier test). Rows not seen are omitted, and
+    the mean of the input is subtracted, since only an offset could explain it.
 
     >>> rng = np.random.default_rng(0)
     >>> cross_correlation(rng.normal(size=500), np.sign(rng.normal(size=500))).passed
@@ -111,34 +109,32 @@ def cross_correlation(
     series, driving = _one(e, "e"), _one(u, "u")
     T = len(driving)
     if len(series) != T:
-        checks.refuse(f"`e` and `u` must be equally long. Got {len(series)} and {T}.")
+        checks.refuse(f"`e` and `u` must have the same length. Got {len(series)} and {T}.")
     _check(lags, probability, len(series))
     steps = np.arange(lags + 1)
     past = np.stack([np.concatenate([np.full(lag, np.nan), driving[: T - lag]]) for lag in steps], axis=1)
     rows = ~np.isnan(series) & ~np.isnan(past).any(axis=1)
     if rows.sum() < FEWEST + len(steps):
-        checks.refuse(
-            f"there are too few samples to judge by: {rows.sum()} for {len(steps)} lags, {FEWEST} more needed."
-        )
+        checks.refuse(f"there are too few samples to judge: {rows.sum()} for {len(steps)} lags, {FEWEST} more needed.")
     return _regressed(series[rows], past[rows], steps, probability, name, input_name)
 
 
 def _regressed(
     e: np.ndarray, past: np.ndarray, steps: np.ndarray, probability: float, name: str, input_name: str
 ) -> Correlations:
-    """The verdict of a regression of e on columns of past input."""
+    """The verdict of a regression of e on columns of past inputs."""
     n, centred = len(e), past - past.mean(axis=0)
     left, size, right = np.linalg.svd(centred, full_matrices=False)
-    kept = size > COLLINEAR * max(size.max(), 1e-300)
+    excited = size > COLLINEAR * max(size.max(), 1e-300)
     if not e.any():
-        checks.refuse(f"{name} has innovations of exactly zero: there is nothing to judge by.")
+        checks.refuse(f"{name} has innovations of exactly zero, so there is nothing to judge.")
     if not size.max() > 0:
-        checks.refuse(f"{input_name} never moves: nothing can be said of its effect.")
-    told = left[:, kept].T @ e
-    effect = right[kept].T @ (told / size[kept])
-    spread = np.sqrt(np.sum((right[kept] / size[kept][:, None]) ** 2, axis=0) * (e @ e))
+        checks.refuse(f"{input_name} is constant: its effect cannot be tested.")
+    along = left[:, excited].T @ e
+    effect = right[excited].T @ (along / size[excited])
+    spread = np.sqrt(np.sum((right[excited] / size[excited][:, None]) ** 2, axis=0) * (e @ e))
     values, pairs = effect / np.where(spread > 0, spread, 1.0), np.full(len(steps), n)
-    verdict = _verdict(values, pairs, steps, n * float(told @ told / (e @ e)), int(kept.sum()), probability)
+    verdict = _verdict(values, pairs, steps, n * float(along @ along / (e @ e)), int(excited.sum()), probability)
     return verdict._replace(sentence=_input_sentence(verdict, effect, name, input_name))
 
 
@@ -154,7 +150,7 @@ def _check(lags: int, probability: float, T: int) -> None:
     faults.whole("lags", lags, 1)
     faults.number("probability", probability, above=0.0, upper=1.0)
     if isinstance(lags, int) and lags >= T:
-        faults.add(f"`lags` must be less than the {T} samples there are. Got {lags}.")
+        faults.add(f"`lags` must be less than the number of samples, {T}. Got {lags}.")
     faults.finish()
 
 
@@ -164,9 +160,7 @@ def _judged(
     values, pairs = (np.array(column) for column in zip(*correlations, strict=True))
     counted = pairs >= FEWEST
     if not counted.any():
-        checks.refuse(
-            f"there are too few pairs of samples to judge by: at most {pairs.max()} at a lag, {FEWEST} needed."
-        )
+        checks.refuse(f"there are too few pairs of samples to judge: at most {pairs.max()} at a lag, {FEWEST} needed.")
     values, pairs = np.where(counted, values, 0.0), np.where(counted, pairs, 0)
     found = _verdict(values, pairs, steps, float(np.sum(pairs * values**2)), int(counted.sum()), probability)
     return found._replace(sentence=sentence(found))
@@ -182,25 +176,25 @@ def _verdict(
 
 
 def _white_sentence(found: Correlations, name: str) -> str:
-    told = f"innovations of {name}: sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f}"
+    measure = f"innovations of {name}: sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f}"
     if found.passed:
-        return f"{told}: white"
+        return f"{measure}: white"
     first = found.values[0]
     if found.lag == 1 or abs(first) * np.sqrt(found.pairs[0]) > 3:
         cause = (
-            "each follows the one before: Q too small beside R, or an unmodelled input or mode"
+            "each is similar to the one before: Q too small relative to R, or an unmodelled input or mode"
             if first > 0
-            else "each corrects the one before: Q too large beside R"
+            else "each has the opposite sign of the one before: Q too large relative to R"
         )
     else:
         cause = f"largest at lag {found.lag}: a mode, a delay or a disturbance with that period is not in the model"
-    return f"{told}: {cause} (correlation {first:+.2f} at lag 1)"
+    return f"{measure}: {cause} (correlation {first:+.2f} at lag 1)"
 
 
 def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_name: str) -> str:
-    told = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
+    measure = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
     if found.passed:
-        return f"{told}: nothing of the input is left"
+        return f"{measure}: no effect of the input is left"
     where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} after it"
     beyond = effect[np.abs(found.values) > found.band]
     shifted = len(beyond) > 1 and np.abs(beyond.sum()) < CANCELS * np.abs(beyond).sum()
@@ -209,4 +203,4 @@ def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_na
         if shifted
         else "the gain of the input is probably wrong, or its effect is not in the model"
     )
-    return f"{told}, most of it {where}: {cause}"
+    return f"{measure}, most of it {where}: {cause}"

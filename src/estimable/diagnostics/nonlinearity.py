@@ -1,4 +1,4 @@
-"""How curved a model is over what is not known: whether the extended filter is enough."""
+"""The curvature of a model over the uncertainty of its state: whether the extended filter is sufficient."""
 
 from typing import Annotated, NamedTuple
 
@@ -16,16 +16,16 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import Functions, Matrices, plant
 from ..results import Estimate, Interval
 
-WORTH = 0.1  # of a standard deviation: what the bias of the mean must reach for the second order to be worth its cost
-STRONG = 0.3  # of a standard deviation: where a third-order term changes the gain itself
+WORTH = 0.1  # of a standard deviation: bias of the mean above which the second order is worth its cost
+STRONG = 0.3  # of a standard deviation: third-order term above which the gain changes
 
 
 @saved
 class Nonlinearity(NamedTuple):
-    """Row by row, in standard deviations of the same quantity: what the straight line leaves out.
+    """The terms that a linearisation omits, for each row, in standard deviations of the same quantity.
 
     `state_bias` (T - 1, n): of the mean predicted for row k + 1; `output_bias` (T - 1, p): of the output predicted there;
-    `third_order` (T - 1, p): what third derivatives of h would change of its slope (the cubic estimator's term).
+    `third_order` (T - 1, p): the change of the slope of h by its third derivatives (the term of the cubic estimator).
     """
 
     state_bias: Annotated[np.ndarray, "T n"]
@@ -36,7 +36,7 @@ class Nonlinearity(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What to do about it."""
+        """The largest bias, and the filter to use."""
         worst, which, row = max(
             (np.abs(bias).max(), names[np.abs(bias).max(axis=0).argmax()], int(np.abs(bias).max(axis=1).argmax()) + 1)
             for bias, names in ((self.state_bias, self.states), (self.output_bias, self.outputs))
@@ -45,19 +45,19 @@ class Nonlinearity(NamedTuple):
         at = f"the extended filter's prediction of {which!r} is biased by {worst:.2g} sigma at row {row}"
         if third > STRONG:
             return (
-                f"{at}, and third derivatives of h change its slope by {third:.2g} sigma: the second order does not hold "
+                f"{at}, and third derivatives of h change its slope by {third:.2g} sigma: the second order is not valid "
                 "either. Start from a smaller covariance, sample faster, or use a particle filter."
             )
         if worst > WORTH:
             return f"{at}: use SecondOrderKalman or UnscentedKalman."
-        return f"{at}, which is small: ExtendedKalman is enough."
+        return f"{at}, which is small: ExtendedKalman is sufficient."
 
 
 def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Nonlinearity:
     """Measure the second- and third-order terms of `model` along an estimate of its state.
 
     `result`: of a filter of that model over `record`, with covariances (`keep="all"`). The curvature is measured over the
-    covariance that the filter reports at each row; parameters count with the values in the model.
+    covariance that the filter reports at each row; parameters have their values in the model.
 
     Raises `InputError` for another model, or a result without covariances.
 
@@ -70,7 +70,7 @@ def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Non
     faults = checks.Faults()
     faults.instance("model", model, NonlinearModel)
     if getattr(result, "covariance", None) is None or len(result.covariance) < 2:
-        faults.add('`result` must hold the covariances of at least two rows: run estimate(..., keep="all").')
+        faults.add('`result` must hold the covariances of at least two rows. Make it by estimate(..., keep="all").')
     faults.finish()
     clock = record.clock(model.dt or None)
     ready = plant(model, clock)
@@ -86,7 +86,7 @@ def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Non
 
 
 def _terms(ready: Functions | Matrices, m: Array, P: Array, interval: Interval):
-    """The biases and the third-order term of one interval, and of the sample at its end."""
+    """The biases and the third-order term of one interval and of the sample at its end."""
     L = factor(P)
     straight, curved, Z = _moved(ready, m, L, interval)
     θ, u = ready.θ, interval.u_end

@@ -1,4 +1,4 @@
-"""Poles, zeros and responses of a fitted model, each with what the fit's covariance makes of it."""
+"""Poles, zeros and responses of a fitted model, each with its uncertainty from the covariance of the fit."""
 
 from typing import Annotated, NamedTuple
 
@@ -12,10 +12,10 @@ from ..kernels.tangents import Dynamics
 from ..models.state_space import StateSpace
 from ..results import Fit
 
-ORIGIN = 1e-6  # modulus below which a pole is a sample of delay
-SETTLED = 0.005  # of the start: what is left of the slowest pole at the end of a step response
-FEWEST, MOST = 20, 500  # samples of a step response
-DECADES = 1.5  # below the slowest pole, where a frequency response begins
+ORIGIN = 1e-6  # a pole of smaller modulus is a sample of delay
+SETTLED = 0.005  # remainder of the slowest pole at the end of a step response
+FEWEST, MOST = 20, 500  # fewest and most samples of a step response
+DECADES = 1.5  # by which a frequency response begins below the slowest pole
 POINTS = 200
 
 
@@ -50,7 +50,7 @@ class FrequencyResponse(NamedTuple):
 
 @saved
 class Spread(NamedTuple):
-    """The matrices of a fitted model, and their tangents (r, ..); r = 0 where the fit does not tell how sure it is."""
+    """The matrices of a fitted model, and their tangents (r, ..); r = 0 if the fit has no covariance."""
 
     model: StateSpace
     dynamics: Dynamics
@@ -58,14 +58,14 @@ class Spread(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether the fit says how sure it is."""
+        """Whether the fit has a covariance."""
         return len(self.tangents.A) > 0
 
 
 def spread_of(fit: Fit) -> Spread:
-    """The matrices of a discrete fitted model, and the independent moves of one standard deviation that its covariance makes.
+    """The matrices of a discrete fitted model, and their changes by one standard deviation along independent directions.
 
-    None are known where the fit has no covariance, or the records tell nothing of some direction.
+    There are none if the fit has no covariance, or if the records have no information about some direction.
 
     >>> u = np.random.default_rng(0).normal(size=50)
     >>> fit = identify(LeastSquares(1, 0), Record(u**2, u, dt=1))
@@ -74,7 +74,7 @@ def spread_of(fit: Fit) -> Spread:
     """
     model = fit.model if isinstance(fit.model, StateSpace) else fit.model.to_state_space()
     if model.is_continuous:
-        checks.refuse("`fit` must be of a discrete model, as all identifiers make.")
+        checks.refuse("`fit` must be a fit of a discrete model, as all identifiers return.")
     found = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
     given = (fit.extra or {}).get("tangents")
     if given is not None:
@@ -85,7 +85,7 @@ def spread_of(fit: Fit) -> Spread:
 
 
 def _moved(fit: Fit) -> Dynamics:
-    """Half the differences of the matrices a standard deviation either way: exact, as they are of second degree in θ."""
+    """Half the differences of the matrices at ± one standard deviation: exact, since they are quadratic in θ."""
     θ, moves = np.asarray(fit.parameters), []
     columns = kernel.root(np.asarray(fit.covariance)).T
     for column in columns if len(columns) else np.zeros((1, len(θ))):  # known without error: one move, of nothing
@@ -95,7 +95,7 @@ def _moved(fit: Fit) -> Dynamics:
 
 
 def poles(fit: Fit) -> Roots:
-    """The poles of a fit in z, without those of a delay, and how sure they are, to first order.
+    """The poles of a fit in z, without those of a delay, and their covariances, to first order.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -108,9 +108,9 @@ def poles(fit: Fit) -> Roots:
 
 
 def zeros(fit: Fit, output: int = 0, input: int = 0) -> Roots:
-    """The finite zeros from one input to one output of a fit, in z, and how sure they are, to first order.
+    """The finite zeros from one input to one output of a fit, in z, and their covariances, to first order.
 
-    Those at the origin and those that a hidden pole cancels are left out.
+    Zeros at the origin, and zeros that a hidden pole cancels, are omitted.
     """
     spread = spread_of(fit)
     one = _channel(spread.dynamics, output, input, 0)
@@ -127,7 +127,7 @@ def _channel(of: Dynamics, output: int, input: int, axis: int) -> Dynamics:
 
 
 def _is_hidden(one: Dynamics, z: complex, eigenvalues: np.ndarray) -> bool:
-    """Whether a zero is that of a state which the input does not move or the output does not show."""
+    """Whether a zero belongs to a mode that the input does not excite or the output does not show."""
     if np.abs(eigenvalues - z).min(initial=np.inf) > 1e-6:
         return False
     N, n = one.A - z * np.eye(len(one.A)), len(one.A)
@@ -144,7 +144,7 @@ def _roots(values: np.ndarray, moves: np.ndarray, known: bool) -> Roots:
 
 
 def frequency_response(fit: Fit, frequencies: Numbers | None = None) -> FrequencyResponse:
-    """The frequency response of a fit and how sure it is, to first order. `frequencies` (K,) in hertz; None: up to Nyquist's.
+    """The frequency response of a fit and its uncertainty, to first order. `frequencies` (K,) in hertz; None: up to Nyquist's.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -169,13 +169,13 @@ def _frequencies(spread: Spread) -> np.ndarray:
 
 
 def _slow(spread: Spread) -> np.ndarray:
-    """The poles that are no delay and not at 1."""
+    """The poles other than delays and poles at 1."""
     λ = np.linalg.eigvals(spread.dynamics.A).astype(complex)
     return λ[(np.abs(λ) > ORIGIN) & (np.abs(λ - 1) > ORIGIN)]
 
 
 def step_response(fit: Fit, steps: int | None = None) -> Response:
-    """The response to a step of each input, at times `at` in seconds, and how sure it is, to first order.
+    """The response to a step of each input, at times `at` in seconds, and its uncertainty, to first order.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -199,7 +199,7 @@ def _length(spread: Spread) -> int:
 
 
 def simulation_sigma(fit: Fit, u: Numbers, state: Numbers) -> np.ndarray:
-    """What the fit's covariance makes of the outputs that u (T, m) causes from a given state, in standard deviations (T, p)."""
+    """Standard deviations (T, p), from the covariance of the fit, of the outputs that u (T, m) causes from a given state."""
     spread = spread_of(fit)
     moves = kernel.output_moves(spread.dynamics, spread.tangents, np.asarray(u, float), np.asarray(state, float))
     return _size(moves, spread.known)

@@ -1,1 +1,1 @@
-"""Result in, figure out. Nothing here is loaded before a figure is asked for."""
+"""Figures of results. These modules are imported only when a figure is made."""

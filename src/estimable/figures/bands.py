@@ -1,4 +1,4 @@
-"""What is drawn of a result: each quantity with its standard deviation, which is infinite where nothing is known."""
+"""The quantities of a result that are drawn, each with its standard deviation, which is infinite if it is unknown."""
 
 from typing import Any, NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ..tables import at_its_instant, diffuse_of, standard_deviation
 
-MOST_FLAT = 3.0  # times the range of most rows: a band that is wider at some row is cropped
+MOST_FLAT = 3.0  # a band wider than this factor times the range of most rows is cropped
 
 
 class Band(NamedTuple):
@@ -19,7 +19,7 @@ class Band(NamedTuple):
 
 
 def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
-    """From where to where values are worth drawing: all but the widest tenth of the band, which a vague prior makes.
+    """The range of values to draw: without the widest tenth of the band, which a vague prior causes.
 
     >>> low, high = value_range(np.zeros(40), np.array([-100.0] + 39 * [-1.0]), np.ones(40))
     >>> bool(-1.2 < low < -1 and 1 < high < 1.2)
@@ -35,7 +35,7 @@ def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tup
 
 
 def cropped(panel: Band) -> tuple[float, float] | None:
-    """The range of an axis on which a vague prior would flatten all the rest; None where all fits."""
+    """The range of an axis on which a vague prior would flatten the curve; None if the full range is suitable."""
     if panel.sigma is None:
         return None
     seen = np.isfinite(panel.sigma) & ~np.isnan(panel.middle)

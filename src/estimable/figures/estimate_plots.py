@@ -14,24 +14,24 @@ LINES = {
     "gain": "#D55E00",
     "unknown_input": "#009E73",
     "innovation": "#555555",
-}  # told apart by colour-blind eyes too
+}  # distinguishable with colour blindness
 FILLS = {"state": "rgba(0,114,178,0.2)", "gain": "rgba(213,94,0,0.2)", "unknown_input": "rgba(0,158,115,0.2)"}
 ROW = 170  # pixels
-GAP = 48  # pixels between two rows: a title and air
+GAP = 48  # pixels between two rows, for a title
 EDGES = 130  # pixels above the first row and below the last
 
 
 def plot_estimate(result: Any) -> go.Figure:
-    """States, gains and unknown inputs with their 2 sigma bands, innovations with their ±2 sigma bounds, a row each.
+    """States, gains and unknown inputs with their 2 sigma bands, innovations with their ±2 sigma bounds, one row each.
 
-    What was not kept is left out; where nothing is known of a quantity (a diffuse prior) its line has a gap. A result
-    of one row is drawn as points with error bars.
+    Quantities that the result does not hold are omitted. The line of an unknown quantity (a diffuse prior) has a gap. A
+    result of one row is drawn as points with error bars.
 
-    Raises `InputError` where the result has no row.
+    Raises `InputError` if the result has no row.
     """
     panels = bands(result)
     if not panels:
-        checks.refuse('this result has no rows to draw: it was kept with keep="likelihood".')
+        checks.refuse('this result has no rows to draw, because it was made with keep="likelihood". Use keep="all".')
     t, axis = _time(result, len(panels[0].middle))
     height = EDGES + ROW * len(panels) + GAP * (len(panels) - 1)
     figure = make_subplots(
@@ -48,7 +48,7 @@ def plot_estimate(result: Any) -> go.Figure:
 
 
 def _time(result: Any, rows: int) -> tuple[np.ndarray, str]:
-    """The time axis and what it is called."""
+    """The time axis and its title."""
     return (np.arange(rows), "sample") if result.t is None else (result.t, "time (s)")
 
 
@@ -72,7 +72,7 @@ def _line(t: np.ndarray, panel: Band) -> go.Scatter:
 
 
 def _spread(t: np.ndarray, panel: Band) -> list[go.Scatter]:
-    """The band about an estimate, or the bounds about zero that an innovation should keep."""
+    """The band about an estimate, or the bounds about zero of an innovation."""
     if panel.sigma is None:
         return []
     sigma = np.where(np.isinf(panel.sigma), np.nan, panel.sigma)
@@ -102,7 +102,7 @@ def _points(t: np.ndarray, panel: Band) -> list[go.Scatter]:
 
 
 def _laid_out(figure: go.Figure, height: int) -> go.Figure:
-    """Titles at the left, and no legend: every row says what it shows."""
+    """Titles at the left, and no legend: each row has a title."""
     figure.update_layout(
         template="plotly_white", height=height, showlegend=False, hovermode="x unified",
         margin={"l": 70, "r": 30, "t": 60, "b": 70}, font={"size": 13},

@@ -13,11 +13,11 @@ CRITERIA = (
 
 
 def plot_excitation(found: Any) -> go.Figure:
-    """The smallest eigenvalue of the scaled information over the samples, on a logarithmic axis; its limit dashed."""
+    """The smallest eigenvalue of the scaled information over the samples, on a logarithmic axis, with its limit."""
     figure = go.Figure()
-    told = found.eigenvalues > 0
+    positive = found.eigenvalues > 0
     figure.add_scatter(
-        x=found.samples[told], y=found.eigenvalues[told], mode="lines", line={"color": LINE, "width": 2},
+        x=found.samples[positive], y=found.eigenvalues[positive], mode="lines", line={"color": LINE, "width": 2},
         name="smallest eigenvalue",
     )  # fmt: skip
     figure.add_hline(y=found.check.limit, line_dash="dash", line_color=LIMIT, annotation_text="limit")
@@ -28,7 +28,7 @@ def plot_excitation(found: Any) -> go.Figure:
 
 
 def plot_orders(found: Any) -> go.Figure:
-    """How far each criterion lies above its best, by order; what is recommended dashed."""
+    """Each criterion relative to its minimum, by order; the recommended order is dashed."""
     figure, tops = go.Figure(), [10.0]
     for name, word, colour, dash in CRITERIA:
         values = getattr(found, name)
@@ -41,5 +41,5 @@ def plot_orders(found: Any) -> go.Figure:
     figure.add_vline(x=found.order, line_dash="dash", annotation_text="recommended")
     figure.update_layout(template="plotly_white", height=380, title=found.sentence, font={"size": 13})
     figure.update_xaxes(title_text="order", dtick=1)
-    figure.update_yaxes(title_text="above its best", range=[-0.05 * max(tops), 1.2 * max(tops)])
+    figure.update_yaxes(title_text="above its minimum", range=[-0.05 * max(tops), 1.2 * max(tops)])
     return figure

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-KINDS = (  # of disturbances, and the criteria that judge each
+KINDS = (  # the kinds of disturbances, and the criteria for each
     ("An impulse", ("response_time",)),
-    ("What is not modelled", ("rho", "sigma")),
+    ("Unmodelled terms", ("rho", "sigma")),
     ("A bounded force", ("external", "peak_gain")),
     ("Noise", ("dispersion", "control")),
     ("A constant force", ("static_error",)),
@@ -28,11 +28,11 @@ WORDS = {
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#7A5C00", "#6A3D9A", "#117733", "#882255", "#444444")
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 CHOSEN, INK = "#1A1A1A", "#222222"
-MOST = 10.0  # times worse than its best: what is shown at first
+MOST = 10.0  # times the best value: the range shown at first
 
 
 def speed(bandwidth: float) -> str:
-    """A bandwidth in words.
+    """A bandwidth, as text.
 
     >>> speed(4.5912), speed(float("inf"))
     ('4.59 rad/s', 'no bandwidth')
@@ -41,8 +41,8 @@ def speed(bandwidth: float) -> str:
 
 
 def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
-    """Of each criterion: name, words, colour, dash, values, and how many times worse than its best they are; the composite
-    last, where it is of more than one. `external` is left out: relative to its best, it is `rho`."""
+    """For each criterion: name, title, colour, dash, values, and the factor by which they are worse than the best; last the
+    composite of several. `external` is omitted: relative to its best, it equals `rho`."""
     rows = []
     names = [name for name in found.criteria if name != "external"]
     names += ["composite"] if len(found.weights) > 1 else []
@@ -55,7 +55,7 @@ def series(found: Any) -> list[tuple[str, str, str, str, Any, Any]]:
 
 
 def plot_tuning(found: Any) -> Any:
-    """How many times worse than its own best each criterion is, over the bandwidth; its optimum is a mark, the choice a line."""
+    """The factor by which each criterion is worse than its best, over the bandwidth, with its optimum and the chosen design."""
     import plotly.graph_objects as go
 
     figure, ω = go.Figure(), np.where(np.isfinite(found.bandwidth), found.bandwidth, np.nan)

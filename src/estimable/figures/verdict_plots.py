@@ -6,18 +6,18 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-PREDICTED, FILTERED, SPECTRUM = "#0072B2", "#56B4E9", "#555555"  # told apart by colour-blind eyes too
+PREDICTED, FILTERED, SPECTRUM = "#0072B2", "#56B4E9", "#555555"  # distinguishable with colour blindness
 FLOOR = 1e-17  # where a singular value of zero is drawn on the logarithmic axis
 
 
 def plot_estimability(found: Any) -> go.Figure:
-    """How much of each state's variance the outputs take away, and the Gramian's spectrum with its limits of doubt.
+    """By how much the outputs reduce the variance of each state, and the Gramian's spectrum with the limits of the verdict.
 
-    Left: a pair of bars a state, past outputs only and with the present one. Right: the singular values relative to the
-    largest, as points, with the limits of a verdict over a horizon (in steady state the verdict is that of the model itself).
+    Left: a pair of bars for each state, with past outputs only and with the present one. Right: the singular values relative to
+    the largest, as points, with the limits of a verdict over a horizon (in steady state the verdict is that of the model itself).
     """
     figure = make_subplots(
-        rows=1, cols=2, subplot_titles=["variance taken away by the outputs", "singular values, of the largest"]
+        rows=1, cols=2, subplot_titles=["variance reduction by the outputs", "singular values, relative to the largest"]
     )
     shares = (
         ("past outputs", found.variance_reduction, PREDICTED),

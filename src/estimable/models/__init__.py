@@ -1,1 +1,1 @@
-"""What is known before any data: models, priors, noise, and their files."""
+"""Models, priors, noise, and their files: what is known before any data."""

@@ -15,13 +15,13 @@ from .state_space import StateSpace
 
 @frozen
 class ARMAX(EquationNoise):
-    """A linear system by its polynomials, with noise of its own colour that goes through the plant's poles.
+    """A linear system in polynomial form, with coloured noise that passes through the poles of the plant.
 
     Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k]; A_i = 1 + a_i1 z^-1 + .., C_i = 1 + c_i1 z^-1 + ..,
-    B_ij = z^-delay (b_ij0 + ..); e white, independent between outputs, each output with polynomials of its own.
+    B_ij = z^-delay (b_ij0 + ..); e white, independent between outputs. Each output has its own polynomials.
     The orders are degrees: Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here.
 
-    Settings: `a` (p, na), `b` (p, m, nb+1), `c` (p, nc), or (na,), (nb+1,), (nc,) of one output and input; `delay` in steps;
+    Settings: `a` (p, na), `b` (p, m, nb+1), `c` (p, nc), or (na,), (nb+1,), (nc,) for one output and input; `delay` in steps;
     `noise_variance` of e: one number or (p,); `dt` in seconds, greater than 0; `inputs` and `outputs` name the channels.
 
     Reference: L. Ljung, System Identification (1999), (4.14).
@@ -60,7 +60,7 @@ class ARMAX(EquationNoise):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of θ: a1, b0, c1, ..; with the channels where there are several."""
+        """Names of θ: a1, b0, c1, ..; with the channels if there are several."""
         rows, alone = [], len(self.inputs) == len(self.outputs) == 1
         for y in self.outputs:
             rows += parameter_names(self.na, self.nb, self.inputs, (y,)) if not alone else []

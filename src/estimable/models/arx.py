@@ -15,15 +15,15 @@ from .state_space import StateSpace
 
 @frozen
 class ARX(EquationNoise):
-    """A linear system by its polynomials, with noise that goes through the plant's own poles.
+    """A linear system in polynomial form, with noise that passes through the poles of the plant.
 
     Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, B_ij = z^-delay (b_ij0 +
-    .. + b_ij,nb z^-nb); e white, independent between outputs. Each output has polynomials of its own.
+    .. + b_ij,nb z^-nb); e white, independent between outputs. Each output has its own polynomials.
     The orders are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
 
     Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
     steps; `noise_variance` of e: one number or (p,), in squared units of the outputs; `dt` in seconds, greater than 0;
-    `offset` c (p,), None: none, and the signals are deviations; `inputs` and `outputs` name the channels.
+    `offset` c (p,), or None for signals that are deviations; `inputs` and `outputs` name the channels.
 
     Reference: L. Ljung, System Identification (1999), (4.7).
 
@@ -56,13 +56,13 @@ class ARX(EquationNoise):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of θ: a1, b0, ..; with the channels where there are several."""
+        """Names of θ: a1, b0, ..; with the channels if there are several."""
         return arx_names(self.na, self.nb, self.inputs, self.outputs, self.offset is not None)
 
     def to_state_space(self) -> StateSpace:
         """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e, in absolute units.
 
-        Raises `InputError` where there is an offset and A has a root at 1: then no level belongs to it.
+        Raises `InputError` if there is an offset and A has a root at 1: the outputs then have no level.
 
         >>> ARX([-0.5], [1.0], noise_variance=0.1, dt=1).to_state_space().G.tolist()
         [[0.5]]
@@ -79,17 +79,17 @@ class ARX(EquationNoise):
         )  # fmt: skip
 
     def _level(self, n: int) -> Any:
-        """Where the outputs settle without input: c_i / A_i(1)."""
+        """The operating point of the outputs without input: c_i / A_i(1)."""
         if self.offset is None:
             return None
         at_one = 1 + self.a.sum(axis=1)
         if np.any(np.abs(at_one) < 1e-12):
-            checks.refuse("the model has a pole at 1, so that its offset is a ramp: no level belongs to it.")
+            checks.refuse("the model has an offset and a pole at 1: its output is a ramp and has no level.")
         return {"states": np.zeros(n), "outputs": self.offset / at_one}
 
 
 def arx_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[str, ...], offset: bool) -> tuple[str, ...]:
-    """a1.., b0.., c of one output and one input; with several, output by output.
+    """a1.., b0.., c for one output and one input; with several, output by output.
 
     >>> arx_names(1, 0, ("u1",), ("y1",), True)
     ('a1', 'b0', 'c')

@@ -1,4 +1,4 @@
-"""What an answer in steady state asks of a model."""
+"""Checks of a model for steady-state analysis."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from .state_space import StateSpace
 
 
 def check_constant(model: StateSpace, faults: checks.Faults) -> None:
-    """Note a model whose matrices vary in time."""
+    """Add a fault if the matrices of the model vary in time."""
     if model.varying:
         faults.add(
-            f"a stationary answer needs a constant model: {checks.listed(model.varying)} of `model` "
+            f"a steady-state analysis needs a constant model: {checks.listed(model.varying)} of `model` "
             f"{'has' if len(model.varying) == 1 else 'have'} {model.steps} rows in time."
         )
 
 
 def check_noise(model: StateSpace, faults: checks.Faults) -> None:
-    """Note a model without R, and a continuous one whose R is singular: an output known exactly at every instant."""
+    """Add a fault if R is missing, or if R of a continuous model is singular: an output would be known exactly at all times."""
     if model.R is None:
         faults.add("`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).")
     elif model.is_continuous:

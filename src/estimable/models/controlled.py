@@ -1,4 +1,4 @@
-"""A plant in a loop: a model behind its actuators, and what happens to it on the way."""
+"""A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
@@ -16,7 +16,7 @@ from .state_space import StateSpace
 
 @frozen
 class Failure:
-    """From `time` [s] on the inputs act through `gain`: one number, or (m,), times what they had in the plant's model.
+    """From `time` [s] on the effect of the inputs is `gain`, one number or (m,), times that in the plant's model.
 
     >>> Failure(4.5, 0.2).gain.tolist()
     [0.2]
@@ -33,15 +33,15 @@ class Failure:
         set_field(self, time=time, gain=gain)
 
     def after(self, model: StateSpace) -> StateSpace:
-        """The model after it."""
+        """The model after the event."""
         return replace(model, B=model.B * self.gain, D=model.D * self.gain)
 
 
 @frozen
 class Change:
-    """From `time` [s] on the plant moves as `model` says, from the state where it is.
+    """From `time` [s] on the plant follows `model`, starting from its current state.
 
-    An `OutputError` in the place of a `StateSpace` changes the parameters of one, from the outputs and inputs there were.
+    An `OutputError` instead of a `StateSpace` changes the parameters of one and uses its past outputs and inputs.
 
     >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
     [[0.5]]
@@ -59,7 +59,7 @@ class Change:
         set_field(self, time=time, model=model)
 
     def after(self, model: StateSpace) -> StateSpace:
-        """The model after it."""
+        """The model after the event."""
         return self.model
 
 
@@ -67,14 +67,14 @@ class Change:
 class ControlledPlant:
     """A model, its actuators, and the events of a run.
 
-    Model: that of `model`; its inputs are what the actuators do. Without `actuator` they do what they are told. With it, input i
-    follows its command by di/dt = `actuator` (command - i), is measured without error, and command and plant move
-    together between samples (`held`: i is kept over each sample and jumps at the next).
+    Model: that of `model`, whose inputs are the actuator positions. Without `actuator` they equal the commands. With it, input
+    i follows its command by di/dt = `actuator` (command - i) and is measured without error. It moves between samples
+    (`held`: i is constant over each sample and jumps at the next).
 
     Settings: `model`, a `StateSpace` (or an `OutputError`, whose states are past outputs and inputs); `actuator`: 1/s, None or
     one number; `held`; `limits` (2,) or (2, m): smallest and largest input; `rate`: largest change per second, one number; both
-    act on the command, which holds the input there too; `quantum`: commands are rounded to whole multiples of it, (m,) or one
-    number; `resolution`: outputs too, (p,) or one number; `events`: `Failure`s and `Change`s, in any order.
+    act on the command, and so limit the input as well; `quantum`: commands are rounded to multiples of it, (m,) or one
+    number; `resolution`: the same for outputs, (p,) or one number; `events`: `Failure`s and `Change`s, in any order.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
     >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
@@ -110,27 +110,27 @@ class ControlledPlant:
 
     @property
     def hold(self) -> str:
-        """How the input moves between samples."""
+        """How the input varies between samples."""
         return "zero_order" if self.actuator is None or self.held else "first_order"
 
     def phases(self) -> list[StateSpace]:
-        """The model at first, and after each event."""
+        """The initial model, and the model after each event."""
         models = [self.model]
         for event in self.events:
             models.append(event.after(models[-1]) if isinstance(event, Change) else self._failed(event, models))
         return models
 
     def _failed(self, event: Failure, models: list[StateSpace]) -> StateSpace:
-        """The last model that was changed to, its inputs at the failure's gain."""
+        """The model of the last `Change`, with its inputs scaled by the gain of the failure."""
         changed = [e.model for e in self.events[: len(models) - 1] if isinstance(e, Change)]
         return event.after(changed[-1] if changed else self.model)
 
     def phase_rows(self, t: np.ndarray) -> np.ndarray:
-        """Which phase each row is in, (T,)."""
+        """The index of the phase of each row, (T,)."""
         return np.sum([t >= event.time - 1e-9 for event in self.events] + [np.zeros(len(t))], axis=0).astype(int)
 
     def steps(self, dt: float) -> "Steps":
-        """What a step over `dt` seconds is, phase by phase."""
+        """The matrices of a step over `dt` seconds, phase by phase."""
         each = [_step(model, self, dt) for model in self.phases()]
         A, B, C, W = (np.stack(matrices) for matrices in zip(*each, strict=True))
         m, n = self.model.m, self.model.n
@@ -143,8 +143,8 @@ class ControlledPlant:
 
 @frozen
 class Steps:
-    """x+ = A x + B c + W e', y = C x + D c + V e, i = L x (None: i = c), phase by phase; c within `limits`, and from i not
-    farther than `reach`; c rounded to `quantum`, y to `resolution`."""
+    """x+ = A x + B c + W e', y = C x + D c + V e, i = L x (None: i = c), phase by phase; c within `limits` and within
+    `reach` of i; c rounded to `quantum`, y to `resolution`."""
 
     A: Any
     B: Any
@@ -160,7 +160,7 @@ class Steps:
 
 
 def _reach(plant: ControlledPlant, dt: float) -> float | None:
-    """How far a command may be from the input: the actuator then moves at its rate, from the start of the sample on."""
+    """How far a command may be from the input: the initial speed of the actuator is then its largest rate."""
     if plant.rate is None:
         return None
     return plant.rate * dt if plant.actuator is None else plant.rate / plant.actuator
@@ -187,23 +187,23 @@ def _step(model: StateSpace, plant: ControlledPlant, dt: float):
 
 
 def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:
-    """What a loop asks of its plant."""
+    """Check that the model can be the plant of a loop."""
     if model.m == 0:
-        faults.add("`model` must have an input: without one there is nothing to control.")
+        faults.add("`model` must have an input to control. It has none.")
     if model.R is None:
-        faults.add("`model` must have R, the covariance of the measurement noise: zeros for outputs without noise.")
+        faults.add("`model` must have R, the covariance of the measurement noise. For noise-free outputs give zeros.")
     if model.varying or model.S is not None or model.B_end is not None:
         faults.add("`model` must be constant, without cross noise S and without B_end.")
     if model.operating_point is not None:
-        faults.add("`model` must be about zero: leave out `operating_point`, and give deviations from it.")
+        faults.add("`model` must be a model of deviations: leave out `operating_point`, and give deviations from it.")
     if plant.actuator is not None and not model.is_continuous:
-        faults.add("`model` must be continuous (dt = 0) to move together with its `actuator`.")
+        faults.add("`model` must be continuous (dt = 0), because `actuator` moves between samples.")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
 
 
 def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
-    """Smallest and largest input, (2, m), of one number each or (m,)."""
+    """Smallest and largest input, (2, m), from one number each or (m,)."""
     if limits is None or checks.is_traced(limits):
         return limits
     m = faults.sizes.get("m", 1)
@@ -215,7 +215,7 @@ def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
 
 
 def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> Any:
-    """The steps that something is rounded to, of one number or one each."""
+    """The rounding steps of the channels, from one number or one for each."""
     if given is None or checks.is_traced(given):
         return given
     count = faults.sizes.get(size, 1)
@@ -226,7 +226,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
 
 
 def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
-    """The events by time, each one that fits the model."""
+    """The events in order of time, checked against the model."""
     if not isinstance(events, Sequence) or not all(isinstance(event, Failure | Change) for event in events):
         faults.add(
             f"`events` must be a list of Failure(time, gain) and Change(time, model). Got {checks.short(events)}."

@@ -10,12 +10,12 @@ from .. import checks
 from ..annotations import Numbers
 
 HOLDS = ("zero_order", "first_order")
-NODES = 24  # of Gauss's rule over a step
-SWEEPS = 20  # over the states, to find their units
+NODES = 24  # nodes of Gauss's rule over a step
+SWEEPS = 20  # at most so many passes over the states, to find their units
 
 
 def read_steps(dt: Numbers, rows: int | None, faults: checks.Faults):
-    """One step length, or one a row, in seconds; `rows`: how many a time-varying model has."""
+    """One step length, or one for each row, in seconds; `rows`: the number of rows of a time-varying model."""
     try:
         steps = np.asarray(dt)
     except ValueError:  # ragged
@@ -24,8 +24,8 @@ def read_steps(dt: Numbers, rows: int | None, faults: checks.Faults):
         faults.add(f"`dt` must be a positive number of seconds. Got {checks.short(dt)}.")
         return np.ones(1)
     if steps.ndim > 1 or (steps.ndim == 1 and rows not in (None, len(steps))):
-        because = "" if rows is None else f": the model varies over {rows} rows of time"
-        faults.add(f"`dt` must be one number, or one a row (T,){because}. Got {steps.shape}.")
+        because = "" if rows is None else f": the model has {rows} rows in time"
+        faults.add(f"`dt` must be one number, or one for each row (T,){because}. Got {steps.shape}.")
     return steps.astype(float)
 
 
@@ -41,7 +41,7 @@ def over(A: np.ndarray, B: np.ndarray, GQG: np.ndarray, h: Numbers, *, hold: str
         Qd = squares * _noise_integral(A, GQG / squares, h)
     if not (np.all(np.isfinite(Φ)) and np.all(np.isfinite(Qd))):
         checks.refuse(
-            f"the model grows beyond any number within a step of {np.max(h):g} s: its fastest entry is "
+            f"the model overflows within a step of {np.max(h):g} s: its fastest entry is "
             f"{np.abs(A).max():.3g} per second. Are A and dt in seconds?"
         )
     if hold == "zero_order":
@@ -51,9 +51,9 @@ def over(A: np.ndarray, B: np.ndarray, GQG: np.ndarray, h: Numbers, *, hold: str
 
 
 def _sizes(A: np.ndarray) -> np.ndarray:
-    """Powers of two (.., n), the units of the states in which rows and columns of A are alike in size.
+    """Powers of two (.., n): the units of the states in which rows and columns of A have similar sizes.
 
-    Osborne's iteration (J. ACM 7, 1960, 338-345). Where a row or a column is empty off the diagonal, the diagonal bounds it.
+    Osborne's iteration (J. ACM 7, 1960, 338-345). If a row or a column is zero off the diagonal, the diagonal bounds it.
     """
     n = A.shape[-1]
     size, off = np.ones(A.shape[:-1]), np.abs(A) * (1 - np.eye(n))
@@ -78,9 +78,9 @@ def _sizes(A: np.ndarray) -> np.ndarray:
 def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
     """M (.., n, n, n) of an input error that wanders: ∫_0^h e^{A (h-s)} w(s) ds = Σ_k M_k ε_k, ε unit white.
 
-    w is a Brownian motion of unit diffusion from w(0) = 0, free at the end where the input is held; where it moves linearly
-    between samples, a bridge to w(h) = 0. By parts, the integral is ∫ Γ(h - s) dw(s); a bridge takes Γ's mean away. Gauss's
-    rule makes a sum of it, exact to rounding for |A| h up to about 8. Its terms, polynomials in A, are n independent ones.
+    w is a Brownian motion of unit diffusion with w(0) = 0. Its end is free for a zero-order hold; for a first-order hold it is
+    a bridge to w(h) = 0. By parts, the integral is ∫ Γ(h - s) dw(s); a bridge subtracts the mean of Γ. Gauss's rule turns it
+    into a sum, exact to rounding for |A| h up to about 8. Its terms are polynomials in A, so n of them are independent.
     """
     h, n = np.asarray(h, float), A.shape[-1]
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
@@ -90,7 +90,7 @@ def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
         Γ = Γ - _input_integrals(A, h)[2][..., None, :, :] / h[..., None, None, None]
     terms = (np.sqrt(h[..., None] * weights / 2)[..., None, None] * Γ).reshape(*Γ.shape[:-2], n * n)
     size = np.abs(terms).max(axis=-2, keepdims=True)
-    size = np.where(size > 0, size, 1.0)  # entry by entry: those of integrators differ by powers of h
+    size = np.where(size > 0, size, 1.0)  # entry by entry: the entries of integrators differ by powers of h
     _, s, V = np.linalg.svd(terms / size, full_matrices=False)
     return (s[..., :n, None] * V[..., :n, :] * size).reshape(*terms.shape[:-2], -1, n, n)
 
@@ -109,8 +109,8 @@ def _input_integrals(A: np.ndarray, h: np.ndarray):
 def _noise_integral(A: np.ndarray, GQG: np.ndarray, h: np.ndarray):
     """Qd by Van Loan's exponential over h / 2^s, then s doublings Qd(2h) = Qd(h) + Φ Qd(h) Φ'.
 
-    One exponential over the whole of a long step holds e^{-A h} and overflows where A is stable and fast. Time is in units of
-    the step and GQG' of its largest entry, so that neither counts in the norm of what is exponentiated.
+    One exponential over a long step contains e^{-A h}, which overflows if A is stable and fast. Time is in units of the step
+    and GQG' in units of its largest entry, so that neither affects the norm of the exponent.
     """
     n = A.shape[-1]
     doublings = _halvings(A * h[..., None, None])

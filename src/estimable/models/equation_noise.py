@@ -1,4 +1,4 @@
-"""What models have in common whose noise goes through the plant's own poles."""
+"""The common part of models whose noise passes through the poles of the plant."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from .polynomials import Polynomials
 
 
 class EquationNoise(Polynomials):
-    """A plant B/A and noise on its equation."""
+    """A plant B/A with noise on its equation."""
 
     delay: int
     noise_variance: Any

@@ -37,7 +37,7 @@ LOST = ("zero", "hold")
 
 @saved
 class GainSection(NamedTuple):
-    """What a model file says of an unknown gain: its prior, and the settings of `UnknownGain`."""
+    """The section [gain] of a model file: the prior of an unknown gain, and the settings of `UnknownGain`."""
 
     prior: Prior
     settings: dict[str, Any] = {}  # noqa: RUF012  never changed
@@ -45,7 +45,7 @@ class GainSection(NamedTuple):
 
 @saved
 class ModelFile(NamedTuple):
-    """What a model file holds. `gain`: None where it says nothing of one; `record`: arguments of `read_record`."""
+    """The contents of a model file. `gain`: None without a section [gain]; `record`: arguments of `read_record`."""
 
     model: StateSpace
     prior: Prior
@@ -59,11 +59,11 @@ def read_model(path: str | Path) -> ModelFile:
 
     TOML: sections [model] (dt, states, outputs, A, C, R; also inputs, B, D, Q, G, S) and [prior] (mean, covariance;
     also diffuse) are required; [operating_point], [gain], [record] and [unknown] are optional. A `.py` file defines
-    `model` (a `StateSpace` or a `NonlinearModel`) and `prior`, and may define `gain` (a `GainSection`; of the parameters of
-    a nonlinear model), `unknown` and `record`; it is run.
+    `model` (a `StateSpace` or a `NonlinearModel`) and `prior`, and may define `gain` (a `GainSection`; for a nonlinear
+    model it describes the parameters), `unknown` and `record`. The file is executed.
 
-    Raises `InputError` where the file is not there, is not TOML, a key is missing, unknown or of a wrong shape, or the
-    Python in it fails.
+    Raises `InputError` if the file does not exist or is not TOML, if a key is missing, unknown or of a wrong shape, or if
+    its Python fails.
     """
     found = checks.existing_file(path)
     try:
@@ -82,8 +82,8 @@ def _from_python(path: Path) -> ModelFile:
         found = runpy.run_path(str(path))
     except checks.InputError:
         raise
-    except (Exception, SystemExit) as error:  # whatever the user's own code raises
-        raise checks.InputError(f"its Python failed: {type(error).__name__}: {error}.") from error
+    except (Exception, SystemExit) as error:  # any exception of the user's code
+        raise checks.InputError(f"the Python code in it failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
     for name, kinds, words in (
         ("model", (StateSpace, NonlinearModel), "a StateSpace or a NonlinearModel"),
@@ -127,7 +127,7 @@ def _from_sections(sections: dict[str, Any]) -> ModelFile:
 def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
     for name, section in sections.items():
         if name not in KEYS:
-            faults.add(f"there is no section [{name}] in a model file.{checks.suggestion(name, KEYS)}")
+            faults.add(f"a model file has no section [{name}].{checks.suggestion(name, KEYS)}")
         elif not isinstance(section, dict):
             faults.add(f"{name!r} must be a section [{name}] with keys {checks.listed(KEYS[name])}.")
         else:
@@ -158,7 +158,7 @@ def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior 
 
 
 def _check_file(file: ModelFile, faults: checks.Faults) -> None:
-    """What is said of the model must fit it."""
+    """Check that the prior, gain, unknown inputs and record options fit the model."""
     model, prior, gain, unknown, record = file
     if prior.size != model.n:
         faults.add(f"[prior] must describe n = {model.n} states: {model.size_source}. Got {prior.size}.")
@@ -166,7 +166,7 @@ def _check_file(file: ModelFile, faults: checks.Faults) -> None:
         if name not in model.inputs:
             near = checks.suggestion(name, model.inputs)
             inputs = checks.listed(model.inputs)
-            faults.add(f"[unknown] names {name!r}, which is no input of the model: {inputs}.{near}")
+            faults.add(f"[unknown] names {name!r}, which is not an input of the model. Its inputs are {inputs}.{near}")
     if gain is not None and not isinstance(gain, GainSection):
         faults.add(f"`gain` must be a GainSection(prior, settings). Got {type(gain).__name__}.")
     elif gain is not None:
@@ -201,17 +201,17 @@ def write_model(
     unknown: tuple[str, ...] = (),
     record: dict[str, Any] | None = None,
 ) -> None:
-    """Write a TOML model file that `read_model` reads back to the last bit.
+    """Write a TOML model file that `read_model` reads back exactly.
 
-    Raises `InputError` with every fault of the call. A model that varies in time, or has a `B_end`, has no place in a
-    file: `save` it.
+    Raises `InputError` with all faults of the call. A model file cannot hold a model that varies in time or has `B_end`:
+    use `save` for it.
     """
     import tomli_w
 
     _check_writable(ModelFile(model, prior, gain, unknown, record or {}))
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
-        "model": {key: getattr(model, key) for key in keys if not _goes_without_saying(model, key)},
+        "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},
         "prior": _prior_section(prior),
     }
     if model.operating_point is not None:
@@ -231,12 +231,12 @@ _NUMBERS = re.compile(r"\[\s*((?:[-+.\deinfa]+,?\s*)+)\]")
 
 
 def _on_one_line(row: re.Match) -> str:
-    """A row of numbers, which tomli_w writes one below the other."""
+    """A row of numbers on one line; tomli_w writes one number a line."""
     return "[" + ", ".join(row[1].replace(",", " ").split()) + "]"
 
 
-def _goes_without_saying(model: StateSpace, key: str) -> bool:
-    """Whether a matrix is the one that `StateSpace` takes when it is not given."""
+def _is_default(model: StateSpace, key: str) -> bool:
+    """Whether a matrix is the default of `StateSpace`."""
     if key == "D":
         return not model.D.any()
     return key == "G" and np.array_equal(model.G, np.eye(model.n))

@@ -1,4 +1,4 @@
-"""What unknown gains multiply: the blocks of B(θ) = fixed + Σ θ_i directions_i and of D(θ), read, named and side by side."""
+"""The blocks of B(θ) = fixed + Σ θ_i directions_i and of D(θ) that unknown gains multiply."""
 
 from typing import Any
 
@@ -15,12 +15,12 @@ WORDS = ("one", "per_input", "every_entry")
 
 
 def read_directions(given: Numbers | str | None, model: StateSpace, faults: checks.Faults) -> Any:
-    """A word, or (p, n, m); `faults` learns n, m, the outputs, and p, how many gains there are."""
+    """A word, or (p, n, m); `faults` learns n, m, the number of outputs, and the number p of gains."""
     faults.learn("n", model.n, f"the model has {checks.counted(model.n, 'state')}")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
     faults.learn("outputs", model.p, f"the model has {checks.counted(model.p, 'output')}")
     if model.m == 0:
-        faults.add("the model has no input: a gain multiplies B u, so give `B`.")
+        faults.add("the model has no input, and a gain multiplies B u: give `B`.")
     given = "one" if given is None else given
     if not isinstance(given, str):
         return faults.array("directions", given, "p n m")
@@ -68,7 +68,7 @@ def in_blocks(
     feedthrough: Array | str | None = None,
 ) -> StateSpace:
     """The model with [fixed, directions_1, ..] side by side in B, and [D, feedthrough_1, ..] in D."""
-    known = 0 * model.B if fixed is None else _beside(fixed, model.B) + 0 * model.B
+    known = 0 * model.B if fixed is None else _over_time(fixed, model.B) + 0 * model.B
     B, B_end = _side_by_side([known, *_blocks(directions, model.B, p)]), model.B_end
     if B_end is not None:
         B_end = _side_by_side([0 * B_end, *_blocks(directions, B_end, p)])
@@ -89,11 +89,11 @@ def _blocks(directions: Array | str, M: Array, p: int) -> list:
         if directions == "per_input":
             return [M * (np.arange(m) == i) for i in range(m)]
         directions = np.eye(n * m).reshape(n * m, n, m)
-    return [_beside(directions[..., i, :, :], M) + 0 * M for i in range(p)]
+    return [_over_time(directions[..., i, :, :], M) + 0 * M for i in range(p)]
 
 
-def _beside(N: Array, M: Array) -> Array:
-    """N with an axis of time where M has one and N, which may be stacked, has none."""
+def _over_time(N: Array, M: Array) -> Array:
+    """N with a time axis if M has one and N, which may be stacked, does not."""
     return N[..., None, :, :] if np.ndim(N) == np.ndim(M) - 1 and np.ndim(M) > 3 else N
 
 

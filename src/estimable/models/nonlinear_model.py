@@ -1,4 +1,4 @@
-"""A nonlinear state-space model of plain functions."""
+"""A nonlinear state-space model defined by plain functions."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -22,15 +22,15 @@ class NonlinearModel:
     Discrete: x[k+1] = f(x[k], u[k], θ) + G w[k], y[k] = h(x[k], u[k], θ) + v[k]; cov w = Q, cov v = R.
     Continuous: dx/dt = f(x, u, θ) + G w with Q a density (per second); y[k] is a sample, and R its covariance.
 
-    `f` and `h` are plain functions of three arrays, written with `jax.numpy`: x (n,), u (m,), θ (k,), to (n,) and (p,).
+    `f` and `h` are plain functions, written with `jax.numpy`, of three arrays x (n,), u (m,), θ (k,); they return (n,) and (p,).
     `Q` (q, q), `R` (p, p). `G`: (n, q), a function G(x, u, θ) of that shape, or None: noise on every state. `parameters`:
-    {name: value} of θ, in its order; a filter can estimate them beside the state. `dt` in seconds. `states` and `inputs`
-    name the channels (`states` is required where `G` is given; `inputs`: default none), `outputs` default y1...
+    {name: value} of θ, in its order; a filter can estimate them together with the state. `dt` in seconds. `states` and `inputs`
+    name the channels (`states` is required if `G` is given; `inputs`: default none), `outputs` default y1...
 
-    `substeps`: of a continuous model, how many classical Runge-Kutta steps carry it from one sample to the next (they can
-    run as machine code); None: an adaptive method, to a relative 1e-9, by diffrax (the extra `ode`).
+    `substeps`: the number of classical Runge-Kutta steps from one sample to the next of a continuous model (they can run as
+    machine code); None: an adaptive method of diffrax (the extra `ode`), with a relative tolerance of 1e-9.
 
-    Raises `InputError` with every fault at once: functions of the wrong arguments or shape, functions that JAX cannot trace.
+    Raises `InputError` with all faults at once: functions with wrong arguments or shapes, or that JAX cannot trace.
 
     >>> import jax.numpy as jnp
     >>> pendulum = NonlinearModel(
@@ -82,7 +82,7 @@ class NonlinearModel:
 
     @property
     def size_source(self) -> str:
-        """Where its number of states comes from, as a sentence says it."""
+        """The source of the number of states, for messages."""
         return f"the model has {checks.listed(self.states)}"
 
     @property
@@ -96,15 +96,15 @@ class NonlinearModel:
         return len(self.outputs)
 
     def feeds_through(self, inputs: list[int]) -> bool:
-        """Whether an input enters an output directly: whether h uses u, whichever columns are asked for."""
+        """Whether an input enters an output directly: whether h uses u, for any columns `inputs`."""
         arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (self.n, self.m, self.parameters.shape[-1])]
         jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
         return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)
 
     def linearised(self, x: Numbers, u: Numbers = (), *, parameters: Numbers | None = None) -> StateSpace:
-        """The tangents at a state x (n,) and an input u (m,) as a linear model about that operating point.
+        """The linear model about the operating point x (n,), u (m,), from the derivatives there.
 
-        `parameters` (k,): of θ; None: the model's own. Right about an equilibrium: of a state that moves, the motion is left out.
+        `parameters` (k,): θ; None: those of the model. Exact at an equilibrium. At any other state the constant drift is omitted.
 
         >>> slow = NonlinearModel(lambda x, u, θ: -θ * x**2 + u, lambda x, u, θ: x, Q=[[0.1]], R=[[1.0]], dt=0, inputs=["u"],
         ...                       parameters={"θ": 3.0}, substeps=1)
@@ -132,12 +132,12 @@ class NonlinearModel:
         return self.dt == 0
 
     varying = False
-    steps = None  # it does not vary in time but through its functions
+    steps = None  # it has no time-varying matrices
     B_end = S = None
     operating_point = None
 
     def check_at(self, x: np.ndarray, u: np.ndarray, faults: checks.Faults) -> None:
-        """f, h and G must be finite at the prior mean x (n,) and the first input u (m,); traced ones are not looked at."""
+        """f, h and G must be finite at the prior mean x (n,) and the first input u (m,); traced values are not checked."""
         if checks.is_traced(x, u, self.parameters):
             return
         functions = {"f": self.f, "h": self.h} | ({} if self.noise_input is None else {"G": self.noise_input})
@@ -161,11 +161,11 @@ def _numbers(values: Array) -> str:
 
 
 def _read_names(model: NonlinearModel, faults: checks.Faults) -> dict:
-    """Names of states, inputs and outputs; without names of the states there are as many as noises."""
+    """Names of states, inputs and outputs; without names there are as many states as process noises."""
     if model.states is None and model.G is not None:
-        faults.add("`states` must name the states where `G` is given: nothing else says how many there are.")
+        faults.add("`states` must name the states if `G` is given: nothing else determines their number.")
     elif model.states is None and "q" in faults.sizes:
-        faults.learn("n", faults.sizes["q"], "without `G`, noise enters every state, and `Q` says how many")
+        faults.learn("n", faults.sizes["q"], "without `G`, noise enters every state, and `Q` determines their number")
     states = faults.names("states", model.states, "n", "x")
     if states:
         faults.learn("n", len(states), f"`states` names {len(states)}")
@@ -173,8 +173,8 @@ def _read_names(model: NonlinearModel, faults: checks.Faults) -> dict:
             faults.learn("q", len(states), "without `G`, noise enters every state")
             if faults.sizes.get("q") != len(states):
                 faults.add(
-                    f"`Q` must be (n, n) = ({len(states)}, {len(states)}) without `G`: noise then enters each of the "
-                    f"{checks.counted(len(states), 'state')}. Got {np.shape(model.Q)}."
+                    f"`Q` must be (n, n) = ({len(states)}, {len(states)}) without `G`: noise then enters every state, "
+                    f"and `states` names {len(states)}. Got {np.shape(model.Q)}."
                 )
     inputs = faults.names("inputs", model.inputs, "m", "u")
     faults.learn("m", len(inputs), f"`inputs` names {len(inputs)}")
@@ -186,7 +186,7 @@ def _read_parameters(given: Mapping[str, float] | None, faults: checks.Faults) -
         return (), np.zeros(0)
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         faults.add(
-            f"`parameters` must be a mapping of names to numbers, as {{'drag': 0.3}}. Got {checks.short(given)}."
+            f"`parameters` must be a mapping of names to numbers, such as {{'drag': 0.3}}. Got {checks.short(given)}."
         )
         return (), np.zeros(0)
     values = faults.array("parameters", list(given.values()), "k") if given else np.zeros(0)
@@ -195,7 +195,7 @@ def _read_parameters(given: Mapping[str, float] | None, faults: checks.Faults) -
 
 def _need_solver(faults: checks.Faults) -> None:
     try:
-        import diffrax  # noqa: F401  only whether it is there
+        import diffrax  # noqa: F401  only to see whether it is installed
     except ImportError:
         faults.add(
             "the model is continuous: give `substeps` (Runge-Kutta steps from one sample to the next), or install the extra "
@@ -204,22 +204,22 @@ def _need_solver(faults: checks.Faults) -> None:
 
 
 def _check_functions(model: NonlinearModel, noise_input: Callable | None, k: int, faults: checks.Faults) -> None:
-    """Each function takes (x, u, θ), can be traced, and gives an array of the right shape."""
+    """Check that each function takes (x, u, θ), can be traced, and returns an array of the right shape."""
     n, m, p, q = (faults.sizes[axis] for axis in "nmpq")
     wanted: list[tuple[str, Any, tuple[int, ...], str]] = [
-        ("f", model.f, (n,), "one entry a state"),
-        ("h", model.h, (p,), "`R` has as many rows"),
+        ("f", model.f, (n,), "one entry for each state"),
+        ("h", model.h, (p,), "one entry for each row of `R`"),
     ]
     if noise_input is not None:
-        wanted.append(("G", noise_input, (n, q), "states by noises"))
+        wanted.append(("G", noise_input, (n, q), "one row for each state, one column for each noise"))
     arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (n, m, k)]
     for name, function, shape, because in wanted:
         if not callable(function):
             faults.add(f"`{name}` must be a function {name}(x, u, θ). Got {checks.short(function)}.")
         elif not _takes_three(function):
             faults.add(
-                f"`{name}` must take three arguments, {name}(x, u, θ), also where it does not use them. "
-                f"It is {name}{inspect.signature(function)}."
+                f"`{name}` must take three arguments, {name}(x, u, θ), even if it does not use them. "
+                f"Got {name}{inspect.signature(function)}."
             )
         else:
             _check_result(name, function, arguments, shape, because, faults)
@@ -231,15 +231,15 @@ def _check_result(
     sizes = ", ".join(f"{letter} {a.shape}" for letter, a in zip("xuθ", arguments, strict=True))
     try:
         result = jax.eval_shape(function, *arguments)
-    except Exception as error:  # whatever the user's function raises
-        first = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else "it gives no reason"
+    except Exception as error:  # any exception of the user's function
+        first = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else "it has no message"
         traced = isinstance(error, jax.errors.JAXTypeError)
-        cure = " Write it with jax.numpy, and with jnp.where in the place of if." if traced else ""
+        cure = " Write it with jax.numpy, and with jnp.where instead of if." if traced else ""
         faults.add(f"`{name}` cannot be traced at {sizes}: {type(error).__name__}: {first}.{cure}")
         return
     if not hasattr(result, "shape") or result.shape != shape:
         got = result.shape if hasattr(result, "shape") else checks.short(result)
-        faults.add(f"`{name}` must give an array {shape}: {because}. At {sizes} it gives {got}.")
+        faults.add(f"`{name}` must return an array {shape}: {because}. At {sizes} it returns {got}.")
 
 
 def _takes_three(function: Callable) -> bool:

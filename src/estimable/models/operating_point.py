@@ -21,7 +21,7 @@ class OperatingPoint:
 
     @staticmethod
     def of(given: Any, C: np.ndarray, D: np.ndarray, faults: checks.Faults) -> "OperatingPoint | None":
-        """A mapping or an `OperatingPoint`, read: what is not given is zero, and outputs are C states + D inputs."""
+        """The point from a mapping or an `OperatingPoint`; defaults: zero states and inputs, outputs C states + D inputs."""
         if given is None:
             return None
         if isinstance(given, Mapping):
@@ -45,7 +45,7 @@ class OperatingPoint:
         if states is None or inputs is None:
             return None
         if outputs is None and C.ndim + D.ndim > 4:
-            faults.add("`operating_point` must give outputs where C or D varies in time.")
+            faults.add("`operating_point` must give outputs if C or D varies in time.")
             return None
         outputs = C @ states + D @ inputs if outputs is None else faults.array("operating_point outputs", outputs, "p")
         return None if outputs is None else OperatingPoint(states, inputs, outputs)

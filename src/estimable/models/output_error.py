@@ -1,4 +1,4 @@
-"""The output-error model: polynomials A and B for each output, and white noise on what is measured."""
+"""The output-error model: polynomials A and B for each output, and white noise on the measured outputs."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
@@ -16,7 +16,7 @@ from .state_space import StateSpace
 
 @frozen
 class OutputError(polynomials.Polynomials):
-    """A linear system by its polynomials, with noise on the measured outputs only.
+    """A linear system in polynomial form, with noise on the measured outputs only.
 
     Model: x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], y[k] = x°[k] + v[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, and
     B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb); v white, independent between outputs. u° is what the actuator applied.
@@ -95,7 +95,7 @@ class OutputError(polynomials.Polynomials):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of θ: a1, b0, ..; with the channels where there are several."""
+        """Names of θ: a1, b0, ..; with the channels if there are several."""
         return parameter_names(self.na, self.nb, self.inputs, self.outputs)
 
     @property
@@ -123,7 +123,7 @@ class OutputError(polynomials.Polynomials):
         )
 
     def to_state_space(self) -> StateSpace:
-        """The same system as a `StateSpace` without process noise: one observable companion form an output.
+        """The same system as a `StateSpace` without process noise: one observable companion form for each output.
 
         >>> OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1).to_state_space().A.tolist()
         [[-0.5]]
@@ -136,7 +136,7 @@ class OutputError(polynomials.Polynomials):
 
 
 def past_states(model: OutputError) -> StateSpace:
-    """The same system with past outputs x° and past inputs as its states, which parameters that jump leave as they are.
+    """The same system with past outputs x° and past inputs as its states, which do not change when the parameters jump.
 
     >>> past_states(OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1)).A.tolist()
     [[-0.5, 2.0], [0.0, 0.0]]
@@ -162,7 +162,7 @@ def past_states(model: OutputError) -> StateSpace:
 
 
 def parameter_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, ...]:
-    """a1.., b0.. of one output and one input; with several, a1_y1.., b0_y1_u1..: output by output, input by input.
+    """a1.., b0.. for one output and one input; with several, a1_y1.., b0_y1_u1..: output by output, input by input.
 
     >>> parameter_names(1, 0, ("u1", "u2"), ("y1",))
     ('a1_y1', 'b0_y1_u1', 'b0_y1_u2')
@@ -176,7 +176,7 @@ def parameter_names(na: int, nb: int, inputs: tuple[str, ...], outputs: tuple[st
 
 
 def read_variance(name: str, value: Numbers, faults: checks.Faults) -> Any:
-    """Variances of the outputs, (p,): one number is that of each."""
+    """Variances of the outputs, (p,); one number applies to each."""
     if checks.is_traced(value):
         return value
     if np.ndim(value) == 0:
@@ -184,13 +184,13 @@ def read_variance(name: str, value: Numbers, faults: checks.Faults) -> Any:
         return None if number is None else np.full(faults.sizes.get("p", 1), number)
     variances = faults.array(name, value, "p")
     if variances is not None and np.any(variances < 0):
-        faults.add(f"`{name}` must be variances, at least 0. Got {checks.short(value)}.")
+        faults.add(f"`{name}` must hold variances of at least 0. Got {checks.short(value)}.")
         return None
     return variances
 
 
 def _raised(value: Numbers, axes: int) -> Any:
-    """A 1-D list of one output (and one input) with the axes that it leaves out."""
+    """A 1-D list, for one output (and one input), with the missing axes added in front."""
     try:
         array = np.asarray(value)
     except ValueError:

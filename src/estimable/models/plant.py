@@ -1,4 +1,4 @@
-"""What the steps of a nonlinear filter ask of a model, linear or not: where a state goes, and what it shows."""
+"""A model, linear or not, as the steps of a nonlinear filter use it: the next state and the output of a state."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from .state_space import StateSpace
 
 @frozen
 class Functions:
-    """A `NonlinearModel` with its noises on unit white ones: w = white e, v = V e'. θ are the parameters of the model.
+    """A `NonlinearModel` with noises scaled from unit white ones: w = white e, v = V e'. θ are the parameters of the model.
 
     `moving`: the input moves linearly between samples. The state's origin is zero. `independent`: V is diagonal.
     """
@@ -33,12 +33,12 @@ class Functions:
     independent: bool = static(default=False)
 
     def at(self, k: int | Array) -> "Functions":
-        """The plant at row k: it does not vary."""
+        """The plant at row k, which is the same for all rows."""
         return self
 
     @property
     def origin(self):
-        """What states are measured from, (n,)."""
+        """The origin of the states, (n,)."""
         return jnp.zeros(self.n)
 
     @property
@@ -71,7 +71,7 @@ class Functions:
 
 @frozen
 class Matrices:
-    """A `SampledModel` seen as a plant: its states are deviations from the operating point."""
+    """A `SampledModel` as a plant: its states are deviations from the operating point."""
 
     model: SampledModel
 
@@ -85,7 +85,7 @@ class Matrices:
 
     @property
     def origin(self):
-        """What states are measured from, (n,)."""
+        """The origin of the states, (n,)."""
         return self.model.point.states
 
     @property
@@ -100,7 +100,7 @@ class Matrices:
 
     @property
     def independent(self) -> bool:
-        """Whether each output has a noise of its own."""
+        """Whether each output has its own independent noise."""
         return self.model.independent
 
     def output(self, x: Array, θ: Array, u: Array):
@@ -120,7 +120,7 @@ class Matrices:
 
 
 def plant(model: StateSpace | NonlinearModel, clock: Clock) -> Functions | Matrices:
-    """`model` made ready for the steps of `clock`."""
+    """`model`, prepared for the steps of `clock`."""
     if isinstance(model, StateSpace):
         return Matrices(sample(model, clock))
     G = model.G if model.noise_input is None else jnp.zeros((model.n, model.Q.shape[-1]))

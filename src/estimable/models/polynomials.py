@@ -1,4 +1,4 @@
-"""What the polynomial models share: degrees, the vector of parameters, the companion form.
+"""The common part of the polynomial models: degrees, the vector of parameters, the companion form.
 
 Letters: A_i = 1 + a_i1 z^-1 + .., B_ij = z^-delay (b_ij0 + ..), a (p, na), b (p, m, nb+1).
 """
@@ -13,7 +13,7 @@ from ..frozen import replace
 
 
 class Polynomials:
-    """A model by its polynomials `a` and `b`; `PARTS`: the fields that θ is made of, those that are not None."""
+    """A model in polynomial form with `a` and `b`; θ consists of the fields in `PARTS` that are not None."""
 
     PARTS: tuple[str, ...] = ("a", "b")
     a: Any
@@ -60,14 +60,14 @@ def joined(*parts: np.ndarray) -> np.ndarray:
 
 
 def parted(θ: Numbers, like: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """The parts of θ, shaped as those in `like`: `joined` undone."""
+    """The parts of θ, shaped as those in `like`: the inverse of `joined`."""
     rows = np.asarray(θ, float).reshape(len(like[0]), -1)
     ends = np.cumsum([0, *(np.size(part) // len(part) for part in like)])
     return [rows[:, i:j].reshape(np.shape(part)) for part, i, j in zip(like, ends[:-1], ends[1:], strict=True)]
 
 
 def companion(a: np.ndarray, b: np.ndarray, delay: int, states: int = 1) -> tuple[np.ndarray, ...]:
-    """A, B, C, D of B_ij/A_i: one observable companion form an output, each with at least `states` states.
+    """A, B, C, D of B_ij/A_i: one observable companion form for each output, each with at least `states` states.
 
     >>> companion(np.array([[0.5]]), np.array([[[1.0, 2.0]]]), 0)[1].tolist()
     [[1.5]]

@@ -1,4 +1,4 @@
-"""What is believed before the first sample."""
+"""The belief before the first sample."""
 
 from typing import Any
 
@@ -12,13 +12,13 @@ from ..frozen import frozen, set_field
 
 @frozen
 class Prior:
-    """A Gaussian belief about a state, a gain or a parameter, with directions of which nothing is known.
+    """A Gaussian belief about a state, a gain or a parameter, with diffuse directions.
 
     `mean` (n,) and `covariance` (n, n), in the units of what they describe; the covariance is positive semidefinite and
-    may be zero (known exactly). `diffuse` (n, r) spans what nothing is known of: the prior variance along its columns
-    is infinite, exactly, and never a large number. A covariance along a diffuse direction is what remains besides.
+    may be zero (known exactly). `diffuse` (n, r) spans the unknown directions: the prior variance along its columns
+    is exactly infinite, not a large number. The finite `covariance` adds to it.
 
-    Raises `InputError` where a shape is wrong, the covariance not symmetric or indefinite, or `diffuse` rank deficient.
+    Raises `InputError` if a shape is wrong, the covariance is not symmetric or is indefinite, or `diffuse` is rank deficient.
 
     >>> Prior([0.0, 1.0], [[1.0, 0.0], [0.0, 4.0]]).size
     2
@@ -40,7 +40,7 @@ class Prior:
         if diffuse is not None and diffuse.shape[1] == 0:
             diffuse = None
         if diffuse is not None and not checks.is_traced(diffuse):
-            largest = np.abs(diffuse).max(axis=0)  # units of the columns are of no account
+            largest = np.abs(diffuse).max(axis=0)  # the scale of the columns does not matter
             rank = np.linalg.matrix_rank(diffuse / np.where(largest > 0, largest, 1.0))
             if rank < diffuse.shape[1]:
                 columns = checks.counted(diffuse.shape[1], "column")
@@ -50,7 +50,7 @@ class Prior:
 
     @property
     def size(self) -> int:
-        """How many quantities it describes."""
+        """Number of quantities it describes."""
         return self.mean.shape[-1]
 
     def in_basis(self, T: Numbers) -> "Prior":
@@ -68,5 +68,5 @@ class Prior:
 
 
 def diffuse_columns(prior: Prior):
-    """The diffuse directions of a prior, (n, r), with r = 0 where there are none."""
+    """The diffuse directions of a prior, (n, r), with r = 0 if there are none."""
     return jnp.zeros((prior.mean.shape[-1], 0)) if prior.diffuse is None else jnp.asarray(prior.diffuse)

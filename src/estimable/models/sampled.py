@@ -1,4 +1,4 @@
-"""A model as the steps of an algorithm need it: discrete, its noises on unit white ones, one instant at a time."""
+"""A model as the steps of an algorithm use it: discrete, with noises scaled from unit white ones, at one instant."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -17,9 +17,9 @@ from .state_space import StateSpace
 
 
 class Clock(NamedTuple):
-    """The steps of a record: their distinct lengths (K,) in seconds, which of them each row has, and the hold of u.
+    """The steps of a record: their distinct lengths (K,) in seconds, the index of the length of each row, and the hold of u.
 
-    `wanders`: whether intervals come with `u_diffusion`, for which a continuous model needs more than B.
+    `wanders`: whether intervals have `u_diffusion`, for which a continuous model needs `wandering` as well as B.
     """
 
     lengths: np.ndarray
@@ -37,8 +37,8 @@ class Clock(NamedTuple):
 class SampledModel:
     """x+ = A x + B u + B_end u_end + ω, y = C x + D u + v about `point`; v = V e, ω = Ω e + W e' with e, e' unit white.
 
-    Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` where several rows share one entry.
-    `independent`: V is diagonal and there is no Ω, so that each output has a noise of its own. `wandering` (n, n, m), of
+    Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` if several rows share one entry.
+    `independent`: V is diagonal and there is no Ω, so that each output has its own independent noise. `wandering` (n, n, m), of
     a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state.
     """
 
@@ -92,7 +92,7 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
 
 
 def _wandering(model: StateSpace, clock: Clock) -> np.ndarray:
-    """`wandering` for each distinct step, or for each row of a model that varies; without that axis where it is one."""
+    """`wandering` for each distinct step, or for each row of a model that varies; without that axis if its length is one."""
     lengths = np.atleast_1d(clock.lengths)
     if model.varying and clock.rows is not None:
         lengths = lengths[clock.rows]
@@ -102,7 +102,7 @@ def _wandering(model: StateSpace, clock: Clock) -> np.ndarray:
 
 
 def _timed(model: StateSpace, name: str) -> np.ndarray:
-    """A matrix with an axis of time, of length one where it does not vary."""
+    """A matrix with a time axis, of length one if it does not vary."""
     M = getattr(model, name)
     return M if name in model.varying else M[..., None, :, :]
 
@@ -113,7 +113,7 @@ def is_diagonal(R: Array) -> bool:
 
 
 def _varying_noise(model: StateSpace) -> set[str]:
-    """Which of V, Ω, W vary in time."""
+    """The names among V, Ω, W that vary in time."""
     varying = set(model.varying)
     if model.S is not None:
         return {"V", "Ω", "W"} if varying & {"Q", "R", "S", "G"} else set()
@@ -121,7 +121,7 @@ def _varying_noise(model: StateSpace) -> set[str]:
 
 
 def point_of(model: StateSpace) -> OperatingPoint:
-    """Where the model is linear; zero where it does not say."""
+    """The operating point of the model; zero if it has none."""
     if model.operating_point is not None:
         return model.operating_point
     return OperatingPoint(*(np.zeros((*_batch(model), size)) for size in (model.n, model.m, model.p)))
@@ -144,13 +144,13 @@ def _discrete(model: StateSpace, clock: Clock) -> tuple[StateSpace, np.ndarray |
     fixed = {name for name, M in changed.items() if M is not None and M.shape[-3] == 1}
     changed = {name: M[..., 0, :, :] if name in fixed else M for name, M in changed.items()}
     varying = {name for name, M in changed.items() if M is not None} - fixed
-    kept = {name for name in model.varying if name in ("C", "D", "R")}
+    unchanged = {name for name in model.varying if name in ("C", "D", "R")}
     return replace(
         model,
         **changed,
         G=np.broadcast_to(np.eye(model.n), Φ[..., 0, :, :].shape),
         dt=float(np.mean(lengths)),
-        varying=tuple(sorted(varying | kept)),
+        varying=tuple(sorted(varying | unchanged)),
     ), rows
 
 

@@ -13,7 +13,7 @@ from .discretisation import HOLDS, over, read_steps
 from .operating_point import OperatingPoint
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S", "B_end")
-SINGULAR = 1e14  # condition number from which a change of basis leaves no digit that can be trusted
+SINGULAR = 1e14  # condition number above which a change of basis loses all digits
 
 
 @frozen
@@ -25,13 +25,13 @@ class StateSpace:
     in the continuous Riccati and estimability functions).
 
     Shapes: A (n, n), B (n, m), C (p, n), D (p, m), G (n, q), Q (q, q), R (p, p), S (q, p). Not given: B and D are zero,
-    C and G the identity, Q and S zero; R has no default, and what needs it says so. Any of them may have a leading time
-    axis: row k holds from t[k] to t[k+1]. `dt` is in seconds. `states`, `inputs`, `outputs` name the channels (default
-    x1.., u1.., y1..); records are matched to them by name. `operating_point` = {"states", "inputs", "outputs"}: where
-    the model is linear, in absolute units; records, priors and results are then in absolute units too.
-    `B_end` (n, m): the effect of u[k+1] on x[k+1], where the input moves between samples (first-order hold).
+    C and G the identity, Q and S zero. R has no default; functions that need it raise an error. Any matrix may have a
+    leading time axis: row k holds from t[k] to t[k+1]. `dt` is in seconds. `states`, `inputs`, `outputs` name the
+    channels (default x1.., u1.., y1..); records are matched to them by name. `operating_point` = {"states", "inputs", "outputs"}:
+    the point about which the model is linear, in absolute units; records, priors and results are then in absolute units
+    too. `B_end` (n, m): the effect of u[k+1] on x[k+1], if the input moves linearly between samples (first-order hold).
 
-    Raises `InputError` with every fault at once: shapes, covariances not symmetric or indefinite, names.
+    Raises `InputError` with all faults at once: wrong shapes, covariances not symmetric or indefinite, wrong names.
 
     >>> model = StateSpace([[0.9]], [[1.0]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=0.5, states=["level"])
     >>> model.n, model.m, model.p, model.outputs
@@ -81,7 +81,7 @@ class StateSpace:
 
     @property
     def size_source(self) -> str:
-        """Where its number of states comes from, as a sentence says it."""
+        """The source of the number of states, for messages."""
         return f"`A` is {self.n} × {self.n}"
 
     @property
@@ -105,16 +105,16 @@ class StateSpace:
 
     @property
     def steps(self) -> int | None:
-        """How many rows of time the varying matrices have; None for a model that does not vary."""
+        """Number of rows in time of the varying matrices; None for a model that does not vary."""
         return getattr(self, self.varying[0]).shape[0] if self.varying else None
 
     def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
-        """The discrete model of a continuous one over steps of `dt` seconds: one number, or an array (T,), one a row.
+        """The discrete model of a continuous one over steps of `dt` seconds: one number, or an array (T,) with one for each row.
 
         `hold`: the input is constant over a step ("zero_order") or moves linearly to its next value ("first_order").
         The process noise is that which accumulates over the step (Van Loan, IEEE TAC 23, 1978).
 
-        Raises `InputError` where the model is discrete already, `dt` not positive or `hold` unknown.
+        Raises `InputError` if the model is already discrete, `dt` is not positive or `hold` is unknown.
 
         >>> slow = StateSpace([[-1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]], dt=0).discretise(0.1)
         >>> bool(np.isclose(slow.A[0, 0], np.exp(-0.1))), bool(np.isclose(slow.Q[0, 0], 1 - np.exp(-0.2)))
@@ -133,7 +133,7 @@ class StateSpace:
         )  # fmt: skip
 
     def in_basis(self, T: Numbers) -> "StateSpace":
-        """The same model in the states T x; they are named x1.. again. Raises `InputError` where T (n, n) is singular.
+        """The same model in the states T x; their names are x1.. again. Raises `InputError` if T (n, n) is singular.
 
         >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
         array([[0.5]])
@@ -143,7 +143,9 @@ class StateSpace:
         T = np.asarray(faults.array("T", T, "n n"))
         faults.finish()
         if (condition := _condition(T)) > SINGULAR:
-            checks.refuse(f"`T` must be invertible: with rows and columns scaled, its condition is {condition:.3g}.")
+            checks.refuse(
+                f"`T` must be invertible: with rows and columns scaled, its condition number is {condition:.3g}."
+            )
         back = np.linalg.inv(T)
         point = self.operating_point
         return StateSpace(
@@ -161,19 +163,19 @@ class StateSpace:
         G: Numbers | None = None,
         S: Numbers | None = None,
     ) -> "StateSpace":
-        """A model from a `control.StateSpace` (dt = 0 is continuous there too), with the noises it does not carry.
+        """A model from a `control.StateSpace` (dt = 0 is continuous there too), and its noise covariances.
 
-        Needs the extra `control`. Raises `InputError` where the system's dt is not a number.
+        Needs the extra `control`. Raises `InputError` if the system's dt is not a number.
         """
         return StateSpace(**arguments_of(system), Q=Q, R=R, G=G, S=S)
 
     def to_control(self):
-        """This model as a `control.StateSpace`, without its noises and operating point. Needs the extra `control`."""
+        """This model as a `control.StateSpace`, without its noise covariances and operating point. Needs the extra `control`."""
         return to_control(self)
 
 
 def _condition(T: np.ndarray) -> float:
-    """The condition number after scaling rows and columns, that is, with the units of the states taken out."""
+    """The condition number after scaling rows and columns, which removes the units of the states."""
     with np.errstate(invalid="ignore", divide="ignore"):
         scaled = T / np.abs(T).max(axis=1, keepdims=True)
         scaled = scaled / np.abs(scaled).max(axis=0)
@@ -181,7 +183,7 @@ def _condition(T: np.ndarray) -> float:
 
 
 def _read_matrices(model: StateSpace, faults: checks.Faults) -> dict:
-    """Each matrix checked against those before it; None where not given or at fault."""
+    """Each matrix, checked against those before it; None if not given or at fault."""
     read = {"A": faults.array("A", model.A, "n n", leading="T")}
     for name, axes in (("B", "n m"), ("C", "p n"), ("D", "p m"), ("G", "n q"), ("B_end", "n m")):
         value = getattr(model, name)
@@ -199,12 +201,12 @@ def _read_matrices(model: StateSpace, faults: checks.Faults) -> dict:
     elif faults.sizes.get("p") == 0:
         faults.add("`C` must have at least one row: a model needs an output.")
     elif faults.sizes.get("q") == 0:
-        faults.add("`G` must have at least one column: leave it out, and Q zero, where no noise enters the state.")
+        faults.add("`G` must have at least one column. If no noise enters the state, leave out `G` and `Q`.")
     return read
 
 
 def _complete(given: dict) -> dict:
-    """Fill in what was not given: a zero B or D, an identity C or G, a zero Q."""
+    """Fill in the defaults: zero B and D, identity C and G, zero Q."""
     n = given["A"].shape[-1]
     p = n if given["C"] is None else given["C"].shape[-2]
     inputs = next((given[name].shape[-1] for name in ("B", "D", "B_end") if given[name] is not None), 0)
@@ -217,15 +219,19 @@ def _complete(given: dict) -> dict:
 
 
 def _check_noise(matrices: dict, dt: float | None, faults: checks.Faults) -> None:
-    """What only the noises together can get wrong."""
+    """Check the noise covariances together."""
     faults.learn("m", matrices["B"].shape[-1], "neither `B` nor `D` has a column")
     if dt == 0 and matrices["B_end"] is not None:
-        faults.add("`B_end` belongs to a discrete model, and dt = 0: discretise(dt, hold='first_order') makes both.")
+        faults.add(
+            "`B_end` belongs to a discrete model, but dt = 0 is continuous. Use discretise(dt, hold='first_order')."
+        )
     Q, R, S = (matrices[name] for name in ("Q", "R", "S"))
     if S is None or checks.is_traced(Q, R, S):
         return
     if dt == 0:
-        faults.add("`S` is between noises of one sample: a continuous model (dt = 0) has none. Discretise it first.")
+        faults.add(
+            "`S` is for noises of one sample, which a continuous model (dt = 0) does not have. Discretise it first."
+        )
     elif R is None:
         faults.add("`S` needs `R`, the covariance of the measurement noise.")
     else:

@@ -1,4 +1,4 @@
-"""The same process with process and measurement noise independent of each other."""
+"""The same model with independent process and measurement noise."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from .state_space import StateSpace
 
 
 def uncorrelated(model: StateSpace) -> StateSpace:
-    """`model` about zero, with S = None: what a loop (`ControlledPlant`) asks of its plant.
+    """`model` in deviations, with S = None, as a loop (`ControlledPlant`) needs it.
 
-    Where there is cross noise, w = S R^+ v + (what v does not tell), so v becomes a state: n + p states, the last p named after
-    the outputs' noises, and R = 0. Outputs have the same distribution. Discrete, constant models.
+    With cross noise, w = S R^+ v + (a part uncorrelated with v), so v becomes a state: n + p states, the last p named after
+    the outputs' noises, and R = 0. The outputs have the same distribution. For discrete, constant models.
 
     Raises `InputError` for a model that varies, or is continuous with cross noise.
 
@@ -44,6 +44,6 @@ def _plain(model: StateSpace) -> StateSpace:
 
 
 def _positive(Q: np.ndarray, size: float) -> np.ndarray:
-    """A covariance with what rounding made of zero taken out."""
+    """A covariance without the negative eigenvalues that rounding leaves."""
     values, vectors = np.linalg.eigh((Q + Q.T) / 2)
     return (vectors * np.where(values > 1e-13 * size, values, 0.0)) @ vectors.T

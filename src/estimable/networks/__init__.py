@@ -1,1 +1,1 @@
-"""What a link does to packets. `init()`, then `send(state, packet, draw)` at each instant; the draws come from the driver."""
+"""Links that lose or delay packets: `init()`, then `send(state, packet, draw)` at each instant; the driver makes the draws."""

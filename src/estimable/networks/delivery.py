@@ -1,4 +1,4 @@
-"""What comes out of a link."""
+"""The output of a link."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -8,15 +8,15 @@ import jax.numpy as jnp
 from ..annotations import Array
 from ..frozen import saved
 
-LATE = ("drop", "use")  # of packets that come late
+LATE = ("drop", "use")  # what happens to packets that arrive late
 
 
 @saved
 class Delivery(NamedTuple):
-    """What the receiver gets at one instant, channel by channel (c,).
+    """What the receiver gets at one instant, for each channel (c,).
 
-    `value`: the newest packet that came just now, NaN where none did that is newer than those before; `age`: how many steps
-    ago it was sent, infinite without one; `delay`: of the packet sent now, 0 in time, infinite if it never comes.
+    `value`: the newest packet that arrives at this instant, NaN if none arrives that is newer than the earlier ones; `age`:
+    how many steps ago it was sent, infinite without one; `delay`: of the packet sent now, 0 if in time, infinite if lost.
     """
 
     value: Annotated[Any, "c"]
@@ -25,26 +25,26 @@ class Delivery(NamedTuple):
 
     @property
     def arrived(self):
-        """Which packets sent now came in time, (c,)."""
+        """Whether the packets sent now arrive in time, (c,)."""
         return self.delay == 0
 
 
 def transmit(link: Any, packets: Array, key: Array) -> Delivery:
-    """Send packets (T, c) through a link, one an instant; everything of the delivery has rows (T, c)."""
+    """Send packets (T, c) through a link, one at each instant; all fields of the delivery are (T, c)."""
     T = packets.shape[0]
     draws = jax.random.uniform(key, (T, max(link.draws, 1)), float)
-    start, _ = link.send(link.init(), packets[0], draws[0])  # a state with the shapes that a packet gives it
+    start, _ = link.send(link.init(), packets[0], draws[0])  # the state with the shapes that a packet gives it
     fresh = jax.tree_util.tree_map(lambda first, like: jnp.broadcast_to(first, jnp.shape(like)), link.init(), start)
     return jax.lax.scan(lambda state, row: link.send(state, *row), fresh, (packets, draws))[1]
 
 
 def flight(longest: int):
-    """Packets in flight, sent 1 .. `longest` steps ago, with their delays; and the age of the newest that came."""
+    """Packets in flight, sent 1 .. `longest` steps ago, with their delays; and the age of the newest one that arrived."""
     return jnp.full((longest, 1), jnp.nan), jnp.full((longest, 1), jnp.inf), jnp.full((1,), jnp.inf)
 
 
 def fly(state: tuple, packet: Array, delay: Array, late: str):
-    """Send a packet (c,) that will take `delay` (c,) steps, and see which come just now."""
+    """Send a packet (c,) with a delay of `delay` (c,) steps; returns the packets that arrive at this instant."""
     sent, delays, newest = state
     packet = jnp.asarray(packet)
     sent = jnp.concatenate([packet[None], jnp.broadcast_to(sent, (sent.shape[0], packet.shape[0]))])
@@ -59,6 +59,6 @@ def fly(state: tuple, packet: Array, delay: Array, late: str):
 
 
 def in_time(packet: Array, arrived: Array) -> Delivery:
-    """The packet (c,) where it arrived, and nothing ever where not."""
+    """The packet (c,) if it arrived; otherwise it is lost."""
     infinite = jnp.where(arrived, 0.0, jnp.inf)
     return Delivery(jnp.where(arrived, packet, jnp.nan), infinite, infinite)

@@ -14,7 +14,7 @@ from .delivery import LATE, flight, fly, in_time
 
 @frozen
 class PerfectLink:
-    """Every packet comes in time.
+    """Every packet arrives in time.
 
     >>> PerfectLink().send((), np.array([1.0]))[1].arrived.tolist()
     [True]
@@ -25,20 +25,20 @@ class PerfectLink:
     late = "drop"
 
     def init(self):
-        """Nothing to remember."""
+        """The empty state."""
         return ()
 
     def send(self, state: Tree, packet: Array, draw: Array | None = None):
-        """The packet (c,), as it is."""
+        """The packet (c,), unchanged."""
         return state, in_time(packet, jnp.ones(jnp.shape(packet), bool))
 
 
 @frozen
 class BernoulliLink:
-    """Each packet comes in time with probability `arrival`, independently; else never.
+    """Each packet arrives in time with probability `arrival`, independently; otherwise it is lost.
 
     Settings: `arrival`, one number (all channels in one packet) or (c,) (a packet for each); `acknowledged`: True is
-    TCP-like (the sender is told one step later), False UDP-like (never). Reference: H. Fang (2009), (3.3), (3.4).
+    TCP-like (the sender is notified one step later), False is UDP-like (never). Reference: H. Fang (2009), (3.3), (3.4).
 
     >>> BernoulliLink(0.8).send((), np.array([1.0]), np.array([0.7]))[1].value.tolist()
     [1.0]
@@ -59,25 +59,25 @@ class BernoulliLink:
 
     @property
     def draws(self) -> int:
-        """Uniform numbers that one instant takes."""
+        """Number of uniform random numbers for one instant."""
         return np.shape(self.arrival)[-1]
 
     def init(self):
-        """Nothing to remember."""
+        """The empty state."""
         return ()
 
     def send(self, state: Tree, packet: Array, draw: Array):
-        """The packet (c,), or nothing; `draw` uniform on [0, 1), one a packet."""
+        """The packet (c,), or nothing; `draw` uniform on [0, 1), one for each packet."""
         return state, in_time(packet, jnp.broadcast_to(draw < self.arrival, jnp.shape(packet)))
 
 
 @frozen
 class GilbertElliottLink:
-    """Losses come in bursts: the channel is good or bad, a Markov chain, and packets arrive with the rate of its state.
+    """Losses come in bursts: the channel is a Markov chain, good or bad, and packets arrive with the rate of its state.
 
     Settings: `to_bad`, `to_good`: probabilities of a change from one packet to the next; `good`, `bad`: arrival rates in the
-    two states; `acknowledged` as in `BernoulliLink`. It starts in its stationary state. `of_rate` makes one of its
-    arrival rate and mean burst. All channels travel in one packet.
+    two states; `acknowledged` as in `BernoulliLink`. It starts in its stationary distribution. `of_rate` makes one
+    from an arrival rate and a mean length of a burst. All channels travel in one packet.
 
     Reference: E. N. Gilbert (1960); E. O. Elliott (1963).
 
@@ -103,13 +103,15 @@ class GilbertElliottLink:
             for name in ("to_bad", "to_good", "good", "bad")
         }
         if read["to_bad"] == 0 and read["to_good"] == 0:
-            faults.add("`to_bad` and `to_good` are both 0: nothing says in which state the channel starts. Give one.")
+            faults.add(
+                "`to_bad` and `to_good` are both 0, so the initial state of the channel is undefined. Give one of them."
+            )
         faults.finish()
         set_field(self, **read)
 
     @staticmethod
     def of_rate(arrival: float, *, burst: float, acknowledged: bool = True) -> "GilbertElliottLink":
-        """The link that loses all in its bad state and nothing in its good one: arrival rate, and mean length of a burst."""
+        """The link that loses all packets in its bad state and none in its good one, from its arrival rate and mean burst."""
         faults = checks.Faults()
         rate = faults.number("arrival", arrival, above=0.0, upper=1.0)
         length = faults.number("burst", burst, lower=1.0, unit="packets")
@@ -135,7 +137,7 @@ class GilbertElliottLink:
         return jnp.asarray(self.to_bad / (self.to_bad + self.to_good))
 
     def send(self, state: Array, packet: Array, draw: Array):
-        """The packet (c,), or nothing; `draw` (2,) uniform: of the channel's state, and of the packet."""
+        """The packet (c,), or nothing; `draw` (2,) uniform: for the state of the channel, and for the packet."""
         is_bad = draw[0] < state
         arrived = draw[1] < jnp.where(is_bad, self.bad, self.good)
         after = jnp.where(is_bad, 1 - self.to_good, self.to_bad)
@@ -144,10 +146,10 @@ class GilbertElliottLink:
 
 @frozen
 class DelayLink:
-    """Packets come late, and may overtake each other; each says when it was sent.
+    """Packets arrive late, and may overtake each other; each has a time stamp.
 
-    Settings: `delays`: probabilities of 0, 1, 2, .. steps of delay; what they lack to 1 is lost. `late`: "drop" packets that
-    come late, or "use" them when they come, unless a newer one came before; `acknowledged` as in `BernoulliLink`. All channels
+    Settings: `delays`: probabilities of 0, 1, 2, .. steps of delay; the remainder to 1 is lost. `late`: "drop" packets that
+    arrive late, or "use" them unless a newer one arrived before; `acknowledged` as in `BernoulliLink`. All channels
     travel in one packet.
 
     >>> link = DelayLink([0.5, 0.3], late="use")
@@ -170,21 +172,23 @@ class DelayLink:
         faults.choice("late", self.late, LATE)
         delays = _read_probabilities("delays", self.delays, faults)
         if delays is not None and not checks.is_traced(delays) and delays.sum() > 1 + 1e-12:
-            faults.add(f"`delays` must sum to at most 1: what lacks is lost. Got {delays.sum():g}.")
+            faults.add(
+                f"`delays` must sum to at most 1; the remainder is the rate of lost packets. Got {delays.sum():g}."
+            )
         faults.finish()
         set_field(self, delays=delays)
 
     @property
     def arrival(self) -> float:
-        """The rate of packets that come in time."""
+        """The rate of packets that arrive in time."""
         return float(self.delays[0])
 
     def init(self):
-        """Nothing in flight."""
+        """No packets in flight."""
         return flight(len(self.delays) - 1)
 
     def send(self, state: tuple[Array, Array, Array], packet: Array, draw: Array):
-        """The newest packet (c,) that comes just now; `draw` (1,) uniform."""
+        """The newest packet (c,) that arrives at this instant; `draw` (1,) uniform."""
         steps = jnp.sum(jnp.where(draw[0] >= jnp.cumsum(jnp.asarray(self.delays)), 1.0, 0.0))
         delay = jnp.where(steps < len(self.delays), steps, jnp.inf)
         return fly(state, packet, jnp.broadcast_to(delay, jnp.shape(packet)), self.late)

@@ -1,4 +1,4 @@
-"""What a link did over a run, and the link that does it again."""
+"""A recorded run of a link, and the link that replays it."""
 
 from typing import Any
 
@@ -13,10 +13,10 @@ from .delivery import LATE, flight, fly
 
 @frozen
 class Trace:
-    """What happened to each packet of a run: `delay` (T, c) in steps, 0 in time, infinite where it never came.
+    """The delay of each packet of a run: `delay` (T, c) in steps, 0 if in time, infinite if lost.
 
-    A trace is a link: `send` does again what was recorded, whatever the draws. `late`: "drop" or "use" of packets that came
-    late; `acknowledged`: whether the sender is told, one step later.
+    A trace is a link: `send` replays the record and does not use the draws. `late`: "drop" or "use" packets that arrive
+    late; `acknowledged`: whether the sender is notified one step later.
 
     >>> Trace([[0.0], [np.inf]]).arrival_rate
     0.5
@@ -40,24 +40,22 @@ class Trace:
         delay = delay[:, None] if delay.ndim == 1 else delay
         whole = np.isinf(delay) | (delay == np.floor(delay))
         if delay.ndim != 2 or np.any(np.isnan(delay)) or np.any(delay < 0) or not np.all(whole):
-            faults.add(
-                "`delay` must be (T, c): 0 in time, a whole number of steps late, or infinite where it never came."
-            )
+            faults.add("`delay` must be (T, c): 0 if in time, an integer number of steps if late, infinite if lost.")
         faults.finish()
         late = delay[np.isfinite(delay)].max(initial=0.0) if self.late == "use" else 0.0
         set_field(self, delay=delay, longest=int(late))
 
     @property
     def arrival_rate(self) -> float:
-        """The fraction of packets that came in time."""
+        """The fraction of packets that arrived in time."""
         return float(np.mean(np.asarray(self.delay) == 0))
 
     def init(self):
-        """Nothing sent yet."""
+        """No packets sent yet."""
         return jnp.zeros((), int), flight(self.longest)
 
     def send(self, state: tuple[Array, tuple[Array, Array, Array]], packet: Array, draw: Array | None = None):
-        """Do what was done to the packet of this row; after the last row, deliver in time."""
+        """Delay the packet as in this row; after the last row, deliver in time."""
         row, flying = state
         rows = jnp.asarray(self.delay)
         delay = jnp.where(row < len(rows), rows[jnp.minimum(row, len(rows) - 1)], 0.0)

@@ -1,4 +1,4 @@
-"""The example flight and its model file, which come with the package."""
+"""The example flight and its model file."""
 
 from importlib.resources import as_file, files
 from pathlib import Path

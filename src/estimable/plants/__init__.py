@@ -1,4 +1,4 @@
-"""Plants to learn on and to test with."""
+"""Plants for examples and tests."""
 
 from . import f16, f16_failure, f16_in_jsbsim
 from .jsbsim_f16 import JsbsimF16

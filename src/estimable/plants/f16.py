@@ -23,9 +23,9 @@ from ..models.state_space import StateSpace
 A = np.array([[-1.3433, 0.9946], [3.5, -1.0521]])
 B = np.array([[-0.1525], [-24.3282]])
 ACTUATOR = 20.0  # [1/s]: 20 / (s + 20) from the command to the deflection
-FEEDBACK = np.array([0.283, 0.876, -0.4])  # of alpha, q and the deflection, in dec = ... - .9964 q_c
+FEEDBACK = np.array([0.283, 0.876, -0.4])  # gains of alpha, q and the deflection in dec = ... - .9964 q_c
 COMMAND = -0.9964
-INTEGRAL = -0.0001  # of z, dz/dt = q_c - q
+INTEGRAL = -0.0001  # gain of z, dz/dt = q_c - q
 SIGMA_ALPHA, SIGMA_Q = 0.03, 0.1108  # sensor noise [deg], [deg/s]: "37.227 dB"
 RATE = 100.0  # samples per second
 SECONDS = 16.5
@@ -44,7 +44,7 @@ def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, 
 
 
 def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
-    """State matrix of the loop under (alpha, q, deflection, z): z is dropped by `integral=False` (the P law).
+    """State matrix of the loop under (alpha, q, deflection, z): `integral=False` drops z (the P law).
 
     >>> [round(float(abs(z)), 4) for z in np.sort_complex(np.linalg.eigvals(closed_loop(0.08)))][:2]
     [26.6776, 3.721]
@@ -68,7 +68,7 @@ def controlled(
     gain_after: float = 1.0, *, failure_time: float = 4.5, simulation: str = "continuous_actuator",
     sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
 ) -> ControlledPlant:  # fmt: skip
-    """The short period behind its actuator, for `close_loop`; at `failure_time` [s] the gain drops to `gain_after`.
+    """The short period with its actuator, for `close_loop`; at `failure_time` [s] the gain drops to `gain_after`.
 
     >>> controlled(0.4).hold
     'first_order'
@@ -83,7 +83,7 @@ def controlled(
 
 
 def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
-    """The pitch-rate law of the healthy aircraft, for `close_loop`: P, or with its integral PI.
+    """The pitch-rate law of the healthy aircraft, for `close_loop`: P, or PI with `integral=True`.
 
     >>> law().feedback.tolist()
     [[-0.283, -0.876]]
@@ -98,7 +98,7 @@ def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
 
 @saved
 class Flight(NamedTuple):
-    """A record of one flight, with what was true: states (T, 2), gain (T,), and the pitch-rate command (T,)."""
+    """A record of one flight, with its true states (T, 2) and gain (T,), and the pitch-rate command (T,)."""
 
     record: Record
     state: np.ndarray
@@ -112,9 +112,9 @@ def flight(
 ) -> Flight:  # fmt: skip
     """Fly the doublets under the PI law; at `failure_time` [s] the loop gain drops from 1 to `gain_after`.
 
-    `simulation`: "continuous_actuator" (the command is held over a sample, plant and actuator move together; the record's
-    hold is "first_order") or "held_elevator" (the deflection itself is held, the thesis's simulation). The true states
-    are fed back, the sensors' noise is in the record only.
+    `simulation`: "continuous_actuator" (the command is held over a sample and the actuator moves between samples; the
+    hold of the record is "first_order") or "held_elevator" (the deflection is held, as simulated in the thesis). The true
+    states are fed back; the sensor noise is only in the record.
 
     >>> flown = flight(0.5, seed=1)
     >>> flown.record.y.shape, float(flown.gain[-1])
@@ -146,7 +146,7 @@ def drawn_flight(
 
 
 def _clean(gain_after: float, failure_time: float, simulation: str) -> Flight:
-    """The flight without the noise of its sensors."""
+    """The flight without sensor noise."""
     faults = checks.Faults()
     faults.choice("simulation", simulation, SIMULATIONS)
     faults.number("gain_after", gain_after)
@@ -165,7 +165,7 @@ def _clean(gain_after: float, failure_time: float, simulation: str) -> Flight:
 
 
 def _fly(command: np.ndarray, gain: np.ndarray, *, held: bool) -> np.ndarray:
-    """States, deflection and z at the samples, under a command to the actuator that is held over each of them."""
+    """States, deflection and z at the samples, under an actuator command that is held over each sample."""
     transitions = {k: _transition(k, held) for k in np.unique(gain)}
     x, rows = np.zeros(4), []
     for q_c, k in zip(command, gain, strict=True):

@@ -1,4 +1,4 @@
-"""What a loss of the elevator's effect does to the F-16's flight, with and without a law that finds out."""
+"""The effect of an elevator failure on the flight of the F-16, with a fixed and with a reconfigured control law."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,17 +19,17 @@ from ..simulation.close_loop import close_loop
 from ..simulation.monte_carlo_loops import LoopCase, monte_carlo_loops
 from . import f16
 
-FAILURE, SETTLED = 4.5, 6.0  # [s]: the elevator fails; from here on the flight counts as "after"
-JUMP = 0.25  # variance of the jump that is looked for: half of the gain is one standard deviation
-EXACT = 1e-9  # sigmas [deg], [deg/s] of a flight without noise
+FAILURE, SETTLED = 4.5, 6.0  # [s]: time of the failure; start of the interval "after"
+JUMP = 0.25  # variance of the jump to detect: one standard deviation is half of the gain
+EXACT = 1e-9  # sigmas [deg], [deg/s] of a nearly noise-free flight
 
 
 @saved
 class Failed(NamedTuple):
-    """Many flights in which the elevator fails: under the law as it is, and reconfigured.
+    """Many flights in which the elevator fails, with the fixed law and with the reconfigured law.
 
-    `healthy` (T,): the pitch rate [deg/s] of the flight that does not fail, without noise. RMS are of the pitch rate about it,
-    medians over the runs; a run whose failure is never seen has an infinite delay.
+    `healthy` (T,): the pitch rate [deg/s] of the flight without a failure and without noise. RMS values are of the difference
+    from it, medians over the runs. A run whose failure is never detected has an infinite delay.
     """
 
     t: np.ndarray
@@ -44,7 +44,7 @@ class Failed(NamedTuple):
 
     @property
     def detection_delay(self) -> np.ndarray:
-        """How long after the failure each reconfigured run saw it [s]."""
+        """Time from the failure to its detection in each reconfigured run [s]."""
         seen = np.asarray(self.adaptive.runs.extra["alarm"])[:, self.t >= FAILURE - 1e-9]
         return np.where(seen.any(axis=1), np.argmax(seen, axis=1) / f16.RATE, np.inf)
 
@@ -65,9 +65,9 @@ def fly(
 ) -> Failed:
     """Fly the doublets with a gain that drops to `gain_after` at 4.5 s, on the continuous actuator.
 
-    The law is that of `f16.law()`, fed by the same estimator in both: a change detector that believes in a gain of 1 until it
-    fails. Reconfigured, it is in `GainReconfiguration`. Links as in `close_loop`: to the actuator (which holds what came
-    last), and from the sensors. Reference: A. G. Sillence (1999), §5.6.
+    Both loops use `f16.law()` and the same estimator: a change detector that assumes a gain of 1 until it detects a change.
+    The reconfigured law is wrapped in `GainReconfiguration`. Links as in `close_loop`: to the actuator (which holds the last
+    command that arrived), and from the sensors. Reference: A. G. Sillence (1999), §5.6.
 
     >>> numbers = fly(0.5, runs=8, seed=1).numbers
     >>> numbers["adaptive_rms_after"] < 0.05 < 1 < numbers["fixed_rms_after"]
@@ -89,12 +89,12 @@ def cases(gain_after: float, *, input_link: Link | None = None, output_link: Lin
 
 
 def detector(model: StateSpace, *, persistence: float = 15.0) -> ChangeDetection:
-    """What believes in a gain of 1 until it fails."""
+    """The change detector, which assumes a gain of 1 until it detects a change."""
     return ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=JUMP, persistence=persistence)
 
 
 def reconfigured() -> GainReconfiguration:
-    """The law that is told how much of the elevator's effect is left."""
+    """The law that adapts to the estimated effect of the elevator."""
     return GainReconfiguration(f16.law())
 
 
@@ -106,7 +106,7 @@ def case(
     input_link: Link | None = None,
     output_link: Link | None = None,
 ) -> LoopCase:
-    """A loop along the doublets, from rest; what is lost on the way to the actuator leaves it where it was."""
+    """A loop that flies the doublets from rest; when a command is lost, the actuator holds the last one."""
     return LoopCase(plant, law, estimator, input_link=input_link, output_link=output_link, lost="hold", **_given())
 
 
@@ -136,7 +136,7 @@ def study(
 
 
 class _Judge(NamedTuple):
-    """The summary of a flight, beside the pitch rate of the flight that does not fail."""
+    """The summary of a flight, compared with the pitch rate of the flight without a failure."""
 
     healthy: np.ndarray
 
@@ -151,7 +151,7 @@ class _Judge(NamedTuple):
 
 
 def healthy() -> np.ndarray:
-    """The pitch rate [deg/s] of the flight that does not fail, without noise, (T,)."""
+    """The pitch rate [deg/s] of the flight without a failure and without noise, (T,)."""
     quiet = f16.controlled(sigma_alpha=EXACT, sigma_q=EXACT)
     return close_loop(quiet, f16.law(), Kalman(f16.short_period()), seed=0, **_given()).state[:, 1]
 

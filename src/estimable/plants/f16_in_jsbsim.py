@@ -1,7 +1,8 @@
-"""What a loss of the elevator's effect does to the nonlinear F-16 of JSBSim, with and without a law that finds out.
+"""The effect of an elevator failure on the nonlinear F-16 of JSBSim, with a fixed and with a reconfigured control law.
 
-Beside the short period the estimator has a third state: the elevator that would upset the trim as much as all does that the
-linear model leaves out. It walks; the law feeds it back with gain one, so that a trim that is lost is found again.
+In addition to the short period, the estimator has a third state, the upset: the elevator deflection with the same effect on
+the trim as everything that the linear model omits. It is a random walk. The law feeds it back with gain one, which restores
+the trim.
 """
 
 from typing import Any, NamedTuple
@@ -22,40 +23,40 @@ from . import f16
 from .f16_failure import FAILURE, JUMP, SETTLED
 from .jsbsim_f16 import JsbsimF16
 
-COMMAND = 2.5  # [deg/s]: doublets that an elevator with .3 of its effect can follow within its limits
-QUICK = 10.0  # [1/s]: through 10 / (s + 10), quick enough to tell a lost gain from an upset that walks
-UPSET = 0.1  # [deg²/s]: how fast what upsets the trim walks, as Mach and alpha change
-LENGTH = 100  # samples that an onset may lie back
+COMMAND = 2.5  # [deg/s]: an elevator with .3 of its effect follows these doublets within its limits
+QUICK = 10.0  # [1/s]: 10 / (s + 10), fast enough to distinguish a lost gain from a random-walk upset
+UPSET = 0.1  # [deg²/s]: diffusion of the upset, as Mach and alpha change
+LENGTH = 100  # longest search for an onset, in samples
 FALSE_ALARMS = 300.0  # [s]
 
 
 @saved
 class Flown(NamedTuple):
-    """A flight of each kind: unfailed, failed under the law as it is, failed and reconfigured."""
+    """Three flights: without a failure, failed with the fixed law, failed with the reconfigured law."""
 
     healthy: ClosedLoop
     fixed: ClosedLoop
     adaptive: ClosedLoop
 
     def rms(self, closed: ClosedLoop, start: float, end: float = np.inf) -> float:
-        """RMS of the pitch rate [deg/s] about the flight that does not fail, from `start` to `end` [s]."""
+        """RMS difference of the pitch rate [deg/s] from the flight without a failure, from `start` to `end` [s]."""
         rows = (closed.t >= start - 1e-9) & (closed.t < end - 1e-9)
         return float(np.sqrt(np.mean((closed.state[rows, 1] - self.healthy.state[rows, 1]) ** 2)))
 
     @property
     def numbers(self) -> dict[str, float]:
-        """As `f16_failure.Failed.numbers`, of these flights."""
+        """As `f16_failure.Failed.numbers`, for these flights."""
         seen = np.flatnonzero(np.asarray(self.adaptive.extra["alarm"]) & (self.adaptive.t >= FAILURE - 1e-9))
-        told = {
+        rms = {
             f"{name}_rms_{part}": self.rms(closed, *span)
             for name, closed in (("fixed", self.fixed), ("adaptive", self.adaptive))
             for part, span in (("after", (SETTLED,)), ("transient", (FAILURE, SETTLED)))
         }
-        return {**told, "detection_delay_s": float(seen[0] / f16.RATE - FAILURE) if len(seen) else np.inf}
+        return {**rms, "detection_delay_s": float(seen[0] / f16.RATE - FAILURE) if len(seen) else np.inf}
 
 
 def fly(gain_after: float, *, seed: int, about: str = "trim", seconds: float = f16.SECONDS, **links: Any) -> Flown:
-    """Fly the doublets three times: unfailed, and with the gain dropping at 4.5 s under either law.
+    """Fly the doublets three times: without a failure, and with a gain that drops at 4.5 s under each law.
 
     `about`: "trim" or "zero", see `JsbsimF16`. Links as in `close_loop`. Needs the extra `flight`.
     """
@@ -81,7 +82,7 @@ def doublets(t: np.ndarray) -> np.ndarray:
 
 
 def with_upset(model: StateSpace) -> StateSpace:
-    """The model with a third state, an elevator that upsets the trim; it walks."""
+    """The model with the upset as a third state, a random walk."""
     A = np.block([[model.A, model.B], [np.zeros((1, 3))]])
     Q = np.block([[model.Q, np.zeros((2, 1))], [np.zeros((1, 2)), np.array([[UPSET]])]])
     names = {"states": (*f16.STATES, "upset_deg"), "inputs": f16.INPUTS, "outputs": f16.OUTPUTS}
@@ -89,7 +90,7 @@ def with_upset(model: StateSpace) -> StateSpace:
 
 
 def watched(model: StateSpace) -> ChangeDetection:
-    """What believes in a gain of 1 until it fails; the upset stands for what lasts, so that the noise need not."""
+    """The change detector, which assumes a gain of 1; the upset models lasting disturbances, so the noise need not."""
     return ChangeDetection(
         UnknownGain(with_upset(model), Prior([1.0], [[0.0]])), jump=JUMP, length=LENGTH, persistence=1.0,
         seconds_between_false_alarms=FALSE_ALARMS,
@@ -97,8 +98,8 @@ def watched(model: StateSpace) -> ChangeDetection:
 
 
 def law(model: StateSpace) -> StateFeedback:
-    """The pitch rate follows its command, with the least squares of error and elevator; the upset is taken back."""
+    """The LQR law by which the pitch rate follows its command; the upset is compensated for."""
     plain = StateSpace(model.A, model.B, dt=0)
     F = lqr_gain(plain, np.diag([0.0, 1.0]), np.eye(1)).feedback
-    still = np.linalg.solve(-(model.A - model.B @ F), model.B)  # (alpha, q) in the end, of an input of 1
+    still = np.linalg.solve(-(model.A - model.B @ F), model.B)  # steady state (alpha, q) for an input of 1
     return StateFeedback(np.hstack([F, [[1.0]]]), reference_gain=[[1 / still[1, 0]]])

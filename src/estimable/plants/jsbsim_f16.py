@@ -1,7 +1,7 @@
 """The nonlinear F-16 of the flight simulator JSBSim, with an elevator that loses part of its effect.
 
-JSBSim and its aircraft come with the extra `flight`. The aircraft is read from there and changed in a temporary folder: the
-elevator that the air sees becomes r + K (δ - r), with K the effect that is left and r the deflection about which it is lost.
+JSBSim and its aircraft come with the extra `flight`. The aircraft is copied to a temporary folder and changed there: the
+effective elevator becomes r + K (δ - r), with K the remaining effect and r the deflection about which the effect is lost.
 """
 
 import contextlib
@@ -23,10 +23,10 @@ from . import f16
 AIRCRAFT, ELEVATOR = "f16", "estimable/elevator-rad"
 FULL = np.degrees(0.436)  # [deg]: the elevator at a command of -1 or 1
 MOST = (-FULL, 0.44 * FULL)  # [deg], within which commands are followed
-STEPS_A_SECOND = 200  # of the simulator, at least
+STEPS_A_SECOND = 200  # at least, in the simulator
 NUDGE = 0.05  # [deg], [deg/s]: the steps of the linearisation
 COLUMN = '<independentVar lookup="column">{}</independentVar>'
-PLACE = '<summer name="fcs/dht-left-pos-rad">'  # the first that reads the elevator's position, once that is known
+PLACE = '<summer name="fcs/dht-left-pos-rad">'  # the first element that reads the elevator position
 HEAD = '<flight_control name="F-16 FC">'
 SEEN_BY_THE_AIR = f"""<fcs_function name="estimable/effective"><function><sum>
  <property>estimable/about-rad</property> <property>estimable/nudge-rad</property>
@@ -38,17 +38,17 @@ PROPERTIES = {"estimable/effect": 1.0, "estimable/about-rad": 0.0, "estimable/nu
 
 
 class JsbsimF16(Plant):
-    """The F-16 of JSBSim at a trimmed, level flight, for `close_loop`; all six degrees of freedom fly.
+    """The F-16 of JSBSim in trimmed, level flight, for `close_loop`, with all six degrees of freedom.
 
-    Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim; the elevator
-    follows its command by 20 / (s + 20), its flight control computer is overridden. `model` is linearised at the trim, `linear`
-    that model behind its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about its trimmed
-    position (`about="trim"`), or of the whole deflection (`about="zero"`), so that the loss upsets the trim too.
+    Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim. The elevator
+    follows its command by 20 / (s + 20); the flight control computer is overridden. `model` is linearised at the trim;
+    `linear` is that model with its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about
+    its trimmed position (`about="trim"`), or for the whole deflection (`about="zero"`), so that the loss also changes the trim.
 
-    Needs the extra `flight`. The simulator is no part of the law: numbers change with its version, by little.
+    Needs the extra `flight`. The numbers change slightly with the version of JSBSim.
 
-    Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: of the sensors; `Q` (2, 2): the density that stands for what the
-    linear model leaves out (default 1e-3, .1: measured on this aircraft).
+    Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: of the sensors; `Q` (2, 2): the process noise density that
+    represents the error of the linear model (default 1e-3, .1: measured on this aircraft).
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class JsbsimF16(Plant):
 
 
 class _Flight:
-    """One flight, at its present sample."""
+    """One flight, at its current sample."""
 
     def __init__(self, aircraft: JsbsimF16, dt: float):
         self.aircraft, self.dt = aircraft, dt
@@ -111,7 +111,7 @@ class _Flight:
         return np.array([self.position])
 
     def move(self, command: Array) -> None:
-        """Fly a sample under a command (1,) that is held."""
+        """Fly one sample under a held command (1,)."""
         fdm, trim = self.simulator.fdm, self.aircraft.trim["elevator_deg"]
         if self.samples * self.dt >= self.aircraft.failure_time - 1e-9:
             fdm["estimable/effect"] = self.aircraft.gain_after
@@ -140,7 +140,7 @@ class _Simulator:
             self.fdm["propulsion/set-running"] = -1
             try:
                 self.fdm["simulation/do_simple_trim"] = 1
-            except Exception as reason:  # the simulator's own kind
+            except Exception as reason:  # the exception class of the simulator
                 checks.refuse(
                     f"the F-16 cannot be trimmed in level flight at Mach {mach:g} and {altitude_ft:g} ft ({reason})."
                 )
@@ -160,12 +160,12 @@ class _Simulator:
         self.fdm["ic/q-rad_sec"] = np.radians(q_deg_s)
 
     def linearised(self) -> tuple[np.ndarray, np.ndarray]:
-        """A and B at the trim, by central differences. The flight cannot go on afterwards."""
+        """A and B at the trim, by central differences. The flight cannot continue afterwards."""
         columns = [(self._rates(step) - self._rates(-step)) / (2 * NUDGE) for step in NUDGE * np.eye(3)]
         return np.stack(columns[:2], axis=1), columns[2][:, None]
 
     def _rates(self, away: np.ndarray) -> np.ndarray:
-        """d(alpha, q)/dt [deg/s], [deg/s²] so far from the trim in alpha, q and the elevator."""
+        """d(alpha, q)/dt [deg/s], [deg/s²] at a distance `away` from the trim in alpha, q and the elevator."""
         self._place(self.trim["alpha_deg"] + away[0], away[1])
         self.fdm["estimable/nudge-rad"] = np.radians(away[2])
         with _silence():
@@ -174,7 +174,7 @@ class _Simulator:
 
 
 def _load(folder: Path) -> Any:
-    """The simulator with its F-16, changed in a folder of its own."""
+    """The simulator with the changed F-16, in the temporary folder."""
     try:
         import jsbsim
     except ImportError:
@@ -192,10 +192,12 @@ def _load(folder: Path) -> Any:
 
 
 def _changed(text: str) -> str:
-    """The aircraft whose air sees another elevator than the position."""
+    """The aircraft description in which the effective elevator differs from its position."""
     position = COLUMN.format("fcs/elevator-pos-rad")
     if not (position in text and text.count(PLACE) == text.count(HEAD) == 1):
-        checks.refuse("JSBSim's F-16 is not the one that this version knows how to change: use jsbsim 1.2 or 1.3.")
+        checks.refuse(
+            "the F-16 of this JSBSim version has an unknown layout and cannot be changed: use jsbsim 1.2 or 1.3."
+        )
     given = "".join(f'<property value="{value}">{name}</property>' for name, value in PROPERTIES.items())
     text = text.replace(position, COLUMN.format(ELEVATOR))
     return text.replace(PLACE, SEEN_BY_THE_AIR + PLACE).replace(HEAD, HEAD + given)
@@ -203,12 +205,12 @@ def _changed(text: str) -> str:
 
 @contextlib.contextmanager
 def _silence() -> Any:
-    """No word of the simulator on stdout, whatever its version says there."""
+    """Discard what the simulator prints on stdout."""
     with open(os.devnull, "w") as nowhere:
-        kept = os.dup(1)
+        stdout = os.dup(1)
         os.dup2(nowhere.fileno(), 1)
         try:
             yield
         finally:
-            os.dup2(kept, 1)
-            os.close(kept)
+            os.dup2(stdout, 1)
+            os.close(stdout)

@@ -1,4 +1,4 @@
-"""What an estimate assumed, in a reader's words."""
+"""The assumptions of an estimate, for the report."""
 
 import math
 from typing import Any
@@ -14,8 +14,8 @@ from ..models.state_space import StateSpace
 from ..protocols import Algorithm
 from .contents import Section
 
-MOST = 8  # rows of a matrix that are shown
-HOLDS = {"zero_order": "held over each sample", "first_order": "moving linearly from sample to sample"}
+MOST = 8  # most rows of a matrix that are shown
+HOLDS = {"zero_order": "held over each sample", "first_order": "varying linearly between samples"}
 
 
 def sections_of(algorithm: Algorithm[Any], record: Record, prior: Prior) -> tuple[Section, ...]:
@@ -24,7 +24,7 @@ def sections_of(algorithm: Algorithm[Any], record: Record, prior: Prior) -> tupl
     return (
         Section("Algorithm", tuple(_algorithm(algorithm))),
         Section("Record", tuple(record_items(record))),
-        Section("Believed before the first sample", tuple(_priors(algorithm, model, prior))),
+        Section("Prior", tuple(_priors(algorithm, model, prior))),
         Section("Model", tuple(model_items(model))),
     )
 
@@ -38,7 +38,7 @@ def _algorithm(algorithm: Algorithm[Any]) -> Any:
         entry = next((entry for entry in ENTRIES if type(one) is entry.cls), None)
         assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
         settings = _settings(one)
-        settings += " (walk and forgetting count without detection only)" if detects else ""
+        settings += " (walk and forgetting apply only without detection)" if detects else ""
         detects = hasattr(one, "seconds_between_false_alarms")
         yield type(one).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
         one = getattr(one, "algorithm", None)
@@ -47,8 +47,8 @@ def _algorithm(algorithm: Algorithm[Any]) -> Any:
 def _settings(algorithm: Algorithm[Any]) -> str:
     from ..catalogue import settings_of
 
-    told = {name: getattr(algorithm, name) for name in settings_of(type(algorithm))}
-    return ", ".join(f"{name} = {_value(value)}" for name, value in told.items() if value is not None)
+    settings = {name: getattr(algorithm, name) for name in settings_of(type(algorithm))}
+    return ", ".join(f"{name} = {_value(value)}" for name, value in settings.items() if value is not None)
 
 
 def _value(value: Tree) -> str:
@@ -61,7 +61,7 @@ def _value(value: Tree) -> str:
 
 
 def record_items(record: Record) -> Any:
-    """What was measured, how often, and what is missing."""
+    """The channels of a record, how often they were measured, and what is missing."""
     when = "" if record.seconds is None else f" over {record.seconds:.6g} s"
     step = "" if record.dt is None else f", every {record.dt:.6g} s"
     yield "Samples", f"{len(record):,}{when}{step}"
@@ -70,7 +70,7 @@ def record_items(record: Record) -> Any:
     for name, share in zip(record.outputs, missing, strict=True):
         yield f"Output {_with_unit(name, units)}", "seen at every sample" if share == 0 else f"{share:.1%} not seen"
     for i, name in enumerate(record.inputs):
-        lost = "" if record.arrived is None else f"; {np.mean(record.arrived[:, i] == 0):.1%} lost on the way"
+        lost = "" if record.arrived is None else f"; {np.mean(record.arrived[:, i] == 0):.1%} lost on the link"
         yield f"Input {_with_unit(name, units)}", f"{HOLDS[record.hold]}; measured without error{lost}"
 
 
@@ -86,11 +86,11 @@ def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
 
 
 def _spreads(prior: Prior) -> list[str]:
-    """Mean ± sigma of each entry; nothing where it is diffuse."""
+    """Mean ± sigma of each entry, or a note that it is diffuse."""
     diffuse = np.zeros(len(prior.mean), bool) if prior.diffuse is None else np.any(prior.diffuse != 0, axis=1)
     sigmas = np.sqrt(np.diagonal(prior.covariance))
     return [
-        "nothing is known (diffuse)" if wide else f"{mean:.4g} ± {sigma:.3g} (1 sigma)"
+        "unknown (diffuse)" if wide else f"{mean:.4g} ± {sigma:.3g} (1 sigma)"
         for mean, sigma, wide in zip(prior.mean, sigmas, diffuse, strict=True)
     ]
 
@@ -116,9 +116,9 @@ def model_items(model: StateSpace) -> Any:
 
 
 def matrix_text(matrix: np.ndarray) -> str:
-    """Numbers in brackets; the size of what is too large to read."""
+    """Numbers in brackets; only the size of a large matrix."""
     if matrix.ndim > 2:
-        return f"varies over {len(matrix):,} rows of time"
+        return f"varies over {len(matrix):,} rows in time"
     if matrix.ndim and max(matrix.shape) > MOST:
         return " × ".join(map(str, matrix.shape))
     if matrix.ndim < 2:

@@ -1,4 +1,4 @@
-"""The diagrams of an estimate: gains, states beside what was measured of them, innovations."""
+"""The diagrams of an estimate: gains, states with their measurements, innovations."""
 
 import base64
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from .contents import Chart, Key
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
 SHADE = "rgba(26,26,26,0.12)"
 FILL = 0.22  # opacity of a band
-MOST_POINTS = 6000  # drawn of a curve; of a longer record every k-th row
+MOST_POINTS = 6000  # most points drawn of a curve; of a longer record every k-th row is drawn
 MOST_CHARTS = 24
-MOST_MARKS = 4  # changes whose times stand in the legend
-MOST_DOTS = 1500  # rows up to which single measurements are drawn as dots that can be told apart
+MOST_MARKS = 4  # most changes whose times are in the legend
+MOST_DOTS = 1500  # most rows for which measurements are drawn as separate dots
 
 
 class Moment(NamedTuple):
-    """A change of a gain: its name, when it began and when it was seen, in units of the time axis."""
+    """A change of a gain: its name, its onset and its detection, in units of the time axis."""
 
     gain: str
     onset: float
@@ -28,12 +28,12 @@ class Moment(NamedTuple):
 
 
 def thinned(rows: int) -> slice:
-    """Which rows are drawn."""
+    """The rows that are drawn."""
     return slice(None, None, max(1, -(-rows // MOST_POINTS)))
 
 
 def packed(values: np.ndarray) -> dict[str, str]:
-    """Numbers as plotly.js reads them, in half the room of a list.
+    """Numbers in the binary form of plotly.js, half the size of a list.
 
     >>> packed([1.0])
     {'dtype': 'f4', 'bdata': 'AACAPw=='}
@@ -42,7 +42,7 @@ def packed(values: np.ndarray) -> dict[str, str]:
 
 
 class MeasuredState(NamedTuple):
-    """What was measured of a state: the output's name, its unit or "", and its values (T,)."""
+    """The measurements of a state: the output's name, its unit or "", and its values (T,)."""
 
     output: str
     unit: str
@@ -50,7 +50,7 @@ class MeasuredState(NamedTuple):
 
 
 def charts_of(result: Estimate, measured: dict[str, MeasuredState], changes: Sequence[Moment]) -> list[Chart]:
-    """The gains, then the states with what was measured of each, then the innovations."""
+    """The gains, then the states with their measurements, then the innovations."""
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []
     unit = "" if result.t is None else " s"
@@ -78,7 +78,7 @@ def _estimate(
     marks: Sequence[Moment],
     unit: str,
 ) -> Chart:
-    """A quantity above its band, what was measured of it, and its changes."""
+    """A quantity with its band, its measurements and its changes."""
     sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma), band.sigma, np.nan)
     middle = band.middle if sigma is None else np.where(np.isnan(sigma), np.nan, band.middle)
     traces, keys = [], [Key("estimate", colour, "line")]
@@ -108,7 +108,7 @@ def _innovation(band: Band, within: tuple[float, float] | None, unit: str) -> Ch
         bound = {"mode": "lines", "line": {"color": BOUND, "width": 1.8, "dash": "dash"}, "hoverinfo": "skip"}
         sigma = np.where(np.isfinite(band.sigma), band.sigma, np.nan)
         traces += [{"y": packed(side * 2 * sigma), **bound} for side in (1, -1)]
-        keys.append(Key("± 2 sigma: 95 of 100 inside", BOUND, "dash"))
+        keys.append(Key("± 2 sigma: 95 % inside", BOUND, "dash"))
     layout = {"yaxis": {"title": {"text": unit}, "range": within}}
     return Chart(f"Innovation of {band.name}", tuple(keys), tuple(traces), layout)
 
@@ -128,7 +128,7 @@ def _band(middle: np.ndarray, sigma: np.ndarray, colour: str) -> list[dict[str, 
 
 
 def _dots(values: np.ndarray, name: str) -> dict[str, Any]:
-    """Measurements: dots, or a thin line where there are too many to tell apart."""
+    """Measurements: dots, or a thin line if there are too many to distinguish."""
     if _is_sparse(values):
         how = {"mode": "markers", "marker": {"color": MEASURED, "size": 4, "opacity": 0.6}}
     else:
@@ -141,20 +141,20 @@ def _is_sparse(values: np.ndarray) -> bool:
 
 
 def _mark_keys(marks: Sequence[Moment], unit: str) -> list[Key]:
-    """When each change began and was seen."""
+    """The onset and the detection of each change."""
     if len(marks) > MOST_MARKS:
-        return [Key(f"{len(marks)} changes", MARK, "line"), Key("where each was seen", MARK, "dash")]
+        return [Key(f"{len(marks)} changes", MARK, "line"), Key("their detection", MARK, "dash")]
     return [
         key
         for mark in marks
         for key in (
-            Key(f"change at {mark.onset:.4g}{unit}", MARK, "line"), Key(f"seen at {mark.seen:.4g}{unit}", MARK, "dash"),
+            Key(f"change at {mark.onset:.4g}{unit}", MARK, "line"), Key(f"detected at {mark.seen:.4g}{unit}", MARK, "dash"),
         )
     ]  # fmt: skip
 
 
 def _marked(marks: Sequence[Moment]) -> dict[str, Any]:
-    """A solid line where each change began, a dashed one where it was seen, and the space between them shaded."""
+    """A solid line at the onset of each change, a dashed one at its detection, and the interval between them shaded."""
     shapes = []
     for mark in marks:
         across = {"yref": "paper", "y0": 0, "y1": 1}

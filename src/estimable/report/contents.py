@@ -1,10 +1,10 @@
-"""What a report holds: plain data, from which the page is made."""
+"""The contents of a report, as plain data."""
 
 from typing import Any, NamedTuple
 
 
 class Fact(NamedTuple):
-    """One number that a reader looks for first: what it is, its value, and a word of detail."""
+    """One of the main numbers of a report: its label, its value, and a detail."""
 
     label: str
     value: str
@@ -12,7 +12,7 @@ class Fact(NamedTuple):
 
 
 class Key(NamedTuple):
-    """One line of a legend: what it means, its colour, and how it is drawn: "line" or "solid", "dash", "dot", "dashdot",
+    """One entry of a legend: its label, its colour, and how it is drawn: "line" or "solid", "dash", "dot", "dashdot",
     "longdash", "band" or "dots"."""
 
     label: str
@@ -23,7 +23,7 @@ class Key(NamedTuple):
 class Chart(NamedTuple):
     """One diagram: heading, legend, and the traces and layout of plotly.js.
 
-    Its times are those of the report, unless the layout has an axis `xaxis` of its own. `part`: the heading it stands under.
+    Its times are those of the report, unless the layout has its own axis `xaxis`. `part`: the heading above it.
     """
 
     heading: str
@@ -35,17 +35,17 @@ class Chart(NamedTuple):
 
     @property
     def over(self) -> str:
-        """The title of its own axis; empty where it has none."""
+        """The title of its own axis; empty if it has none."""
         return self.layout["xaxis"]["title"]["text"] if "xaxis" in self.layout else ""
 
     @property
     def is_square(self) -> bool:
-        """Whether both axes have one scale."""
+        """Whether both axes have the same scale."""
         return "scaleanchor" in self.layout.get("yaxis", {})
 
 
 class Finding(NamedTuple):
-    """One consistency check: its name, what it says, and whether it is met (None: it says nothing of that)."""
+    """One consistency check: its name, its sentence, and whether it is met (None: no verdict)."""
 
     name: str
     sentence: str
@@ -53,17 +53,17 @@ class Finding(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Pairs of a term and what is said of it."""
+    """A table of terms and their descriptions."""
 
     heading: str
     items: tuple[tuple[str, str], ...]
 
 
 class Report(NamedTuple):
-    """A page: title, what was found in sentences, facts, charts over `times`, verdicts, and what stands behind them.
+    """A page: title, findings as sentences, facts, charts over `times`, verdicts, and the assumptions.
 
-    `commands`: (what it does, what to type) that reproduce it; `found`: sections that stand before the charts.
-    `times` may be another quantity, which `time_axis` names, on a logarithmic axis where `log_axis` says so.
+    `commands`: (what it does, what to type) that reproduce it; `found`: sections before the charts. `times` may be another
+    quantity, which `time_axis` names; with `log_axis` its axis is logarithmic.
     """
 
     title: str

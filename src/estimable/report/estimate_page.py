@@ -38,16 +38,16 @@ def report_of(
     files: Sequence[Path] = (),
     judged: Estimate | None = None,
 ) -> Report:
-    """A report of one `Estimate`, with what it was made from.
+    """A report of one `Estimate`, with its record, algorithm and prior.
 
-    `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that make it again;
-    `files`: whose SHA-256 is told; `judged`: the `Estimate` whose innovations are checked besides (of the algorithm inside a
-    change detector, which counts process noise many times). The same arguments give the same report, to the byte.
+    `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that reproduce it;
+    `files`: the report lists their SHA-256; `judged`: a second `Estimate` whose innovations are checked (of the algorithm
+    inside a change detector, which counts process noise many times). Equal arguments give equal reports, byte for byte.
 
-    Raises `InputError` where the result has no rows over time.
+    Raises `InputError` if the result has no rows over time.
     """
     if result.mean is None or len(result.mean) != len(record):
-        checks.refuse('a report shows every row: the result must be one of `estimate` with keep = "all".')
+        checks.refuse('a report needs every row: make the result by `estimate` with keep = "all".')
     rows = thinned(len(record))
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
     return Report(
@@ -58,7 +58,7 @@ def report_of(
 
 
 def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, MeasuredState]:
-    """What was measured of each state of which an output is a measurement: the state itself, and noise."""
+    """The measurements of each state that an output measures directly: the state itself plus noise."""
     model = model_of(algorithm)
     C, D = np.asarray(model.C), np.asarray(model.D)
     if C.ndim > 2 or D.ndim > 2:
@@ -76,7 +76,7 @@ def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, Meas
 
 
 def _moments(result: Estimate, times: np.ndarray) -> list[Moment]:
-    """The changes that a detector found."""
+    """The detected changes."""
     if "alarm" not in result.extra:
         return []
     from .. import diagnostics
@@ -88,7 +88,7 @@ def _moments(result: Estimate, times: np.ndarray) -> list[Moment]:
 
 
 def _verdicts(result: Estimate, judged: Estimate | None, record: Record) -> tuple[Finding, ...]:
-    """The checks of a result; where `judged` is another, its checks, and the size of the result's own innovations."""
+    """The checks of a result; if `judged` is another, its checks, and the size of the innovations of the result."""
     if judged is None or judged is result:
         return (_size(result), *_correlations(result, record))
     without = (_size(judged), *_correlations(judged, record))
@@ -97,34 +97,32 @@ def _verdicts(result: Estimate, judged: Estimate | None, record: Record) -> tupl
 
 
 def _size(result: Estimate) -> Finding:
-    """Whether the innovations are as large as their covariances say."""
+    """Whether the size of the innovations is consistent with their covariances."""
     try:
         check = nis(result.innovation, result.innovation_covariance)
     except InputError:
-        return Finding(SIZE, "no output was seen with noise, so nothing can be judged", None)
+        return Finding(SIZE, "no output with measurement noise was seen, so there is nothing to judge", None)
     if check.mean >= check.lower or "alarm" not in result.extra:
         return Finding(SIZE, check.sentence, check.consistent)
     band = check.sentence.split(":")[0]
-    cautious = (
-        "cautious on purpose: a detector counts process noise that lasts, so that it does not take it for a change"
-    )
+    cautious = "conservative by design: a detector models persistent process noise, so as not to report it as a change"
     return Finding(SIZE, f"{band}: {cautious}", None)
 
 
 def _correlations(result: Estimate, record: Record) -> Iterator[Finding]:
-    """Whether the innovations are white, and whether an input is left in them, where there are samples enough to say."""
+    """Whether the innovations are white and uncorrelated with the inputs, if there are enough samples for the tests."""
     try:
-        told = check_innovations(result, record)
+        found = check_innovations(result, record)
     except InputError:
         return
-    for name, check in told.whiteness.items():
+    for name, check in found.whiteness.items():
         yield Finding(f"Whiteness of {name}", check.sentence, check.passed)
-    for (name, input_name), check in told.cross_correlation.items():
+    for (name, input_name), check in found.cross_correlation.items():
         yield Finding(f"{input_name} left in {name}", check.sentence, check.passed)
 
 
 def versions(engine: str, files: Sequence[Path]) -> Section:
-    """What it was made with, and the fingerprints of the files it was made from."""
+    """The software of the report, and the fingerprints of its files."""
     from .. import __version__
 
     packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "numpy"))

@@ -17,17 +17,17 @@ from .contents import Chart, Key
 ACCENT = "#B34700"
 CRITERIA = (("bic", "BIC", STATE, "solid"), ("aicc", "AICc", ACCENT, "dash"), ("aic", "AIC", BOUND, "dot"))
 CROSS = ("cross_validation", "cross-validation", "#2E7D32", "dashdot")
-RADIUS = np.sqrt(5.991)  # of an ellipse that holds 95 of 100
-FARTHEST = 2.5  # modulus of the zeros that are drawn
-MOST_PAIRS = 6  # of outputs and inputs whose responses are drawn
-UNSURE = 4.0  # sigma of log modulus or phase from which a band says nothing
+RADIUS = np.sqrt(5.991)  # of an ellipse that contains 95 %
+FARTHEST = 2.5  # largest modulus of the roots that are drawn
+MOST_PAIRS = 6  # most pairs of output and input whose responses are drawn
+UNSURE = 4.0  # largest sigma of log modulus or phase that is drawn
 MERGED = (
-    " An ellipse reaches beyond the next pole: these are not known one by one. The responses below are; a lower order may do as "
-    "well."
+    " An ellipse reaches beyond the next pole: these poles are not determined individually. The responses below are. A lower "
+    "order may be sufficient."
 )
 TO_DECIBEL = 20 / np.log(10)
 HELD, ORDER, LEFT, MODEL, EXCITED = (
-    "Does it simulate what it has not seen?", "Which order?", "Is something left in the residuals?", "The model",
+    "Does the model simulate held-out data?", "Which order?", "Are the residuals white?", "The model",
     "Does the input excite the plant?",
 )  # fmt: skip
 
@@ -35,7 +35,7 @@ HELD, ORDER, LEFT, MODEL, EXCITED = (
 def simulation_charts(
     names: Sequence[str], y: np.ndarray, simulated: np.ndarray, sigma: np.ndarray, fits: Sequence[float], split: float
 ) -> list[Chart]:
-    """Measured and simulated outputs (T, p) with the band of the parameters; `split`: where what was held out begins."""
+    """Measured and simulated outputs (T, p) with the band of the parameters; `split`: start of the held-out part."""
     rows, charts = thinned(len(y)), []
     edge = {
         "type": "line",
@@ -56,10 +56,10 @@ def simulation_charts(
         traces.append(_curve(None, middle, "simulated", STATE))
         keys = [Key("simulated from the inputs alone", STATE, "line"), Key(f"measured {name}", MEASURED, "line")]
         keys += [Key("± 2 sigma of the parameters", STATE, "band")] if known else []
-        keys.append(Key("what comes after was held out", MARK, "line"))
+        keys.append(Key("start of the held-out part", MARK, "line"))
         charts.append(
             Chart(
-                f"{name}: {fits[i]:.1f} % of what was held out",
+                f"{name}: {fits[i]:.1f} % of the held-out part",
                 tuple(keys),
                 tuple(traces),
                 {"shapes": [edge]},
@@ -70,7 +70,7 @@ def simulation_charts(
 
 
 def order_charts(found: OrderSelection, taken: int) -> list[Chart]:
-    """How far each criterion lies above its best, and the singular values; the order taken is marked."""
+    """Each criterion relative to its minimum, and the singular values; the chosen order is marked."""
     traces, keys, tops = [], [], []
     for name, word, colour, dash in (*CRITERIA, CROSS):
         values = getattr(found, name)
@@ -86,11 +86,11 @@ def order_charts(found: OrderSelection, taken: int) -> list[Chart]:
     top = 1.2 * max(*tops, 10.0)
     layout = {
         "xaxis": {"title": {"text": "order"}, "dtick": 1},
-        "yaxis": {"title": {"text": "above its best"}, "range": [-0.04 * top, top]},
+        "yaxis": {"title": {"text": "above its minimum"}, "range": [-0.04 * top, top]},
         "shapes": [_at(taken)],
     }  # fmt: skip
-    caption = "Less is better, and differences under 2 say little. Each method has an order of its own."
-    keys.append(Key(f"order {taken}, taken", MARK, "dash"))
+    caption = "Smaller is better; differences below 2 are not significant. Each method has its own order."
+    keys.append(Key(f"order {taken}, chosen", MARK, "dash"))
     charts = [Chart("Criteria of ARX models", tuple(keys), tuple(traces), layout, caption, ORDER)]
     return [*charts, _singular_values(found, taken)] if found.singular_values is not None else charts
 
@@ -106,8 +106,10 @@ def _singular_values(found: OrderSelection, taken: int) -> Chart:
         "xaxis": {"title": {"text": "number"}, "nticks": 8},
         "yaxis": {"title": {"text": ""}, "type": "log", "dtick": 1}, "shapes": [_at(taken + 0.5)],
     }  # fmt: skip
-    keys = (Key("singular values", STATE, "dots"), Key(f"after order {taken}, taken", MARK, "dash"))
-    caption = f"Those of the plant stand above the noise; the largest step comes after number {found.gap}."
+    keys = (Key("singular values", STATE, "dots"), Key(f"after order {taken}, chosen", MARK, "dash"))
+    caption = (
+        f"Singular values of the plant are larger than those of the noise. The largest gap is after number {found.gap}."
+    )
     return Chart("Singular values of the Hankel matrix", keys, (trace,), layout, caption, ORDER)
 
 
@@ -117,10 +119,10 @@ def _at(x: float) -> dict[str, Any]:
 
 
 def excitation_chart(found: Excitation, times: np.ndarray) -> Chart:
-    """The smallest eigenvalue of the information gathered so far, over time; its limit dashed."""
-    told = found.eigenvalues > 0
-    x = times[found.samples[told]]
-    trace = {"x": packed(x), "y": packed(found.eigenvalues[told]), "mode": "lines", "name": "smallest eigenvalue",
+    """The smallest eigenvalue of the information up to each time, and its limit."""
+    positive = found.eigenvalues > 0
+    x = times[found.samples[positive]]
+    trace = {"x": packed(x), "y": packed(found.eigenvalues[positive]), "mode": "lines", "name": "smallest eigenvalue",
              "line": {"color": STATE, "width": 2}, "hovertemplate": "%{y:.3g}"}  # fmt: skip
     bound = {"color": BOUND, "width": 1.8, "dash": "dash"}
     limit = float(found.check.limit)
@@ -128,8 +130,10 @@ def excitation_chart(found: Excitation, times: np.ndarray) -> Chart:
         "xaxis": {"title": {"text": "time [s]"}}, "yaxis": {"title": {"text": "of the scaled information"}, "type": "log"},
         "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": limit, "y1": limit, "line": bound}],
     }  # fmt: skip
-    keys = (Key("smallest eigenvalue of what was told so far", STATE, "line"), Key("limit", BOUND, "dash"))
-    return Chart("How much the record told of the parameters", keys, (trace,), layout, found.check.sentence, EXCITED)
+    keys = (Key("smallest eigenvalue up to this time", STATE, "line"), Key("limit", BOUND, "dash"))
+    return Chart(
+        "Information in the record about the parameters", keys, (trace,), layout, found.check.sentence, EXCITED
+    )
 
 
 def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs: Sequence[str]) -> list[Chart]:
@@ -147,7 +151,7 @@ def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs
 
 
 def _correlations(test: Callable[[], Correlations], heading: str) -> list[Chart]:
-    """Bars by lag, and the band in which 95 of 100 lie; nothing where there are too few samples."""
+    """Bars by lag, and the band that contains 95 %; nothing if there are too few samples."""
     try:
         found: Correlations = test()
     except InputError:
@@ -165,13 +169,13 @@ def _correlations(test: Callable[[], Correlations], heading: str) -> list[Chart]
         "xaxis": {"title": {"text": "lag [samples]"}, "dtick": 5}, "shapes": shapes,
         "yaxis": {"title": {"text": "correlation"}, "range": [-top, top], "zeroline": True},
     }  # fmt: skip
-    keys = (Key("correlation", STATE, "line"), Key("± 2 sigma: 95 of 100 inside", BOUND, "dash"))
-    size = f"Sum of squares {found.statistic:.1f}, limit {found.limit:.1f} (999 of 1,000 below it)."
+    keys = (Key("correlation", STATE, "line"), Key("± 2 sigma: 95 % inside", BOUND, "dash"))
+    size = f"Sum of squares {found.statistic:.1f}, limit {found.limit:.1f} (99.9 % are below it)."
     return [Chart(heading, keys, (bars,), layout, size, LEFT)]
 
 
 def model_charts(fit: Fit) -> list[Chart]:
-    """Poles and zeros, then the responses of each pair of channels, with what the covariance makes of them."""
+    """Poles and zeros, then the responses of each pair of channels, with their confidence bands."""
     model = diagnostics.spread_of(fit).model
     pairs = [(i, j) for i in range(model.p) for j in range(model.m)][:MOST_PAIRS]
     frequency, step = diagnostics.frequency_response(fit), diagnostics.step_response(fit)
@@ -183,7 +187,7 @@ def model_charts(fit: Fit) -> list[Chart]:
 
 
 def _poles(fit: Fit, alone: bool) -> Chart:
-    """The map of poles, and of zeros where there is one input and one output."""
+    """The map of poles, with the zeros if there is one input and one output."""
     angle = np.linspace(0, 2 * np.pi, 181)
     circle = {"x": packed(np.cos(angle)), "y": packed(np.sin(angle)), "mode": "lines", "line": {"color": "#999", "width": 1},
               "hoverinfo": "skip"}  # fmt: skip
@@ -195,13 +199,13 @@ def _poles(fit: Fit, alone: bool) -> Chart:
         traces += _roots(zeros, "zero", ACCENT, "circle-open")
         keys.insert(1, Key("zeros (○)", ACCENT, "line"))
     known = bool(np.isfinite(poles.covariance).any())
-    keys += [Key("95 of 100 inside", STATE, "band")] if known else []
+    keys += [Key("95 % inside", STATE, "band")] if known else []
     values = np.concatenate([poles.values, [] if zeros is None else zeros.values])
     near = values[np.abs(values) <= FARTHEST]
     reach = 1.12 * max(1.0, float(np.abs(near).max(initial=0.0)))
     far = [_complex(complex(z)) for z in values[np.abs(values) > FARTHEST] if np.imag(z) >= 0]
-    caption = f"Outside of the diagram: {', '.join(far)}." if far else ""
-    caption += "" if known else " This method does not say how sure the poles are."
+    caption = f"Outside the diagram: {', '.join(far)}." if far else ""
+    caption += "" if known else " This method gives no uncertainty of the poles."
     caption += MERGED if _merge(poles) else ""
     layout = {
         "hovermode": "closest", "xaxis": {"title": {"text": "real"}, "range": [-reach, reach], "zeroline": True},
@@ -225,8 +229,8 @@ def _roots(found: Roots, word: str, colour: str, symbol: str) -> list[dict[str, 
         if np.isfinite(Σ).all():
             traces.append(_ellipse(z, Σ, colour))
     marker = {"symbol": symbol, "size": 11, "color": colour, "line": {"width": 2.2, "color": colour}}
-    said = [f"{word} {_complex(z)}" for z in values]
-    points = {"x": packed(np.real(values)), "y": packed(np.imag(values)), "mode": "markers", "marker": marker, "text": said,
+    labels = [f"{word} {_complex(z)}" for z in values]
+    points = {"x": packed(np.real(values)), "y": packed(np.imag(values)), "mode": "markers", "marker": marker, "text": labels,
               "hovertemplate": "%{text}<extra></extra>"}  # fmt: skip
     return [*traces, points]
 
@@ -249,7 +253,7 @@ def _step(found: Response, i: int, j: int, label: str) -> Chart:
     traces = _band(found.at, values - spread, values + spread, STATE) if known else []
     traces.append(_curve(found.at, values, "step response", STATE))
     layout = {"xaxis": {"title": {"text": "time [s]"}}, "yaxis": {"title": {"text": ""}, "zeroline": True}}
-    return Chart(f"Step response{label}", _keys("step response", known), tuple(traces), layout, _doubt(known), MODEL)
+    return Chart(f"Step response{label}", _keys("step response", known), tuple(traces), layout, _caveat(known), MODEL)
 
 
 def _bode(found: FrequencyResponse, i: int, j: int, label: str) -> list[Chart]:
@@ -271,7 +275,7 @@ def _bode(found: FrequencyResponse, i: int, j: int, label: str) -> list[Chart]:
             "yaxis": {"title": {"text": unit}, "range": [float(values.min() - room), float(values.max() + room)]},
         }  # fmt: skip
         charts.append(
-            Chart(f"{heading}{label}", _keys(heading.lower(), known), tuple(traces), layout, _doubt(known), MODEL)
+            Chart(f"{heading}{label}", _keys(heading.lower(), known), tuple(traces), layout, _caveat(known), MODEL)
         )
     return charts
 
@@ -280,8 +284,8 @@ def _keys(word: str, known: bool) -> tuple[Key, ...]:
     return (Key(word, STATE, "line"), *((Key("± 2 sigma", STATE, "band"),) if known else ()))
 
 
-def _doubt(known: bool) -> str:
-    return "" if known else "This method does not say how sure it is."
+def _caveat(known: bool) -> str:
+    return "" if known else "This method gives no uncertainty."
 
 
 def _curve(x: np.ndarray | None, y: np.ndarray, name: str, colour: str) -> dict[str, Any]:

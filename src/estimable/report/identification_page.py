@@ -30,24 +30,26 @@ def report_of_comparison(
 ) -> Report:  # fmt: skip
     """A report of one method in a `Comparison` of one `record`: held-out data, orders, residuals, poles, responses.
 
-    `chosen`: which method (None: `found.predictor`, or the first); `selection`: what the order rests on; `lead`, `commands` and
-    `files` as in `report_of`. The same arguments give the same report, to the byte.
+    `chosen`: the method (None: `found.predictor`, or the first); `selection`: the choice of the order; `lead`, `commands` and
+    `files` as in `report_of`. Equal arguments give equal reports, byte for byte.
 
-    Raises `InputError` where no method could be fitted, or several records were compared on.
+    Raises `InputError` if no method could be fitted, or if several records were compared.
 
     >>> u = np.random.default_rng(0).normal(size=200)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
     >>> page = report.report_of_comparison(compare([OutputErrorML(1, 0)], record), record)
     >>> page.charts[0].part
-    'Does it simulate what it has not seen?'
+    'Does the model simulate held-out data?'
     """
     chosen = chosen or found.predictor or found.ranked[0]
     if chosen.fit is None or found.task is None:
-        checks.refuse("no method could be fitted, so that there is nothing to report: see `found.sentence`.")
+        checks.refuse("no method could be fitted, so there is nothing to report: see `found.sentence`.")
     if isinstance(chosen.model, NonlinearModel):
-        checks.refuse(f"a page is of a linear model: {chosen.name} makes a nonlinear one. Choose another by `chosen`.")
+        checks.refuse(
+            f"a report needs a linear model, and {chosen.name} makes a nonlinear one. Choose another method by `chosen`."
+        )
     if len(found.task.whole) != 1:
-        checks.refuse("a report is of a comparison on one record: compare on each by itself.")
+        checks.refuse("a report needs a comparison on one record: compare on each record separately.")
     times = np.arange(len(record)) * float(record.dt or 1.0) if record.t is None else np.asarray(record.t)
     charts, verdicts = _held_out(found, chosen, record, times)
     orders = [] if selection is None else order_charts(selection, chosen.order_of_a_model)
@@ -63,7 +65,7 @@ def report_of_comparison(
 
 
 def _excited(found: Comparison, chosen: Ranked, times: np.ndarray) -> list[Any]:
-    """How much the record told of the parameters as it went on; of output-error models, of which it is worked out."""
+    """The information about the parameters up to each time; only for output-error models, for which it is computed."""
     assert found.task is not None
     assert chosen.fit is not None
     model, whole = chosen.fit.model, found.task.whole[0]
@@ -74,7 +76,7 @@ def _excited(found: Comparison, chosen: Ranked, times: np.ndarray) -> list[Any]:
 
 
 def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarray) -> Any:
-    """The diagrams of the simulation and of the residuals, and the verdicts on these, over what was held out."""
+    """The diagrams of the simulation and of the residuals, and their verdicts, over the held-out part."""
     assert found.task is not None
     assert chosen.fit is not None
     whole, first = found.task.whole[0], len(found.task.first[0])
@@ -103,8 +105,8 @@ def _name(check: Check) -> str:
 
 def _facts(chosen: Ranked, record: Record) -> Any:
     yield Fact("Method", chosen.label, f"order {chosen.order}")
-    yield Fact("Simulation", f"{chosen.fit_percent:.1f} %", "of what was held out, from the inputs alone")
-    yield Fact("One step ahead", f"{float(np.mean(chosen.one_step_fits)):.1f} %", "of what was held out")
+    yield Fact("Simulation", f"{chosen.fit_percent:.1f} %", "of the held-out part, from the inputs alone")
+    yield Fact("One step ahead", f"{float(np.mean(chosen.one_step_fits)):.1f} %", "of the held-out part")
     missing = 1 - float(record.seen.mean())
     yield Fact(
         "Samples", f"{len(record):,}", f"every {record.dt:g} s" + (f", {missing:.0%} not seen" if missing else "")
@@ -112,16 +114,22 @@ def _facts(chosen: Ranked, record: Record) -> Any:
 
 
 def _methods(found: Comparison) -> Section:
-    """Every method that was compared, in a line."""
+    """Each compared method, on one line."""
     items = []
     for one in found.ranked:
         if one.fit is None:
             items.append((one.name, one.failure))
             continue
         fits = f"{one.fit_percent:.1f} % by simulation, {float(np.mean(one.one_step_fits)):.1f} % one step ahead"
-        alike = "the best" if one.behind == 0 else "within noise of the best" if one.alike else "worse beyond noise"
+        alike = (
+            "the best"
+            if one.behind == 0
+            else "equal to the best within the noise"
+            if one.alike
+            else "significantly worse"
+        )
         items.append((f"{one.label}, order {one.order}", f"{fits}: {alike}"))
-    return Section("Methods compared on what was held out", tuple(items))
+    return Section("Methods compared on the held-out part", tuple(items))
 
 
 def _sections(chosen: Ranked, record: Record) -> tuple[Section, ...]:
@@ -139,7 +147,7 @@ def _sections(chosen: Ranked, record: Record) -> tuple[Section, ...]:
 
 
 def _parameters(fit: Fit) -> Section:
-    """The parameters with two standard deviations; the first of many."""
+    """The parameters with two standard deviations; at most `MOST_PARAMETERS`."""
     items = []
     for name, value, sigma in list(zip(fit.names, fit.parameters, fit.sigma, strict=True))[:MOST_PARAMETERS]:
         spread = "" if np.isnan(sigma) else f" ± {2 * sigma:.2g} (2 sigma)"

@@ -1,4 +1,4 @@
-"""A report as one self-contained HTML page: nothing is loaded from anywhere, equal reports are equal files."""
+"""A report as one self-contained HTML page: it loads nothing, and equal reports give equal files."""
 
 import base64
 import hashlib
@@ -19,7 +19,7 @@ DASHES = {"dash": "6 4", "dot": "2.5 3", "dashdot": "8 3 2.5 3", "longdash": "11
 
 
 def write_report(report: Report, path: str | Path) -> None:
-    """Write a report to an HTML file that needs nothing else. Raises `InputError` where that fails; an older file then stays."""
+    """Write a report to a self-contained HTML file. Raises `InputError` on failure; an older file then stays unchanged."""
     page = page_of(report).encode()
     write(path, lambda stream: stream.write(page))
 
@@ -41,7 +41,7 @@ def page_of(report: Report) -> str:
 
 @cache
 def _template() -> Any:
-    """The page, in which everything is escaped but what is marked."""
+    """The page template, with automatic escaping."""
     environment = Environment(loader=PackageLoader("estimable", "report"), autoescape=True, undefined=StrictUndefined)
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False}
     return environment.get_template("page.html")
@@ -49,7 +49,7 @@ def _template() -> Any:
 
 @cache
 def _policy(*scripts: str) -> str:
-    """Nothing may run but these scripts, and nothing may be loaded. Plotly writes styles, and draws images of its diagrams."""
+    """The policy that allows only these scripts and no loading. Plotly writes styles, and draws images of its diagrams."""
     hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'" for s in scripts)
     return f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'"
 
@@ -61,7 +61,7 @@ def _asset(name: str) -> str:
 
 @cache
 def _plotly() -> str:
-    """plotly.js, from its package, which is not loaded for that."""
+    """plotly.js, read from its package data."""
     import plotly
 
     return (Path(plotly.__file__).parent / "package_data" / "plotly.min.js").read_text(encoding="utf-8")

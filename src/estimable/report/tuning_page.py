@@ -1,4 +1,4 @@
-"""The report of a rho synthesis: what each bandwidth costs, and the design that was chosen."""
+"""The report of a rho synthesis: the criteria over the bandwidth, and the chosen design."""
 
 import platform
 from collections.abc import Sequence
@@ -13,8 +13,7 @@ from .assumptions import matrix_text, model_items
 from .charts import packed
 from .contents import Chart, Fact, Finding, Key, Report, Section
 
-AGREED = 0.05  # by how much the curve of rho may differ from the margin that is proven
-FLAT = 0.01  # of its best: how little a criterion may still gain at the end of the range
+AGREED = 0.05  # largest relative difference of the curve of rho from the proven margin
 PART = "What each bandwidth costs"
 
 
@@ -25,7 +24,7 @@ def tuning_report(
     lead: Sequence[str] = (),
     commands: Sequence[tuple[str, str]] = (),
 ) -> Report:
-    """A report of what `rho_synthesis` returned. `lead`: sentences at its head; `commands`: (what it does, what to type)."""
+    """A report of a `RhoSynthesis`. `lead`: sentences at its head; `commands`: (what it does, what to type)."""
     finite = np.isfinite(found.bandwidth)
     rows = np.flatnonzero(finite)[np.argsort(found.bandwidth[finite], kind="stable")]
     return Report(
@@ -54,7 +53,7 @@ def _at(found: RhoSynthesis, name: str) -> str:
 
 
 def _relative(found: RhoSynthesis, rows: np.ndarray) -> Chart:
-    """All criteria, each relative to its best."""
+    """All criteria, each relative to its best value."""
     traces, keys = [], []
     for name, words, colour, dash, values, times in series(found):
         how = {"mode": "lines", "line": {"color": colour, "width": 2.5, "dash": dash}, "name": words}
@@ -63,8 +62,8 @@ def _relative(found: RhoSynthesis, rows: np.ndarray) -> Chart:
         traces.append(_mark(found, name, times, colour))
         keys.append(Key(words, colour, dash))
     layout = {"yaxis": {"type": "log", "range": [-0.03, float(np.log10(MOST))], "title": {"text": "times its best"}}}
-    caption = "A dot is where a criterion is best; the dashed line is the design that was chosen."
-    heading = "All of them, each relative to its own best"
+    caption = "A dot marks the best value of a criterion; the dashed line is the chosen design."
+    heading = "All criteria, each relative to its best value"
     return Chart(heading, tuple(keys), tuple(traces), layout | _chosen(found), caption, PART)
 
 
@@ -93,7 +92,7 @@ def _own(found: RhoSynthesis, rows: np.ndarray, kind: str, names: tuple[str, ...
 
 
 def _ticks(values: np.ndarray) -> int | str:
-    """Every decade, or 1, 2 and 5 of it where there are few."""
+    """Every decade, or 1, 2 and 5 of each if there are few."""
     seen = values[np.isfinite(values)]
     return 1 if np.log10(seen.max() / seen.min()) > 2 else "D2"
 
@@ -121,13 +120,15 @@ def _verdicts(found: RhoSynthesis) -> Any:
     yield Finding("The margin", f"{chain}: proven for the chosen loop", True)
     off = abs(curve / margin.margin - 1)
     yield Finding(
-        "The curve of rho", f"it is {100 * off:.2g} % off the proven margin at the chosen design", bool(off <= AGREED)
+        "The curve of rho",
+        f"it differs by {100 * off:.2g} % from the proven margin at the chosen design",
+        bool(off <= AGREED),
     )
     last = len(found.eta) - 1
     for name, best in found.optima.items():
         if name in found.weights and best.design in (0, last):
             side = "largest" if best.design == last else "smallest"
-            sentence = f"{WORDS[name][0]} is best at the {side} eta that was tried: it may be better beyond"
+            sentence = f"{WORDS[name][0]} is best at the {side} eta of the range: a wider range may be better"
             yield Finding(f"The range, for {WORDS[name][0]}", sentence, None)
     inside = 0 < found.chosen < last
     sentence = (

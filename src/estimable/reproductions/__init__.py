@@ -1,6 +1,6 @@
-"""Every table and figure of the sources, recomputed: the published value beside ours.
+"""Every table and figure of the sources, recomputed: the published value next to ours.
 
-One file (or folder) a source, each with its `ENTRIES`; `estimable reproduce` lists and runs them.
+One file (or folder) for each source, with its `ENTRIES`; `estimable reproduce` lists and runs them.
 """
 
 from .. import checks
@@ -13,7 +13,7 @@ __all__ = ["DRAWS", "ENTRIES", "Reproduced", "ReproducedRow", "Reproduction", "d
 
 
 def entry(name: str) -> Reproduction:
-    """The entry of a name; an `InputError` with the nearest name where there is none.
+    """The entry with a name; the `InputError` for an unknown name suggests the nearest one.
 
     >>> entry("sillence-table-2").title
     'Poles of the loop under the PI law'
@@ -21,14 +21,14 @@ def entry(name: str) -> Reproduction:
     names = [known.name for known in ENTRIES]
     if name not in names:
         near = checks.suggestion(name, names)
-        checks.refuse(f"there is no table or figure {name!r}: `estimable reproduce` lists all of them.{near}")
+        checks.refuse(f"there is no table or figure {name!r}. `estimable reproduce` lists all of them.{near}")
     return ENTRIES[names.index(name)]
 
 
 def reproduce(name: str, *, draws: int = DRAWS) -> Reproduced:
-    """Recompute one table or figure, its random numbers drawn `draws` times.
+    """Recompute one table or figure, with `draws` draws of its random numbers.
 
-    Raises `InputError` where there is no such table or figure, or none of ours yet: the sentence says why.
+    Raises `InputError` for an unknown table or figure, or one that is not reproduced; the message gives the reason.
 
     >>> reproduce("sillence-table-3").rows[0].published
     -3.0691

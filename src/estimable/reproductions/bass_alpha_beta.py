@@ -1,4 +1,4 @@
-"""The slides' α-β tracker: every number that they print of it, and their claims beside what holds."""
+"""The α-β tracker of the slides: every number printed about it, and a check of the claims."""
 
 from typing import Any
 
@@ -16,38 +16,38 @@ ACCELERATION = np.array([[1 / 3, 1 / 2], [1 / 2, 1]])
 
 WORSE = (
     "The slides say that this tracker beats every Kalman filter in one component. With the right variances none can: the Kalman "
-    "gain is best for every weighting of the error at once, hence in each component. Rows 'over the Kalman filter's' are above 1."
+    "gain is optimal for every weighting of the error, hence in each component. Rows 'over the Kalman filter's' are above 1."
 )
 STEPS = (
-    "They say 'stable for arbitrary dT': that holds for steps of one length only. Where steps of 1 and 10 s alternate the error "
-    "grows by 1.43 in two of them. And it is the spectral radius that is .337: one step may let it grow, by 1.48 at T = 1 s."
+    "The slides say 'stable for arbitrary dT': that holds only for steps of one length. If steps of 1 and 10 s alternate, the "
+    "error grows by 1.43 in two steps. The spectral radius is .337, but the error can grow in one step: by 1.48 at T = 1 s."
 )
 SAFE = (
-    "What constant gains can be is safe where the variances are not known: the last row is the least possible worst case over "
-    "the same range of ratios, that of the Kalman gain of a least favourable ratio (trans_kalman)."
+    "Constant gains can be safe if the variances are unknown: the last row is the least possible worst case over the same "
+    "range of ratios, that of the Kalman gain of a least favourable ratio (trans_kalman)."
 )
 
 
 def _step(α: float, β: float, T: float) -> np.ndarray:
-    """Of the error from update to update."""
+    """The transition of the error from update to update."""
     return np.array([[1 - α, (1 - α) * T], [-β / T, 1 - β]])
 
 
 def _prices(ratio: float) -> dict[str, float]:
-    """Variance of position of each choice of the gains, over the Kalman filter's."""
+    """Variance of position of each choice of the gains, divided by that of the Kalman filter."""
     table = alpha_beta_choices(dt=1, sigma_a2=ratio, sigma_s2=1)
     return dict(zip(table.names, table.price[:, 0], strict=True))
 
 
 def safest() -> Any:
-    """The gains whose worst relative regret over the ratios is least."""
+    """The gains with the smallest worst relative regret over the ratios."""
     track = StateSpace([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], Q=ACCELERATION, R=[[1.0]], dt=1)
     noises = [(ratio * ACCELERATION, [[1.0]]) for ratio in (RATIOS[0], RATIOS[-1])]
     return trans_kalman(track, noises=noises, weight=[1.0, 0.0])
 
 
 def alpha_beta(draws: int) -> Reproduced:
-    """Gains, what is left of each noise in the position, poles, and what was claimed. Nothing is drawn."""
+    """Gains, the remainder of each noise in the position, poles, and the claims. Nothing is drawn."""
     α, β = alpha_beta_gains("least_worst")
     φ = alpha_beta_covariance(α, β, dt=1, sigma_a2=3, sigma_s2=0)[0, 0]
     ψ = alpha_beta_covariance(α, β, dt=1, sigma_a2=0, sigma_s2=1)[0, 0]
@@ -70,7 +70,7 @@ def alpha_beta(draws: int) -> Reproduced:
 
 
 def _picture() -> Any:
-    """What each choice costs over the ratio of the densities."""
+    """The cost of each choice over the ratio of the densities."""
     tables = [alpha_beta_choices(dt=1, sigma_a2=ratio, sigma_s2=1) for ratio in RANGE]
     lines = [
         plots.Line(name.replace("_", " "), RANGE, [table.price[i, 0] for table in tables], i, plots.DASHES[i])

@@ -1,4 +1,4 @@
-"""The slides' claims of robustness and cost over bandwidth, on a published aircraft: they print neither plant nor numbers."""
+"""The claims of the slides on robustness and cost over bandwidth, for a published aircraft; they print no plant or numbers."""
 
 from functools import lru_cache
 
@@ -21,23 +21,23 @@ ETA = np.geomspace(0.05, 3000.0, 120)
 FAST = 20  # designs at the fast end, over which a power is fitted
 
 PLANT = (
-    "The slides name no plant: this is the helicopter of Narendra and Tripathi (1973), of which forward and vertical speed and "
-    "pitch are measured; the noises, of density .01, are ours. The threefold gains on a VTOL aircraft cannot be checked."
+    "The slides name no plant. This is the helicopter of Narendra and Tripathi (1973), with measured forward speed, vertical "
+    "speed and pitch. The noises, of density .01, are ours. The threefold gains on a VTOL aircraft cannot be checked."
 )
 CUBE = (
-    "The rms of the control grows like the cube of the bandwidth where one number drives feedback and filter alike, as the "
-    "slides say, and in proportion to it where the filter stays that of Q and R."
+    "The rms of the control grows like the cube of the bandwidth if one number determines feedback and filter, as the "
+    "slides say, and in proportion to the bandwidth if the filter is that of Q and R."
 )
 SLIGHT = (
-    "For n = 3 the slides call their bandwidth a slight perturbation of the classical one. Of a third-order equation it is the "
-    "natural frequency to the power 1.5, which depends on the unit of time."
+    "For n = 3 the slides call their bandwidth a slight perturbation of the classical one. For a third-order equation it is "
+    "the natural frequency to the power 1.5, which depends on the unit of time."
 )
-PEAK = "The margin rises to its maximum and then falls, as the slides say; here it falls by little."
+PEAK = "The margin rises to its maximum and then falls, as the slides say; here it falls only slightly."
 
 
 @lru_cache(maxsize=1)
 def designs() -> tuple[RhoSynthesis, RhoSynthesis]:
-    """Both gains driven by η, and the feedback alone beside the Kalman filter."""
+    """Both gains driven by η, and only the feedback, with the Kalman filter."""
     both = rho_synthesis(VTOL, eta=ETA, weights={"rho": 1.0})
     return both, rho_synthesis(VTOL, eta=ETA, filter="kalman", weights={"rho": 1.0})
 
@@ -55,7 +55,7 @@ def _companion(*coefficients: float) -> np.ndarray:
 
 
 def rho_bandwidth(draws: int) -> Reproduced:
-    """Where the margin is largest, how the cost grows, and what the bandwidth is for 2 and 3 states. Nothing is drawn."""
+    """The bandwidth of the largest margin, the growth of the cost, and the bandwidth for 2 and 3 states. Nothing is drawn."""
     both, alone = designs()
     best, last = both.optima["rho"], float(both.criteria["rho"][-1])
     ω = 2.0

@@ -1,4 +1,4 @@
-"""What a reproduction is, and what it gives."""
+"""The record of a reproduction, and its result."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,10 +11,10 @@ DRAWS = 200
 
 
 class ReproducedRow(NamedTuple):
-    """One number: the published value (None: not printed) beside ours, the mean and 1 sigma over `draws`.
+    """One number: the published value (None: not printed) and ours, the mean and 1 sigma over `draws`.
 
-    A number that is computed and not drawn has sigma None and draws 0. A draw of which the quantity does not exist (it
-    never settled) counts in neither: `draws` is how many did.
+    A number without random draws has sigma None and draws 0. Draws in which the quantity does not exist (it never settled)
+    are omitted from all three.
     """
 
     quantity: str
@@ -26,7 +26,7 @@ class ReproducedRow(NamedTuple):
 
 
 class Reproduced(NamedTuple):
-    """What `compute` gives: the rows, a function that draws the picture (or None), and what a reader must know."""
+    """The result of `compute`: the rows, a function that draws the figure (or None), and remarks."""
 
     rows: tuple[ReproducedRow, ...]
     figure: Callable[[], Any] | None = None
@@ -34,7 +34,7 @@ class Reproduced(NamedTuple):
 
 
 class Reproduction(NamedTuple):
-    """One table or figure of a source: `compute(draws)` recomputes it, or is None and `reason` says why."""
+    """One table or figure of a source: `compute(draws)` recomputes it, or is None for the given `reason`."""
 
     name: str
     source: str
@@ -44,7 +44,7 @@ class Reproduction(NamedTuple):
 
     @property
     def status(self) -> str:
-        """ "done", or why not."""
+        """ "done", or the reason why not."""
         return "done" if self.compute is not None else self.reason
 
 

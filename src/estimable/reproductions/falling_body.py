@@ -1,4 +1,4 @@
-"""The falling body of Athans, Wishner and Bertolini (1968): a radar beside its path, a drag that is hardly known."""
+"""The falling body of Athans, Wishner and Bertolini (1968): a radar next to its path, and a drag that is almost unknown."""
 
 from typing import Any
 
@@ -20,20 +20,20 @@ from .plots import Line, Panel, over_time
 SOURCE = "Athans, Wishner & Bertolini (1968)"
 TRUTH = np.array([3e5, 2e4, 1e-3])  # altitude [ft], speed downwards [ft/s], ballistic coefficient [1/ft]
 PRIOR = Prior([3e5, 2e4, 3e-5], np.diag([1e6, 4e6, 1e-4]))
-SECONDS, SIGMA = 30, 100.0  # a reading a second, with noise in feet
+SECONDS, SIGMA = 30, 100.0  # one reading per second, with noise in feet
 REMARK = (
-    "The source prints curves of average errors, and no table. The true drag is 33 times the prior's mean, a tenth of its "
-    "standard deviation away. Signed errors are told, for a bias is what the second order is about; with a reading a second."
+    "The source prints curves of average errors, and no table. The true drag is 33 times the prior mean, a tenth of its "
+    "standard deviation away. Errors here are signed, because the second order reduces the bias; one reading per second."
 )
 
 
 def fall(x: Array, u: Array | None, θ: Array | None) -> Array:
-    """Drag falls off with altitude and grows with the square of the speed."""
+    """The derivative of the state: drag falls with altitude and grows with the square of the speed."""
     return jnp.array([-x[1], -jnp.exp(-5e-5 * x[0]) * x[1] ** 2 * x[2], 0.0])
 
 
 def distance(x: Array, u: Array | None, θ: Array | None) -> Array:
-    """From a radar at 1e5 ft of altitude, 1e5 ft beside the path."""
+    """The distance from a radar at 1e5 ft of altitude, 1e5 ft away from the path."""
     return jnp.sqrt(1e10 + (x[:1] - 1e5) ** 2)
 
 
@@ -57,7 +57,7 @@ def altitude_errors(draws: int) -> Reproduced:
 
 
 def _path() -> np.ndarray:
-    """The true states at whole seconds, (T, 3)."""
+    """The true states, one per second, (T, 3)."""
     step, states = jax.jit(lambda x: runge_kutta(lambda t, x: fall(x, None, None), x, 1.0, 16)), [TRUTH]
     for _ in range(SECONDS):
         states.append(np.asarray(step(states[-1])))

@@ -1,4 +1,4 @@
-"""H. Fang (2009), chapter 2: simultaneous input and state estimation, over many draws where the thesis shows one."""
+"""H. Fang (2009), chapter 2: simultaneous input and state estimation, over many draws; the thesis shows one."""
 
 from typing import Any, NamedTuple
 
@@ -28,7 +28,7 @@ NORMS = ("input, 2-norm", "input, largest", "x1, 2-norm", "x1, largest", "x2, 2-
 
 
 class InputExample(NamedTuple):
-    """One of the examples: the noise variance, how many samples its printed norms fit, and those norms."""
+    """One of the examples: the noise variance, the number of samples that fits its printed norms, and those norms."""
 
     noise: float
     samples: int
@@ -50,13 +50,13 @@ SECOND = InputExample(
     {FANG: (46.5408, 10.2476, 31.4444, 6.6983, 19.5499, 4.4089), EXACT: (45.8290, 10.3013, 31.5030, 6.7860, 19.6002, 4.3822)},
 )  # fmt: skip
 THIRD = FIRST._replace(printed={}, levels=True)
-LENGTH_REMARK = "The thesis does not print the number of samples: its norms fit about {}, taken here."
-STATE_REMARK = "States are one-step predictions, x[k] from y[0..k-1], for both algorithms: so they are in the thesis."
+LENGTH_REMARK = "The thesis does not print the number of samples. Its norms fit about {}, which is used here."
+STATE_REMARK = "States are one-step predictions, x[k] from y[0..k-1], for both algorithms, as in the thesis."
 
 
 @frozen
 class DrawnRecord:
-    """A record with the input and the states that nobody saw."""
+    """A record with its unmeasured input and states."""
 
     record: Any
     u: Any
@@ -86,7 +86,7 @@ def draw(example: InputExample) -> Any:
 
 
 def errors(drawn: DrawnRecord, estimate: Estimate) -> dict[str, Any]:
-    """Errors of the input and of the states predicted one step ahead, sample by sample."""
+    """Errors of the input and of the states predicted one step ahead, for each sample."""
     predicted = estimate.mean
     if not estimate.names.note.startswith("Fang"):
         moved = estimate.mean @ A.T + estimate.unknown_input @ B.T
@@ -96,14 +96,14 @@ def errors(drawn: DrawnRecord, estimate: Estimate) -> dict[str, Any]:
 
 
 def filter_of(example: InputExample, name: str) -> UnknownInput:
-    """The algorithm of that name."""
+    """The algorithm with a name."""
     if example.levels:
         return UnknownInput(example.model, unknown=["u"], levels=LEVELS)
     return UnknownInput(example.model, unknown=["u"], method="fang" if name == FANG else "auto")
 
 
 def run(example: InputExample, name: str, draws: int) -> Any:
-    """The errors of every draw."""
+    """The errors of all draws."""
     return monte_carlo(
         filter_of(example, name), draw(example), prior=VAGUE, runs=draws, seed=SEED, summary=errors
     ).values
@@ -136,7 +136,7 @@ def _largest(e: np.ndarray) -> np.ndarray:
 def _compare(rows: list[ReproducedRow]) -> Any:
     from . import plots
 
-    return plots.beside(rows, [row.quantity for row in rows], x="which error, by which norm", y="norm of the error")
+    return plots.next_to_ours(rows, [row.quantity for row in rows], x="error and norm", y="norm of the error")
 
 
 def estimates(example: InputExample) -> Any:
@@ -152,7 +152,9 @@ def estimates(example: InputExample) -> Any:
         if example.levels:
             wrong = np.mean(np.abs(found["u"]) > 1e-6, axis=-1)
             rows.append(drawn("share of samples decided wrongly", "", None, wrong))
-            remarks.append("The level of each sample is decided, and then known. The thesis prints no number.")
+            remarks.append(
+                "The level of each sample is decided, and is then treated as known. The thesis prints no number."
+            )
         return Reproduced(tuple(rows), lambda: _draw_estimates(found), tuple(remarks))
 
     return compute
@@ -185,7 +187,7 @@ def traces(example: InputExample) -> Any:
         ]
         own = float(trace(example, OWN)[-1])
         rows.append(ReproducedRow("trace of Algorithm 1's own P", "", (0.5037 + 0.2256) * example.noise / 0.08, own))
-        remark = "Nothing is drawn at random. P is the true covariance; Algorithm 1's own P, which its gains follow, is smaller."
+        remark = "Nothing is drawn at random. P is the true covariance; Algorithm 1 computes its gains from its own, smaller P."
         return Reproduced(tuple(rows), lambda: _draw_traces(found), (remark,))
 
     return compute

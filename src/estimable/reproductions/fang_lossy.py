@@ -24,11 +24,11 @@ NAMES = PLANT.parameter_names
 CHUNK = 10  # runs in memory at once
 UNIFORM = np.sqrt(3.0)  # half the width of the uniform density of unit variance
 P0 = (
-    "The source states neither P0 nor the first estimate: here P0 = 1 and zero. With the large P0 that it recommends one draw of "
-    "Example 2 in three locks near 60 %."
+    "The source states neither P0 nor the first estimate: here P0 = 1 and zero. With the large P0 that it recommends, one draw "
+    "in three of Example 2 stays near 60 %."
 )
-REFINED = "The refined recursion, from P0 = 1e6, and maximum likelihood stand beside the bound that the packets allow."
-TARGET = "The mean of (z - y°)² tends to (1 - γ) r_v and not to 0, as the source has it: what tends to 0 is the error against x°."
+REFINED = "The refined recursion, from P0 = 1e6, and maximum likelihood are compared with the Cramér-Rao bound of the packets."
+TARGET = "The mean of (z - y°)² tends to (1 - γ) r_v, and not to 0 as in the source. The error against x° tends to 0."
 
 
 class LossyExample(NamedTuple):
@@ -63,12 +63,12 @@ class IdentificationRuns(NamedTuple):
 
 
 def printed() -> RecursiveOutputError:
-    """The recursion as the source has it."""
+    """The recursion of the source."""
     return RecursiveOutputError(2, 1, noise_variance=NOISE, method="printed", prior=Prior(np.zeros(4), np.eye(4)))
 
 
 def refined() -> RecursiveOutputError:
-    """Ours, from a prior that says nothing."""
+    """Our recursion, from a vague prior."""
     return RecursiveOutputError(2, 1, noise_variance=NOISE, prior=Prior(np.zeros(4), 1e6 * np.eye(4)))
 
 
@@ -103,7 +103,7 @@ def runs(example: int, method: str, draws: int) -> IdentificationRuns:
 
 
 def table(example: int, draws: int) -> Reproduced:
-    """Estimates and relative errors at the published samples; then what could be had."""
+    """Estimates and relative errors at the published samples, and the bound."""
     case, found = (ONE, TWO)[example - 1], runs(example, "printed", draws)
     ours, rows = runs(example, "refined", draws), []
     for k, published in case.table.items():
@@ -128,7 +128,7 @@ def _reachable(example: int, run: int) -> tuple[float, float]:
 
 
 def parameters(example: int, draws: int) -> Reproduced:
-    """The estimates of the first draw over time, and of all draws at the end."""
+    """The estimates of the first draw over time, with the published values at the end."""
     case, path = (ONE, TWO)[example - 1], np.asarray(runs(example, "printed", draws).first.mean)
     ends = zip(NAMES, case.table[case.rows][:4], path[-1], strict=True)
     rows = [
@@ -190,7 +190,7 @@ def output_errors(example: int, draws: int) -> Reproduced:
     floor = (1 - case.output_arrival) * NOISE
     rows = (
         drawn("average output error at the end", "", None, found.output_error[:, -1]),
-        ReproducedRow("(1 - γ) r_v, where it tends to", "", None, floor),
+        ReproducedRow("(1 - γ) r_v, its limit", "", None, floor),
         drawn("mean square of z - x° where the output was lost, at the end", "", None, found.true_output_error[:, -1]),
     )
     return Reproduced(rows, partial(_output_errors, example, draws, floor), (TARGET, P0))
@@ -208,7 +208,7 @@ def _output_errors(example: int, draws: int, floor: float) -> Any:
 
 
 def patterns(what: str, draws: int) -> Reproduced:
-    """Example 3: two patterns of losses at the same rates; how much patterns differ over many."""
+    """Example 3: two patterns of losses at the same rates, and the spread over many patterns."""
     found = runs(1, "printed", max(draws, 2))
     values = found.parameter_error if what == "parameter" else found.output_error
     unit = "%" if what == "parameter" else ""

@@ -26,17 +26,15 @@ PRIOR = Prior(np.ones(5), np.eye(5))
 CHUNK = 10  # runs in memory at once
 SEED = 41
 ERRATUM = (
-    "(4.15) feeds back the noisy z where (4.14) and Theorem 4.1 mean x_b: the RMS is then sqrt(r_v (1 + γ Σ a²)), and not "
+    "(4.15) feeds back the noisy z, but (4.14) and Theorem 4.1 use x_b. With z the RMS is sqrt(r_v (1 + γ Σ a²)) instead of "
     "sqrt(r_v)."
 )
-NEVER = "The algorithm as printed does not recover from the jump: its P has gone to zero and the new A is not positive real."
-STARTS = (
-    "The source states neither P0 nor the arrival rate of Example 3: here P0 = 1 and 65 %; .85 and .3 are told beside."
-)
+NEVER = "The algorithm as printed does not recover from the jump: its P is zero and the new A is not positive real."
+STARTS = "The source states neither P0 nor the arrival rate of Example 3: here P0 = 1 and 65 %; .85 and .3 are shown as well."
 
 
 class TrackingRuns(NamedTuple):
-    """Many runs, (B, T): y - r of all samples, relative errors of θ in %; and of run 0 the outputs y, z and what was seen."""
+    """Many runs, (B, T): y - r of all samples, relative errors of θ in %; and for run 0 the outputs y, z and the mask `seen`."""
 
     error: np.ndarray
     parameter_error: np.ndarray
@@ -78,7 +76,7 @@ def runs(arrival: float, jumps: bool, method: str, draws: int) -> TrackingRuns:
 
 
 def _errors(bank: ClosedLoopBank, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
-    """y - r (x° - r where y was lost: its noise is added in the mean square), and the relative errors of θ."""
+    """x° - r (the noise of y is added in the mean square), and the relative errors of θ."""
     x = np.asarray(bank.runs.state)[:, 1:, 0]  # of the sample before
     true = np.where(jumps & (np.arange(ROWS) >= JUMP), 1.5, 1.0)[:, None] * θ
     away = np.linalg.norm(np.asarray(bank.runs.info.mean) - true, axis=2) / np.linalg.norm(true, axis=1)
@@ -86,7 +84,7 @@ def _errors(bank: ClosedLoopBank, jumps: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rms(found: TrackingRuns, first: int, last: int) -> np.ndarray:
-    """Of y - r over some samples, run by run."""
+    """The RMS of y - r over some samples, for each run."""
     return np.sqrt(np.mean(found.error[:, first:last] ** 2, axis=1) + NOISE)
 
 
@@ -103,8 +101,8 @@ def response(example: int, draws: int) -> Reproduced:
     printed, ours = runs(γ, False, "printed", draws), runs(γ, False, "joint", draws)
     floor = float(np.sqrt(NOISE * (1 + γ * np.sum(θ[:2] ** 2))))
     rows = (
-        _row("as printed", printed, 1000, ROWS - 1), ReproducedRow("sqrt(r_v (1 + γ Σ a²)), where it tends to", "", None, floor),
-        _row("ours", ours, 1000, ROWS - 1), ReproducedRow("sqrt(r_v), the least there is", "", None, float(np.sqrt(NOISE))),
+        _row("as printed", printed, 1000, ROWS - 1), ReproducedRow("sqrt(r_v (1 + γ Σ a²)), its limit", "", None, floor),
+        _row("ours", ours, 1000, ROWS - 1), ReproducedRow("sqrt(r_v), the smallest possible", "", None, float(np.sqrt(NOISE))),
     )  # fmt: skip
     return Reproduced(rows, partial(_response, ours, False), (ERRATUM, STARTS))
 

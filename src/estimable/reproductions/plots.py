@@ -1,4 +1,4 @@
-"""The pictures of the reproductions: one look for all of them."""
+"""The figures of the reproductions, in one style."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ import numpy as np
 from ..annotations import Numbers
 from .entries import ReproducedRow
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")  # told apart by colour-blind eyes too
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")  # distinguishable with colour blindness
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 SYMBOLS = ("circle-open", "x", "square-open", "diamond-open", "cross")
 INK, FAINT = "#222222", "#767676"
@@ -29,7 +29,7 @@ class Line(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One diagram: what its vertical axis says, its lines, and its range (None: all of it)."""
+    """One diagram: the title of its vertical axis, its lines, and its range (None: the full range)."""
 
     y: str
     lines: Sequence[Line]
@@ -62,8 +62,8 @@ def band(gain: float, share: float, t: Numbers) -> list[Line]:
     return [Line(name, ends, np.full(2, gain * factor), FAINT, "dash", 1.5) for name, factor in sides]
 
 
-def beside(rows: Sequence[ReproducedRow], labels: Sequence[Any], *, x: str, y: str) -> Any:
-    """Published values beside ours with their sigmas, one label a row."""
+def next_to_ours(rows: Sequence[ReproducedRow], labels: Sequence[Any], *, x: str, y: str) -> Any:
+    """Published values next to ours with their sigmas, one label for each row."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -78,7 +78,7 @@ def beside(rows: Sequence[ReproducedRow], labels: Sequence[Any], *, x: str, y: s
 
 
 def scatter(groups: dict[str, Any], *, x: str, y: str) -> Any:
-    """Points in the complex plane, one symbol and colour a group."""
+    """Points in the complex plane, one symbol and colour for each group."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -90,7 +90,7 @@ def scatter(groups: dict[str, Any], *, x: str, y: str) -> Any:
 
 
 def styled(figure: Any, *, x: str, y: str, height: int = 440) -> Any:
-    """White ground, dark text, a legend below, where it may take as many lines as it needs."""
+    """White ground, dark text, and a legend below with as many lines as it needs."""
     figure.update_layout(
         template="plotly_white", height=height, font={"size": 15, "color": INK},
         margin={"l": 70, "r": 20, "t": 50, "b": 60},

@@ -2,16 +2,16 @@
 
 The entry `header` is a JSON text:
 
-- `format`: the version of this layout, `FORMAT` in `header.py`. `load` reads the formats that it knows, and refuses others.
+- `format`: the version of this layout, `FORMAT` in `header.py`. `load` reads the formats that it knows and refuses others.
 - `estimable`: the version of the package that wrote the file.
-- `modules`: {class: module} of every record in the file, as {"Kalman": "filters.kalman_filter"}.
-- `thing`: what was saved. A number, text, Boolean or null is itself, a list is a list, and everything else is an object with one
+- `modules`: {class: module} of each record in the file, such as {"Kalman": "filters.kalman_filter"}.
+- `thing`: what was saved. A number, string, bool or null is itself, a list is a list, and everything else is an object with one
   key: {"record": {"class", "fields"}}, {"array": entry}, {"scalar": entry} (of NumPy), {"float": "nan"}, {"tuple": [..]},
-  {"dict": [[key, value], ..]}, {"online": record} (a run, which goes on from its `progress`).
+  {"dict": [[key, value], ..]}, {"online": record} (a run, which resumes from its `progress`).
 
 The other entries are the arrays, named after their fields: numpy.load(path)["thing.info.mean"].
 
-A class is looked up by name among the records of the package, once its module is imported, which must be a module of the
-package. After a release, two tables in `header.py` keep older files readable: `MOVED`, where a record is that moved or has
-another name, and `ADDED`, what a field that came later would have said. A test loads a file that an earlier version wrote.
+A class is looked up by name among the records of the package after its module is imported, which must be a module of the
+package. After a release, two tables in `header.py` ensure that older files can be read: `MOVED`, the new place or name of a
+record, and `ADDED`, the values of fields that were added later. A test loads a file that an earlier version wrote.
 """

@@ -1,4 +1,4 @@
-"""Arrays of one record: the same letter is the same size in each."""
+"""The axes of the arrays of one record: the same letter has the same size in each array."""
 
 import jax
 import numpy as np
@@ -10,10 +10,10 @@ Shape = tuple[int, ...]
 
 
 class Axes:
-    """The sizes of the axes of a record, learnt from its arrays in turn; `faults` where one does not fit those before.
+    """The sizes of the axes of a record, learnt from its arrays in turn; `faults` lists those that do not fit.
 
-    Before the axes that are declared, its arrays may have leading ones, which are the same in all that have any: rows of time,
-    or the runs of a batch.
+    Arrays may have leading axes in front of the declared ones, the same in all arrays that have any: rows in time, or the
+    runs of a batch.
     """
 
     def __init__(self, leading: Shape, sizes: dict[str, int]):
@@ -22,7 +22,7 @@ class Axes:
         self.faults: list[str] = []
 
     def end(self, name: str, value: Numbers, axes: tuple[str, ...]) -> None:
-        """Numbers whose shape must end with `axes`."""
+        """Check numbers whose shape must end with `axes`."""
         shape = np.shape(value)
         cut = max(len(shape) - len(axes), 0)
         same = not (shape[:cut] and self.leading) or shape[:cut] == self.leading
@@ -34,7 +34,7 @@ class Axes:
             self._add(name, axes, shape)
 
     def begin(self, name: str, value: Tree, axes: tuple[str, ...]) -> Shape:
-        """A thing whose arrays must all begin with `axes`, or a tuple as long as an axis; the sizes of what they begin with."""
+        """Check a thing whose arrays must all begin with `axes`, or a tuple of their length; returns the leading sizes."""
         if type(value) is tuple or type(value) is list:
             if not self._fits(name, axes, (len(value),), (len(value),)):
                 self._add(name, axes, (len(value),))
@@ -65,7 +65,7 @@ class Axes:
 
 
 def asymmetry(name: str, value: Numbers) -> list[str]:
-    """A fault where a matrix, or one of a stack, is not symmetric; one that is not finite passes, as after a failure."""
+    """A fault if a matrix, or one of a stack, is not symmetric; matrices that are not finite pass, as after a failure."""
     P = np.asarray(value)
     if P.ndim < 2 or P.shape[-1] != P.shape[-2]:
         return []

@@ -1,6 +1,6 @@
-"""What the annotation of a field says it may hold.
+"""The values that a field may hold, from its annotation.
 
-A field says its axes there: `covariance: Annotated[Any, "n n", "symmetric"]`, next to `mean: Annotated[Any, "n"]`.
+The annotation names the axes: `covariance: Annotated[Any, "n n", "symmetric"]`, next to `mean: Annotated[Any, "n"]`.
 """
 
 import typing
@@ -15,12 +15,12 @@ import numpy as np
 from ..annotations import Tree
 from ..frozen import field_names
 
-SCALARS = {bool: "b", int: "iu", float: "fiu", str: "U"}  # and the kinds of arrays of them
+SCALARS = {bool: "b", int: "iu", float: "fiu", str: "U"}  # and the dtype kinds of their arrays
 WORDS = {bool: "a bool", int: "an integer", float: "a number", str: "a text", np.ndarray: "an array", NoneType: "None"}
 
 
 class Declared(NamedTuple):
-    """A field: what it may hold, its axes (None: not said), and whether it is a symmetric matrix."""
+    """A field: the kind of its value, its axes (None: not declared), and whether it is a symmetric matrix."""
 
     name: str
     kind: Any
@@ -65,12 +65,12 @@ def may_hold(kind: Any, value: Tree) -> bool:
 
 
 def _dtype_kind(value: Tree) -> str:
-    """The kind of an array's numbers; that of no array otherwise."""
+    """The dtype kind of an array; "none" for other values."""
     return np.dtype(value.dtype).kind if isinstance(value, np.ndarray | np.generic | jax.Array) else "none"
 
 
 def worded(kind: Any) -> str:
-    """The kind, as a sentence says it."""
+    """The kind, for messages."""
     if typing.get_origin(kind) in (typing.Union, UnionType):
         return " or ".join(map(worded, typing.get_args(kind)))
     if kind in WORDS or not isinstance(kind, type):

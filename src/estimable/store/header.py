@@ -1,4 +1,4 @@
-"""What a file says of itself: its format, and the classes of the records in it."""
+"""The header of a file: its format, and the classes of its records."""
 
 import re
 from collections.abc import Mapping
@@ -10,10 +10,10 @@ from ..annotations import Tree
 from ..frozen import PACKAGE, RECORDS
 from ..protocols import Resumable
 
-Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # what a JSON text holds
+Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # the values of a JSON text
 
 FORMAT = 2
-# For older files: (module, class) as they say it: (module, class) of today; class: fields that they lack, as they would say them.
+# For older files. MOVED: {old (module, class): current (module, class)}; ADDED: {class: values of fields they lack}.
 MOVED: dict[tuple[str, str], tuple[str, str]] = {}
 ADDED: dict[str, dict[str, Any]] = {}
 MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
@@ -21,7 +21,7 @@ FIELDS = {"format", "estimable", "modules", "thing"}
 
 
 def record_class(thing: Tree | Resumable) -> type | None:
-    """The class under which a thing is saved: its own, or the first base that is a record; None where it has none."""
+    """The class under which a thing is saved: its own, or the first base that is a record; None if there is none."""
     if type(thing).__module__.partition(".")[0] != PACKAGE:
         return None
     return next((cls for cls in type(thing).__mro__ if RECORDS.get(cls.__name__) is cls), None)
@@ -38,9 +38,9 @@ def described(modules: dict[str, str], code: Json) -> Mapping[str, Json]:
 
 
 def check(header: Json) -> None:
-    """Refuse a header of another format, or of another form."""
+    """Refuse a header with an unknown format or wrong keys."""
     if not isinstance(header, dict):
-        checks.refuse("its header is no JSON object.")
+        checks.refuse("its header is not a JSON object.")
     found = header.get("format", header.get("estimable"))
     if found != FORMAT:
         checks.refuse(f"it has format {checks.short(found)}; this version reads format {FORMAT}.")
@@ -53,11 +53,11 @@ def check(header: Json) -> None:
 
 
 def find_class(name: str, modules: dict[str, str]) -> type:
-    """The class of a record that a file names; only the package's own modules are imported."""
-    said = modules.get(name)
-    if said is None:
-        checks.refuse(f"its header names no module of {name!r}.")
-    module, name = MOVED.get((said, name), (said, name))
+    """The class of a record in a file; only modules of this package are imported."""
+    written = modules.get(name)
+    if written is None:
+        checks.refuse(f"its header names no module for {name!r}.")
+    module, name = MOVED.get((written, name), (written, name))
     if MODULE.fullmatch(module) and module.partition(".")[0] != "commands":
         try:
             import_module(f"{PACKAGE}.{module}")

@@ -17,7 +17,7 @@ from .verify import verify
 def load(path: str | Path) -> Any:
     """Read back what `save` wrote. Everything in the file is checked, and nothing in it is executed.
 
-    Raises `InputError` where the file is not there, was not written by `save`, or holds what does not belong together.
+    Raises `InputError` if the file does not exist, was not written by `save`, or its contents are inconsistent.
     """
     found = checks.existing_file(path)
     try:
@@ -28,33 +28,33 @@ def load(path: str | Path) -> Any:
         raise checks.InputError(*(f"{path}: {sentence}" for sentence in error.faults)) from None
     except (PermissionError, MemoryError) as error:
         checks.refuse(f"{path} could not be read: {getattr(error, 'strerror', None) or 'there is not enough memory'}.")
-    except Exception as error:  # a damaged file may fail anywhere: in its zip, an array or the header
+    except Exception as error:  # a damaged zip, array or header can raise anything
         checks.refuse(f"{path} was not written by estimable.save, or is damaged: {type(error).__name__}.")
 
 
 def _read(archive: ZipFile) -> Any:
-    said = json.loads(str(npz_arrays.read(archive, "header")), parse_constant=_refuse_constant)
-    header.check(said)
-    reader = Reader(archive, said["modules"])
-    thing = reader.decode(said["thing"], "thing")
+    found = json.loads(str(npz_arrays.read(archive, "header")), parse_constant=_refuse_constant)
+    header.check(found)
+    reader = Reader(archive, found["modules"])
+    thing = reader.decode(found["thing"], "thing")
     if unread := {entry.filename.removesuffix(".npy") for entry in archive.infolist()} - reader.read:
         checks.refuse(f"its header does not mention its entries {checks.listed(sorted(unread))}.")
     return checked(thing, "thing")
 
 
 def _refuse_constant(name: str) -> Any:
-    checks.refuse(f"its header holds {name}, which is no JSON.")
+    checks.refuse(f"its header holds {name}, which is not JSON.")
 
 
 def checked(thing: Tree, where: str) -> Any:
-    """The thing, once everything in it is verified."""
+    """The thing, after everything in it is verified."""
     if faults := verify(thing, where):
         checks.refuse(*faults)
     return thing
 
 
 class Reader:
-    """JSON values as things, with the arrays of the file."""
+    """Decodes JSON values into things, with the arrays of the file."""
 
     def __init__(self, archive: ZipFile, modules: dict[str, str]):
         self.archive, self.modules = archive, modules
@@ -89,11 +89,11 @@ class Reader:
 
     def _dict(self, pairs: list, where: str) -> dict:
         if not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-            checks.refuse(f"{where} is a dictionary of no pairs, which `save` does not write.")
+            checks.refuse(f"{where} is a dictionary whose items are not pairs, which `save` does not write.")
         return dict(self.decode(pairs, where))
 
-    def _record(self, said: dict, where: str) -> Any:
-        name, fields = said.get("class"), said.get("fields")
+    def _record(self, code: dict, where: str) -> Any:
+        name, fields = code.get("class"), code.get("fields")
         if not isinstance(name, str) or not isinstance(fields, dict):
             checks.refuse(f"{where} is a record without a class or without fields.")
         cls = header.find_class(name, self.modules)
@@ -112,7 +112,7 @@ class Reader:
     def _online(self, code: dict, where: str) -> Any:
         progress = checked(self.decode(code, where), where)
         if not hasattr(progress, "resumed"):
-            checks.refuse(f"{where} is a run that goes on from {type(progress).__name__}, which `save` does not write.")
+            checks.refuse(f"{where} is a run that resumes from {type(progress).__name__}, which `save` does not write.")
         return progress.resumed()
 
 

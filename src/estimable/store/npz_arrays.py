@@ -1,4 +1,4 @@
-"""The arrays of an .npz file, each read only once its size is known to be what the file holds."""
+"""The arrays of an .npz file, each read only after its size is checked against the file."""
 
 import math
 from typing import IO
@@ -8,13 +8,13 @@ import numpy as np
 
 from .. import checks
 
-KINDS = frozenset("biufcSUMm")  # of dtypes: Booleans, numbers, texts and times; never objects
-EXPANSION = 1032  # the most that DEFLATE makes of a byte
+KINDS = frozenset("biufcSUMm")  # dtype kinds: bools, numbers, strings and times; never objects
+EXPANSION = 1032  # largest expansion of a byte by DEFLATE
 READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def check_sizes(archive: ZipFile, size: int) -> None:
-    """Refuse a file of `size` bytes whose entries claim more than it can hold."""
+    """Refuse a file of `size` bytes whose entries claim more bytes than it can hold."""
     held = 0
     for entry in archive.infolist():
         held += entry.compress_size
@@ -39,7 +39,7 @@ def read(archive: ZipFile, name: str) -> np.ndarray:
 
 
 def _declared(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype]:
-    """The shape and dtype that an entry begins with."""
+    """The shape and dtype in the header of an entry."""
     version = np.lib.format.read_magic(stream)
     if version not in READERS:
         checks.refuse(f"its entry {name!r} is an array of a format that `save` does not write.")

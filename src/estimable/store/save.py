@@ -24,9 +24,10 @@ PLAIN = (NoneType, bool, int, float, str)
 def save(path: str | Path, thing: Thing) -> None:
     """Write an algorithm, model, prior, record, result or a running `online` to one .npz file, exactly.
 
-    Tuples, lists and dictionaries of them are written too. Until the new file is whole, an older one of that name stays.
+    Tuples, lists and dictionaries of them are written too. An older file of that name stays until the new one is
+    complete.
 
-    Raises `InputError` for what no file can hold, such as a function, and where the file cannot be written.
+    Raises `InputError` for values that a file cannot hold, such as a function, and if the file cannot be written.
     """
     writer = Writer()
     code = writer.encode(thing, "thing")
@@ -41,7 +42,7 @@ def _is_plain(thing: Thing) -> TypeGuard[str | float | None]:
 
 
 class Writer:
-    """Things as JSON; their arrays are collected under the paths of their fields."""
+    """Encodes things as JSON, and collects their arrays under the paths of their fields."""
 
     def __init__(self):
         self.arrays: dict[str, Any] = {}
@@ -67,12 +68,13 @@ class Writer:
             return {"record": {"class": cls.__name__, "fields": fields}}
         if callable(thing):
             what = "class" if isinstance(thing, type) else "function"
-            checks.refuse(f"`thing` cannot be saved: {where} is a {what}, and a file holds none.")
+            checks.refuse(f"`thing` cannot be saved: {where} is a {what}, which a file cannot hold.")
         if isinstance(thing, Resumable):
             return {"online": self.encode(thing.progress, where)}
         kind = f"{type(thing).__module__}.{type(thing).__qualname__}".removeprefix("builtins.")
         checks.refuse(
-            f"`thing` cannot be saved: {where} is of type {kind}. A file holds records of estimable, arrays, numbers and texts."
+            f"`thing` cannot be saved: {where} is of type {kind}. "
+            "A file can hold records of estimable, arrays, numbers and strings."
         )
 
     def _array(self, thing: Array | np.generic, where: str) -> dict[str, header.Json]:

@@ -1,4 +1,4 @@
-"""What a record holds, checked: the kinds of its fields, shapes that belong together, and what its constructor checks."""
+"""Checks of a loaded record: the kinds of its fields, consistent shapes, and the checks of its constructor."""
 
 import dataclasses
 from typing import Any
@@ -17,7 +17,7 @@ ARRAYS = np.ndarray | jax.Array | np.generic | float | int
 
 
 def verify(thing: Tree | Resumable, where: str, batch: Shape = ()) -> list[str]:
-    """Every fault of a thing and of what is in it. `batch`: leading axes of all its arrays, which no constructor knows."""
+    """All faults of a thing and its contents. `batch`: leading axes of all its arrays, which its constructor does not allow."""
     if isinstance(thing, Resumable):
         return verify(thing.progress, where)
     if field_names(type(thing)):
@@ -48,7 +48,7 @@ def _of_record(thing: Tree, where: str, batch: Shape) -> list[str]:
 
 
 def _of_axes(thing: Tree, fields: tuple[Declared, ...], batch: Shape) -> tuple[list[str], dict[str, Shape]]:
-    """Which arrays do not fit the others; the leading axes of what is in each field."""
+    """The faults of arrays that do not fit the others; the leading axes of the contents of each field."""
     counts = {field.name: value for field in fields if type(value := getattr(thing, field.name)) is int}
     axes, batches = Axes(batch, counts), {field.name: batch for field in fields}
     given = [(f"`{f.name}`", f, value, f.axes) for f in fields if (value := getattr(thing, f.name)) is not None]
@@ -63,7 +63,7 @@ def _of_axes(thing: Tree, fields: tuple[Declared, ...], batch: Shape) -> tuple[l
 
 
 def _of_construction(thing: AnyRecord, batch: Shape) -> list[str]:
-    """What the constructor refuses, or would make otherwise; of a batch, of the first item where that is so."""
+    """The values that the constructor refuses or would change; for a batch, those of its first faulty item."""
     cls = type(thing)
     for i in np.ndindex(batch):
         one = jax.tree_util.tree_map(lambda leaf, i=i: leaf[i], thing) if batch else thing
@@ -72,7 +72,7 @@ def _of_construction(thing: AnyRecord, batch: Shape) -> list[str]:
             faults = _differences(one, again)
         except checks.InputError as error:
             faults = error.faults
-        except Exception as error:  # what a constructor takes for granted may fail anywhere in it
+        except Exception as error:  # a constructor may fail anywhere on wrong values
             faults = [f"no {cls.__name__} can be made of this: {type(error).__name__}: {error}."]
         if faults:
             return [f"item {', '.join(map(str, i))}: {fault}" if batch else fault for fault in faults]
@@ -80,12 +80,12 @@ def _of_construction(thing: AnyRecord, batch: Shape) -> list[str]:
 
 
 def _differences(one: AnyRecord, again: AnyRecord) -> list[str]:
-    """The fields that a constructor makes into something of another form."""
+    """The fields that the constructor would change to another form."""
     faults = []
     for field in dataclasses.fields(again):
         found, made = getattr(one, field.name), getattr(again, field.name)
         if not field.init and (made is None or _has_more_arguments(type(again))):
-            continue  # set later, or from an argument that is no field
+            continue  # set later, or from an argument that is not a field
         if found != made if field.metadata.get("static") else _form(found) != _form(made):
             faults.append(f"`{field.name}` must be {checks.short(made)}. Got {checks.short(found)}.")
     return faults
@@ -96,6 +96,6 @@ def _has_more_arguments(cls: type) -> bool:
 
 
 def _form(value: Tree) -> tuple[Any, list[tuple[Shape, np.dtype]]]:
-    """What is the same in two values that differ in their numbers alone."""
+    """The structure of a value, without its numbers."""
     leaves, structure = jax.tree_util.tree_flatten(value)
     return structure, [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves]

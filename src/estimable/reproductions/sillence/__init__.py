@@ -1,4 +1,4 @@
-"""A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected, and said where they matter."""
+"""A. G. Sillence, Loop gain adaptive control (1999). Its errata are corrected and are mentioned where they matter."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""The loop that is divided by the window's gain: Figs. 40 to 47, K1 = 0.2."""
+"""The command divided by the gain of the window: Figs. 40 to 47, K1 = 0.2."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -22,17 +22,14 @@ SETTLED = 6.0  # [s]
 EXACT = 1e-9
 AT_A_TIME = 50  # runs whose windows are in memory together
 REMARK = (
-    "The figures are of one draw and print no number; ours are over all draws. RMS is of the true pitch rate about the flight "
-    "that does not fail, without noise. The elevator is held over each sample, and the state fed back is the window's estimate."
+    "The figures show one draw and print no number; ours are over all draws. RMS is of the true pitch rate relative to the "
+    "flight without a failure, without noise. The elevator is held over each sample; the estimate of the window is fed back."
 )
-GUARD = (
-    "Whether or not the estimate is bounded to 0..1, the demand is never multiplied by more than 20: 1/K is taken at 0.05 at "
-    "least."
-)
+GUARD = "Whether or not the estimate is bounded to 0..1, the demand is multiplied by at most 20: K is limited to at least 0.05."
 
 
 class AdaptedFlights(NamedTuple):
-    """Of each draw: pitch rate [deg/s] and smoothed gain, (draws, T)."""
+    """Pitch rate [deg/s] and smoothed gain of each draw, (draws, T)."""
 
     pitch_rate: np.ndarray
     gain: np.ndarray
@@ -42,7 +39,7 @@ def adapted(snr: float, *, bounded: bool) -> Callable[[int], Reproduced]:
     """The pitch rate with adaptation, at a signal-to-noise ratio in dB."""
 
     def compute(draws: int) -> Reproduced:
-        return _told({"adapted": _fly(NOISES[snr], draws, bounded=bounded, adapts=True)}, bounded)
+        return _reproduced({"adapted": _fly(NOISES[snr], draws, bounded=bounded, adapts=True)}, bounded)
 
     return compute
 
@@ -50,7 +47,7 @@ def adapted(snr: float, *, bounded: bool) -> Callable[[int], Reproduced]:
 def compared(draws: int) -> Reproduced:
     """Figs. 42 to 44: pitch rate and gain with and without adaptation, at 37.227 dB."""
     ways = {"adapted": True, "fixed law": False}
-    return _told(
+    return _reproduced(
         {name: _fly(NOISES[37.227], draws, bounded=True, adapts=adapts) for name, adapts in ways.items()}, True
     )
 
@@ -60,7 +57,7 @@ def _time() -> np.ndarray:
 
 
 def _fly(noise: Mapping[str, float], draws: int, *, bounded: bool, adapts: bool) -> AdaptedFlights:
-    """Fly the chain of the thesis, some runs at a time."""
+    """Fly the signal chain of the thesis, `AT_A_TIME` runs at a time."""
     inner = Bounded(window(**noise), 0.0, 1.0) if bounded else window(**noise)
     law = GainReconfiguration(f16.law(), caution=0.0) if adapts else f16.law()
     given: dict[str, Any] = {"reference": f16.pitch_command(_time()), "prior": STATE, "dt": 1 / f16.RATE}
@@ -76,7 +73,7 @@ def _fly(noise: Mapping[str, float], draws: int, *, bounded: bool, adapts: bool)
 
 
 def _healthy() -> np.ndarray:
-    """The pitch rate of the flight that does not fail."""
+    """The pitch rate of the flight without a failure."""
     exact = {"sigma_alpha": EXACT, "sigma_q": EXACT}
     closed = close_loop(
         f16.controlled(simulation=HELD, **exact), f16.law(), Kalman(f16.short_period()), seed=0, dt=1 / f16.RATE,
@@ -85,7 +82,7 @@ def _healthy() -> np.ndarray:
     return closed.state[:, 1]
 
 
-def _told(flown: dict[str, AdaptedFlights], bounded: bool) -> Reproduced:
+def _reproduced(flown: dict[str, AdaptedFlights], bounded: bool) -> Reproduced:
     t, healthy = _time(), _healthy()
     parts = {"4.5 to 6 s": (t >= FAILURE - 1e-9) & (t < SETTLED - 1e-9), "after 6 s": t >= SETTLED - 1e-9}
     rows = [
@@ -101,7 +98,7 @@ def _told(flown: dict[str, AdaptedFlights], bounded: bool) -> Reproduced:
     def figure() -> Any:
         from .. import plots
 
-        rates = [plots.Line("flight that does not fail", t, healthy, plots.INK, "dash", 1.2)]
+        rates = [plots.Line("flight without a failure", t, healthy, plots.INK, "dash", 1.2)]
         rates += [plots.Line(name, t, run.pitch_rate[0], i) for i, (name, run) in enumerate(flown.items())]
         gains = [plots.Line(name, t, run.gain.mean(axis=0), i, sigma=run.gain.std(axis=0)) for i, (name, run) in
                  enumerate(flown.items())]  # fmt: skip

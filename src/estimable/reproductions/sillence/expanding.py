@@ -16,8 +16,8 @@ REMARKS = (
     "The settling times of K1 = 0.6 and 0.4 do not reproduce: 3.1 and 3.2 s here, with a scatter of 0.01 s, against 1.93 and "
     "2.71 s printed. The others agree within 0.13 s.",
     "The published relative errors are relative to the estimate, |K - K1| / K; so are ours.",
-    "The sigmas are small because an expanding filter averages 16 s of data; its error is bias, from the time before the "
-    "failure. The published final gains lie up to 0.005 above ours, so the thesis flew a slightly different command.",
+    "The sigmas are small because an expanding filter averages 16 s of data; its error is a bias from the time before the "
+    "failure. The published final gains are up to 0.005 above ours, so the thesis probably used a slightly different command.",
 )
 
 
@@ -59,7 +59,9 @@ def _settling_times(rows: list[ReproducedRow]) -> Any:
     from .. import plots
 
     times = [row for row in rows if row.quantity.startswith("settling")]
-    return plots.beside(times, [f"{gain}" for gain in GAINS], x="gain after the failure, K1", y="settling time [s]")
+    return plots.next_to_ours(
+        times, [f"{gain}" for gain in GAINS], x="gain after the failure, K1", y="settling time [s]"
+    )
 
 
 def gain_over_time(gain: float) -> Any:
@@ -76,7 +78,7 @@ def gain_over_time(gain: float) -> Any:
 
 
 def draw_gains(gains: dict[str, np.ndarray], gain: float, *, seconds: tuple[float, float] | None = None) -> Any:
-    """The gain of the first draw, and mean ± 1 sigma of all, of each estimator (draws, T); the truth, and ± 20 %."""
+    """The gain of the first draw, and mean ± 1 sigma of all, of each estimator (draws, T); the true gain, and ± 20 %."""
     from .. import plots
 
     t = np.arange(next(iter(gains.values())).shape[1]) / f16.RATE

@@ -1,4 +1,4 @@
-"""The law that stays as it is when the elevator fails: Figs. 14 to 18 (PI) and 21, 22 (proportional)."""
+"""The fixed law when the elevator fails: Figs. 14 to 18 (PI) and 21, 22 (proportional)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,8 +16,8 @@ from .flights import CONTINUOUS, FAILURE
 EXACT = {"sigma_alpha": 1e-9, "sigma_q": 1e-9}
 SETTLED = 6.0  # [s]
 REMARK = (
-    "The figure prints no number; ours are of its two curves. The true states are fed back, without noise; the actuator moves "
-    "between the samples."
+    "The figure prints no number; ours are computed from its two curves. The true states are fed back, without noise; the "
+    "actuator moves between the samples."
 )
 
 
@@ -30,7 +30,7 @@ def flight(gain_after: float, *, integral: bool) -> Callable[[int], Reproduced]:
                  "after 6 s": failed.t >= SETTLED - 1e-9}  # fmt: skip
         apart = failed.state - healthy.state
         rows = tuple(
-            ReproducedRow(f"RMS of {what} about the flight that does not fail, {part}", unit, None,
+            ReproducedRow(f"RMS of {what} about the flight without a failure, {part}", unit, None,
                 float(np.sqrt(np.mean(apart[at, column] ** 2))))
             for column, what, unit in ((1, "the pitch rate", "deg/s"), (0, "alpha", "deg"))
             for part, at in parts.items()
@@ -41,7 +41,7 @@ def flight(gain_after: float, *, integral: bool) -> Callable[[int], Reproduced]:
 
 
 def _fly(gain: float, integral: bool) -> ClosedLoop:
-    """The loop that is fed back what is measured, which is the state."""
+    """The loop that feeds back the measurement, which is the state."""
     t = np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
     measured = Kalman(f16.short_period(Q=1e6 * np.eye(2), **EXACT))
     return close_loop(

@@ -1,4 +1,4 @@
-"""The flights of chapter 5: a gain that drops at 4.5 s, flown many times, and how an estimate of it is judged."""
+"""The flights of chapter 5: a gain that drops at 4.5 s, flown many times, and the criteria for its estimate."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -18,17 +18,17 @@ FAILURE = 4.5  # [s]
 BAND = 0.2  # |K - K1| <= .2 K1
 SEED = 1999
 NOMINAL = MappingProxyType({"sigma_alpha": f16.SIGMA_ALPHA, "sigma_q": f16.SIGMA_Q})  # 37.227 dB
-STATE = Prior([-1.4414, -2.4314], [[0.1, 0.0], [0.0, 1.0]])  # poor on purpose, as in the thesis
+STATE = Prior([-1.4414, -2.4314], [[0.1, 0.0], [0.0, 1.0]])  # deliberately poor, as in the thesis
 GAIN = Prior([0.8], [[0.4]])
 HELD, CONTINUOUS = f16.SIMULATIONS[1], f16.SIMULATIONS[0]
 HELD_REMARK = (
-    "Published numbers stand beside those of the thesis's simulation, in which the elevator is held over each sample; "
-    '"continuous actuator" is the same flight with an elevator that moves between the samples, and a filter that knows it.'
+    "Published numbers are compared with those of the simulation of the thesis, in which the elevator is held over each sample. "
+    '"continuous actuator" is the same flight with an elevator that moves between the samples, which the filter models.'
 )
 
 
 def filter_of(**noise: float) -> UnknownGain:
-    """The joint filter of state and gain, with the thesis's prior of the gain."""
+    """The joint filter of state and gain, with the prior of the gain in the thesis."""
     return UnknownGain(f16.short_period(**noise), GAIN)
 
 
@@ -47,7 +47,7 @@ def within(estimated: np.ndarray, gain: float) -> np.ndarray:
 
 
 def settled(estimated: np.ndarray, gain: float) -> float:
-    """Seconds after the failure from which the estimate stays within 20 %; NaN where it never does.
+    """Seconds after the failure until the estimate stays within 20 %; NaN if it never does.
 
     >>> settled(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5)
     0.03
@@ -59,7 +59,7 @@ def settled(estimated: np.ndarray, gain: float) -> float:
 
 
 def reached(estimated: np.ndarray, gain: float) -> float:
-    """Seconds after the failure at which the estimate is within 20 % for the first time; NaN where it never is.
+    """Seconds after the failure until the estimate is within 20 % for the first time; NaN if it never is.
 
     >>> reached(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5)
     0.01
@@ -69,7 +69,7 @@ def reached(estimated: np.ndarray, gain: float) -> float:
 
 
 def stayed(estimated: np.ndarray, gain: float, *, seconds: float) -> float:
-    """Seconds after the failure from which the estimate is within 20 % for `seconds` on end; NaN where it never is.
+    """Seconds after the failure until the estimate is within 20 % for `seconds` without interruption; NaN if it never is.
 
     >>> stayed(np.append(np.ones(450), [1.0, 0.5, 1.0, 0.5, 0.5]), 0.5, seconds=0.02)
     0.03

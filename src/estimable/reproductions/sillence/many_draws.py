@@ -1,4 +1,4 @@
-"""Laws that stay as they are, flown over draws (Figs. 3 to 10), and the bands over draws that §6.3 asks for."""
+"""Fixed laws over many draws (Figs. 3 to 10), and the bands over draws that §6.3 asks for."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -20,19 +20,19 @@ RISE = 2.25  # [s]: the first step of the command ends here
 EXACT = MappingProxyType({"sigma_alpha": 1e-9, "sigma_q": 1e-9})
 SIGMA_Q = 0.951  # [deg/s]: "18.61 dB", from the 23.29 dB of .555
 REMARK = (
-    "The figures are of one draw and print no number. Ours are over all draws, about the same flight without noise; the "
-    "actuator moves between the samples, and the state fed back is the sensors'."
+    "The figures show one draw and print no number. Ours are over all draws, relative to the same flight without noise. The "
+    "actuator moves between the samples, and the measured state is fed back."
 )
 BANDS_REMARK = (
     "Section 6.3 asks for means and bands of one standard deviation over 10 to 25 draws, for other failures, and with process "
-    "noise: mean and sigma are of the draws. The estimator is a change detector, the loss is found out by itself."
+    "noise. Mean and sigma are over the draws. The estimator is a change detector, which finds the failure by itself."
 )
 
 
 def fixed_law(
     *, integral: bool, alpha: bool = True, gain: float = 1.0, noise: Mapping[str, float] = NOMINAL
 ) -> Callable[[int], Reproduced]:
-    """Pitch rate and alpha under a law that stays; K drops from 1 to `gain` at 3 s. `alpha`: whether it is fed back."""
+    """Pitch rate and alpha under a fixed law; K drops from 1 to `gain` at 3 s. `alpha`: whether alpha is fed back."""
 
     def compute(draws: int) -> Reproduced:
         cases = {name: _case(integral, alpha, gain, given) for name, given in (("noisy", noise), ("quiet", EXACT))}
@@ -56,7 +56,7 @@ def fixed_law(
 
 
 def _case(integral: bool, alpha: bool, gain: float, noise: Mapping[str, Any]) -> LoopCase:
-    """The loop whose state is measured and not filtered."""
+    """The loop that feeds back the measured state without a filter."""
     plant = f16.controlled(gain, failure_time=FAILED, **noise)
     measured = Kalman(f16.short_period(Q=1e6 * np.eye(2), **noise))
     law = f16.law(integral=integral)
@@ -68,7 +68,7 @@ def _without_alpha(law: StateFeedback | ProportionalIntegral) -> StateFeedback |
 
 
 def _reached(runs: np.ndarray) -> np.ndarray:
-    """The pitch rate when the first step of the command ends, over the command then."""
+    """The pitch rate at the end of the first step of the command, divided by the command."""
     k = round(RISE * f16.RATE) - 1
     return runs[:, k, 1] / f16.pitch_command(np.array([k / f16.RATE]))[0]
 
@@ -119,13 +119,13 @@ def _failing(gain: float, Q: np.ndarray | None) -> LoopCase:
 def _bands_figure(t: np.ndarray, healthy: np.ndarray, found: dict[str, Any]) -> Any:
     from .. import plots
 
-    calm = {name: one.values for name, one in found.items() if "gusts" not in name}
+    without_gusts = {name: one.values for name, one in found.items() if "gusts" not in name}
 
     def lines(key: str) -> list:
         return [plots.Line(f"{name}, mean ± 1 sigma", t, one[key].mean(axis=0), i, sigma=one[key].std(axis=0))
-                for i, (name, one) in enumerate(calm.items())]  # fmt: skip
+                for i, (name, one) in enumerate(without_gusts.items())]  # fmt: skip
 
-    whole = plots.Line("flight that does not fail", t, healthy, plots.INK, "dash", 1.2)
+    whole = plots.Line("flight without a failure", t, healthy, plots.INK, "dash", 1.2)
     return plots.over_time(
         [plots.Panel("pitch rate [deg/s]", [whole, *lines("rate")]), plots.Panel("gain K", lines("gain"))]
     )

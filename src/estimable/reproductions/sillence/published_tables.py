@@ -1,4 +1,4 @@
-"""Tables 1, 2 and 3: what is computed and not drawn."""
+"""Tables 1, 2 and 3, which are computed without random draws."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,14 +9,14 @@ from ...plants import f16
 from ..entries import Reproduced, ReproducedRow
 
 ALPHA_MAX, Q_MAX = 6.0, 11.0  # [deg], [deg/s], as quoted
-PRINTED_POLES = (-0.6737, 0.30691)  # as printed beside (82)
+PRINTED_POLES = (-0.6737, 0.30691)  # as printed next to (82)
 NOISES = ((0.55534, 0.03, 23.29), (0.1108, 0.03, 37.227), (0.0739, 0.0739, 40.0), (0.01108, 0.03, 53.286),
           (0.00739, 0.00739, 60.0))  # fmt: skip
 PI_POLES = {1.0: (-14.4614 + 15.504j, -14.4614 - 15.504j, -1.4724, 0.0),
             0.08: (-26.6776, -3.7210, 0.0016 + 0.0071j, 0.0016 - 0.0071j)}  # fmt: skip
 P_POLES = {1.0: (-1.4724, -14.4615 + 15.5040j, -14.4615 - 15.5040j), 0.08: (0.0032, -3.7210, -26.6776)}
 OPEN_POLES = (-3.0691, 0.6737, -20.0)
-ALPHA_ERROR = "The thesis prints 1.2915 for M_alpha; its own open-loop poles need the 3.5 used here."
+ALPHA_ERROR = "The thesis prints 1.2915 for M_alpha; its open-loop poles need the 3.5 used here."
 SIGN = "The feedback of the deflection is -0.4, as the poles need; the thesis prints 0.3 in one place."
 
 
@@ -33,7 +33,7 @@ def signal_to_noise(_: int) -> Reproduced:
     rows.append(ReproducedRow("largest pitch rate of the unfailed flight", "deg/s", Q_MAX, float(largest[1])))
     remarks = (
         "The table was made with p2 = 0.30691, a misprint of -3.0691: with it every row differs by the same 0.11 dB, which the "
-        "rounding of the quoted maxima (6 deg, 11 deg/s) explains; with the plant's poles it does not come out.",
+        "rounding of the quoted maxima (6 deg, 11 deg/s) explains. With the poles of the plant the table is not reproduced.",
         "The 40 dB row prints sigma_alpha = 0.739; 0.0739 is meant, as in its figures.",
     )
     return Reproduced(tuple(rows), None, remarks)
@@ -66,7 +66,7 @@ def _poles(printed: dict[float, tuple], *, integral: bool, remarks: tuple[str, .
 
 
 def _pole_rows(label: str, published: tuple, ours: np.ndarray) -> list[ReproducedRow]:
-    """Each published pole beside the nearest of ours; a complex pair is told by its upper pole."""
+    """Each published pole next to the nearest of ours; a complex pair is represented by its upper pole."""
     rows = []
     for pole in published:
         if np.imag(pole) < 0:
@@ -83,12 +83,12 @@ def _map_of(rows: list[ReproducedRow]) -> Any:
     """Published and computed poles in the complex plane."""
     from ..plots import scatter
 
-    told: dict[str, list[complex]] = {"published": [], "ours": []}
+    by_source: dict[str, list[complex]] = {"published": [], "ours": []}
     for row in rows:
         for which, value in (("published", row.published or 0.0), ("ours", row.mean)):
             if row.quantity.endswith("imaginary part"):
-                told[which][-1] = complex(told[which][-1], value)
-                told[which].append(told[which][-1].conjugate())
+                by_source[which][-1] = complex(by_source[which][-1], value)
+                by_source[which].append(by_source[which][-1].conjugate())
             else:
-                told[which].append(value)
-    return scatter(told, x="real part [1/s]", y="imaginary part [rad/s]")
+                by_source[which].append(value)
+    return scatter(by_source, x="real part [1/s]", y="imaginary part [rad/s]")

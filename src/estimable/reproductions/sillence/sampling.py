@@ -1,4 +1,4 @@
-"""What holding a sampled signal does to it: Figs. 11 and 12."""
+"""The effect of holding a sampled signal: Figs. 11 and 12."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,9 +8,11 @@ import numpy as np
 from ...plants import f16
 from ..entries import Reproduced, ReproducedRow
 
-FINE = 100  # points a sample
-COARSE = 0.1  # [s]: sampled slowly, so that the picture shows it
-REMARK = "A signal held over each sample of T seconds lags by T/2; the first-order lag (2/T)/(s + 2/T) stands for that."
+FINE = 100  # points per sample
+COARSE = 0.1  # [s]: slow sampling, so that the effect is visible
+REMARK = (
+    "A signal held over each sample of T seconds lags by T/2; the first-order lag (2/T)/(s + 2/T) approximates that."
+)
 
 
 def step_response(_: int) -> Reproduced:
@@ -46,7 +48,7 @@ def _compare(signal: Callable[[np.ndarray], np.ndarray], T: float, seconds: floa
 
 
 def _lagged(signal: np.ndarray, T: float) -> np.ndarray:
-    """The signal through (2/T)/(s + 2/T), exact for one that is linear between the points."""
+    """The signal through (2/T)/(s + 2/T), exact for a signal that is linear between the points."""
     from scipy.signal import lsim
 
     t = np.arange(len(signal)) * (T / FINE)

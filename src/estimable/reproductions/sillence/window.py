@@ -13,7 +13,7 @@ from ..entries import Reproduced, ReproducedRow, drawn
 from .expanding import draw_gains
 from .flights import CONTINUOUS, FAILURE, GAIN, GAINS, HELD, HELD_REMARK, SEED, STATE, filter_of, fly, reached, stayed
 
-Treatment = Callable[[np.ndarray], np.ndarray]  # of the gains (T,) of a window
+Treatment = Callable[[np.ndarray], np.ndarray]  # a function of the gains (T,) of a window
 LENGTH = 30  # samples
 WEIGHT = 0.9  # (85)
 WINDOW = dict(zip(GAINS, (0.02, 0.08, 0.12, 0.19, 0.23), strict=True))  # [s], Table 5
@@ -25,26 +25,26 @@ NOISES = {  # SNR [dB]: sensor sigmas
 }  # fmt: skip
 QUIET = (14.0, 16.0)  # [s]: hardly any excitation
 PRIOR_REMARK = (
-    "Every window starts from the thesis's wrong state (-1.4414 deg, -2.4314 deg/s); the default of MovingWindow is a diffuse "
-    "one, which has no such bias."
+    "Every window starts from the wrong state of the thesis (-1.4414 deg, -2.4314 deg/s). The default of MovingWindow is a "
+    "diffuse state, which causes no such bias."
 )
 FIRST_REMARK = (
-    "Published times are those of one draw; ours are when the estimate first comes within 20 %. The smoothed times do not all "
+    "Published times are those of one draw; ours are the times until the estimate is first within 20 %. Not all smoothed times "
     "agree: ours are 0.02 to 0.06 s later for the small failures and up to 0.05 s earlier for the large ones."
 )
 DETECTION_REMARK = (
-    "Change detection is ours: the filter that decides itself when to start anew. Its time is when the estimate is within 20 % "
-    "and stays there for 0.5 s, on the flight with a moving elevator."
+    "Change detection is ours: a filter that decides itself when to restart. Its time is that until the estimate is within "
+    "20 % and stays there for 0.5 s, for the flight with a moving elevator."
 )
 
 
 def window(**noise: float) -> MovingWindow:
-    """The filter started anew on the last 30 samples, each time from the same prior."""
+    """The filter restarted on the last 30 samples, each time from the same prior."""
     return MovingWindow(filter_of(**noise), LENGTH, state_prior=STATE)
 
 
 def smoothed(weight: float, *, bounded: bool = False) -> Treatment:
-    """What the wrappers `Bounded` (to 0..1) and `Smoothed` do to the gains of a window, which they leave alone otherwise."""
+    """The effect of the wrappers `Bounded` (to 0..1) and `Smoothed` on the gains of a window, which is otherwise unchanged."""
 
     def treat(gains: np.ndarray) -> np.ndarray:
         from scipy.signal import lfilter
@@ -57,7 +57,7 @@ def smoothed(weight: float, *, bounded: bool = False) -> Treatment:
 
 
 def plain(gains: np.ndarray) -> np.ndarray:
-    """The gains of the window as they are."""
+    """The gains of the window, unchanged."""
     return gains
 
 
@@ -95,24 +95,24 @@ def _times(rows: tuple[ReproducedRow, ...]) -> Any:
     from .. import plots
 
     labels = [f"{row.quantity.split(', ')[1]}, {gain}" for row, gain in zip(rows, GAINS * 2, strict=True)]
-    return plots.beside(rows, labels, x="estimator, gain after the failure K1", y="time to 20 % [s]")
+    return plots.next_to_ours(rows, labels, x="estimator, gain after the failure K1", y="time to 20 % [s]")
 
 
 def _traces(gain: float, treatments: dict[str, Treatment]) -> Any:
-    """Of each treatment of the gains: the gains, their errors, and when they come within 20 %; and the window's sigma."""
+    """For each treatment of the gains: the gains, their errors and their times to 20 %; and the sigma of the window."""
     before = slice(100, round(FAILURE * f16.RATE))
     after = slice(round((FAILURE + 0.6) * f16.RATE), round(QUIET[0] * f16.RATE))
 
     def summary(_, estimate: Estimate) -> dict[str, Any]:
-        told = {"sigma": np.sqrt(estimate.gain_covariance[:, 0, 0])}
+        values = {"sigma": np.sqrt(estimate.gain_covariance[:, 0, 0])}
         for label, treat in treatments.items():
             gains = treat(estimate.gain[:, 0])
-            told |= {
+            values |= {
                 label: gains, f"time, {label}": reached(gains, gain),
                 f"before, {label}": _rms(gains[before] - 1.0), f"after, {label}": _rms(gains[after] - gain),
-                f"inside, {label}": 100 * np.mean(np.abs(gains[after] - gain) <= 2 * told["sigma"][after]),
+                f"inside, {label}": 100 * np.mean(np.abs(gains[after] - gain) <= 2 * values["sigma"][after]),
             }  # fmt: skip
-        return told
+        return values
 
     return summary
 
@@ -133,7 +133,7 @@ def compare(
     gain: float, treatments: dict[str, Treatment], *, snr: float = 37.227, times: dict[str, float] | None = None,
     zoomed: bool = False,
 ) -> Callable[[int], Reproduced]:  # fmt: skip
-    """A picture of the window's gains, each way treated: one draw, and mean ± 1 sigma over all."""
+    """A figure of the gains of the window with each treatment: one draw, and mean ± 1 sigma over all."""
 
     def compute(draws: int) -> Reproduced:
         values = fly(window(**NOISES[snr]), gain, draws, _traces(gain, treatments), noise=NOISES[snr]).values
@@ -204,18 +204,18 @@ def command_and_gain(draws: int) -> Reproduced:
 
 
 def two_sigma(draws: int) -> Reproduced:
-    """Fig. 34: how often the estimate lies within its own two sigma."""
+    """Fig. 34: how often the estimate lies within its two sigma."""
     values = fly(window(), 0.6, draws, _traces(0.6, {"moving window": plain})).values
 
     def figure() -> Any:
         from .. import plots
 
         t = np.arange(values["moving window"].shape[1]) / f16.RATE
-        truth = plots.Line("true gain", t, np.where(t >= FAILURE, 0.6, 1.0), plots.INK, width=1.5)
+        true_gain = plots.Line("true gain", t, np.where(t >= FAILURE, 0.6, 1.0), plots.INK, width=1.5)
         band = plots.Line(
             "moving window ± 2 sigma, one draw", t, values["moving window"][0], 1, sigma=2 * values["sigma"][0]
         )
-        return plots.over_time([plots.Panel("gain K", [truth, band], (-0.2, 1.6))])
+        return plots.over_time([plots.Panel("gain K", [true_gain, band], (-0.2, 1.6))])
 
     row = drawn("estimates within their 2 sigma, 5.1 to 14 s", "%", 95.0, values["inside, moving window"])
     return Reproduced((row,), figure, (HELD_REMARK, PRIOR_REMARK))
