@@ -175,7 +175,7 @@ def test_what_was_fitted_is_stored(tmp_path):
         (lambda: LeastSquares(1, 0, offset=1), "`offset` must be True or False. Got 1."),
         (
             lambda: identify(LeastSquares(1, 0), Record(np.full(9, np.nan), np.ones(9), dt=1)),
-            "output y1 has no equation in which everything is known: it needs 2 rows without a gap in y1",
+            "output y1 has no equation without missing values: it needs 2 rows without a gap in y1",
         ),
         (
             lambda: ARX([-1.0], [1.0], noise_variance=1.0, dt=1, offset=[1.0]).to_state_space(),
