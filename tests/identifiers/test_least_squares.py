@@ -143,7 +143,7 @@ def test_a_constant_input_and_collinear_inputs_are_said():
     y = np.random.default_rng(0).normal(size=80)
     still = identify(LeastSquares(1, 1, offset=True), Record(y, np.ones(80), dt=1))
     assert still.undetermined.shape == (4, 2)
-    assert "tell nothing about" in still.validation.sentences[0]
+    assert "carry no information about" in still.validation.sentences[0]
     u = np.random.default_rng(1).normal(size=80)
     twins = identify(LeastSquares(1, 0), Record(y, np.stack([u, 2 * u], axis=1), dt=1))
     assert_allclose(np.abs(twins.undetermined.ravel()), [0, 2 / np.sqrt(5), 1 / np.sqrt(5)], atol=1e-9)
