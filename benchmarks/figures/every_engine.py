@@ -104,7 +104,7 @@ def online(pack: Pack, given: Rows, keep: str = "all") -> Rows:
             for place, (array, _) in zip(step.inputs, words([(part[run, row], None) for part in given]), strict=True):
                 place[:] = array
             step.run()
-            memory = step.told.tobytes()
+            memory = step.report.tobytes()
             told.append((step.fields["mean"](memory), *step.fields["extra"](memory).values()))
     floats, bools, integers = (np.stack(part).reshape(*given.floats.shape[:2], -1) for part in zip(*told, strict=True))
     rows = Rows(floats, integers, bools)

@@ -162,7 +162,7 @@ def test_what_is_said_of_wrong_calls():
         ),
         "`dt` must be the model's own step, 0.1 s. Got 1": lambda: gain_information(plant(), inputs(), dt=1.0),
         "`dt` is needed": lambda: gain_information(StateSpace([[-1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], dt=0), [[1.0]]),
-        "`dt` is for inputs without a time": lambda: gain_information(
+        "`dt` is for inputs without times": lambda: gain_information(
             plant(), Record(np.zeros((40, 2)), inputs(), dt=0.1), dt=0.1
         ),
         "the record's step is 1 s, the model's dt = 0.1 s": lambda: gain_information(

@@ -138,7 +138,7 @@ def test_gains_that_are_not_one_an_input_are_refused():
     both = es.StateSpace([[0.8]], [[1.0, 1.0, 1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     law = es.GainReconfiguration(es.StateFeedback(np.ones((3, 1))))
     gains = es.UnknownGain(both, es.Prior([1.0, 1.0], np.eye(2)), directions=np.ones((2, 1, 3)))
-    with pytest.raises(es.InputError, match=r"one gain, or one for each of 3 inputs\. The estimator gives 2"):
+    with pytest.raises(es.InputError, match=r"one gain, or one for each of 3 inputs\. The estimator has 2"):
         fly(both, law, gains, np.zeros((5, 0)))
 
 
@@ -176,12 +176,12 @@ def test_a_dither_goes_inside_a_reconfiguration():
 
 @pytest.mark.parametrize(("given", "sentence"), [
     ({"controller": 3}, "`controller` must be a controller"),
-    ({"amplitude": [1.0, 2.0]}, r"`amplitude` must be \(m,\) = \(1,\): the controller makes 1 input"),
-    ({"period": 3}, "`period` must be even"),
+    ({"amplitude": [1.0, 2.0]}, r"`amplitude` must be \(m,\) = \(1,\): the controller has 1 input"),
+    ({"period": 3}, "`period` must be an even number of samples"),
     ({"sigma": 0.0}, "`sigma` must be greater than 0"),
 ])  # fmt: skip
 def test_a_wrong_dither_is_refused(given, sentence):
     with pytest.raises(es.InputError, match=sentence):
         es.Dither(**{"controller": LAW, "amplitude": 0.1, "period": 4, "sigma": 0.1, **given})
-    with pytest.raises(es.InputError, match="dithers until a gain is known, and the estimator gives none"):
+    with pytest.raises(es.InputError, match="dithers until a gain is known, but the estimator has no gain"):
         fly(MODEL, es.Dither(LAW, amplitude=0.1, period=4, sigma=0.1), es.Kalman(MODEL), np.zeros(3))

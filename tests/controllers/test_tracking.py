@@ -126,7 +126,7 @@ def test_a_plant_with_a_zero_outside_is_followed_by_the_mirrored_law_only():
     flown, x = follow(plant, es.Tracking(2, 1), identifier, square(600, 100))
     assert np.all(np.abs(x[[90, 190, 290, 390, 490]] - square(600, 100)[[90, 190, 290, 390, 490]]) < 0.02)
     assert not flown.control["minimum_phase"][-1, 0]
-    with pytest.raises(es.InputError, match=r'"inverse" cancels the zeros of the plant, and one lies at -1.6'):
+    with pytest.raises(es.InputError, match=r'"inverse" cancels the zeros of the plant, but one lies at -1.6'):
         follow(plant, es.Tracking(2, 1, law="inverse"), identifier, square(600, 100))
 
 

@@ -155,7 +155,7 @@ def test_what_is_refused():
         alpha_beta_covariance(1, 2, dt=1, sigma_a2=1, sigma_s2=1)
     with pytest.raises(InputError, match="`index` must be given for 'kalata'"):
         alpha_beta_gains("kalata")
-    with pytest.raises(InputError, match="`alpha` has no meaning for 'least_worst'"):
+    with pytest.raises(InputError, match="`alpha` is not used by 'least_worst'"):
         alpha_beta_gains("least_worst", alpha=0.5)
     with pytest.raises(InputError, match="`choice` must be one of 'kalata', 'critically_damped'"):
         alpha_beta_gamma_gains("least_worst")

@@ -174,25 +174,25 @@ def test_what_cannot_be_done():
     with pytest.raises(AssumptionError, match=r"cannot be absorbed: 95\.8 % of its effect is outside the range of `B`"):
         design(SPRING, "constant", "absorption", through=[[1.0], [0.3]])
     blind = StateSpace(SPRING.A, SPRING.B, [[0.0, 1.0]], Q=SPRING.Q, R=SPRING.R, dt=0)
-    with pytest.raises(AssumptionError, match="do not tell the disturbance from the state"):
+    with pytest.raises(AssumptionError, match="do not distinguish the disturbance from the state"):
         design(blind, "constant", "absorption")  # a constant force leaves no speed
     free = StateSpace(np.diag([0.0, -1.0]), [[1.0], [1.0]], [[0.0, 1.0]], Q=np.eye(2), R=[[1.0]], dt=0)
     with pytest.raises(AssumptionError, match="`model` is not detectable"):
         design(free, "constant", "absorption")
-    with pytest.raises(AssumptionError, match="let all that lasts of the disturbance change, by `walk` > 0"):
+    with pytest.raises(AssumptionError, match="give every part of the disturbance that does not decay a `walk` > 0"):
         design(SPRING, "constant", "absorption", walk=0.0)
     single = StateSpace([[-1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], dt=0)
     pole = lqr_gain(single, [[3.0]], [[1.0]]).poles[0].real
-    with pytest.raises(AssumptionError, match="has the form of the loop's own motion"):
+    with pytest.raises(AssumptionError, match="a pole of the loop equals an eigenvalue of the disturbance"):
         disturbance_accommodation(single, Waveform([[pole]], [[1.0]]), through=[[1.0]], L=[[3.0]], M=[[1.0]])
     growing = Waveform([[5.0]], [[1.0]])
-    with pytest.raises(AssumptionError, match="grows faster than the loop forgets"):
+    with pytest.raises(AssumptionError, match="grows faster than the loop decays"):
         disturbance_accommodation(SPRING, growing, through=SPRING.B, mode="utilisation", **WEIGHTS)
 
 
 WRONG = {
     "`model` must be a StateSpace": {"model": 1},
-    "`disturbance` must be a Waveform. Got 'step'. As Waveform.constant": {"disturbance": "step"},
+    "`disturbance` must be a Waveform. Got 'step'. For example Waveform.constant": {"disturbance": "step"},
     "`mode` must be one of .*Did you mean 'absorption'": {"mode": "absorbtion"},
     r"`through` must be \(n, d\) = \(2, 1\)": {"through": [[1.0]]},
     r"`walk` must be \(q, q\) = \(1, 1\)": {"walk": [1.0, 2.0]},

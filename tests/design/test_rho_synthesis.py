@@ -218,11 +218,9 @@ UNSEEN = StateSpace(np.diag([1.0, -1.0]), [[1.0], [1.0]], [[0.0, 1.0]], dt=0)
 
 
 def test_what_has_no_design():
-    with pytest.raises(
-        AssumptionError, match="`model` cannot be stabilised: a mode that does not die out is not moved"
-    ):
+    with pytest.raises(AssumptionError, match="`model` is not stabilisable: no input moves a mode that does not decay"):
         rho_synthesis(UNSTABLE)
-    with pytest.raises(AssumptionError, match="`model` is not detectable: a mode that does not die out is not seen"):
+    with pytest.raises(AssumptionError, match="`model` is not detectable: no output shows a mode that does not decay"):
         rho_synthesis(UNSEEN)
     with pytest.raises(AssumptionError, match=r"the loop is not stable at eta = 0\.5: the largest real part"):
         rho_synthesis(MASS, eta=ETA, control=[[-1.0, 0.0]])
@@ -242,12 +240,12 @@ WRONG = {
     },
     "both fixed gains": {"control": [[1.0, 2.0]], "filter": [[1.0], [1.0]]},
     "there is no criterion 'roh'.*Did you mean 'rho'": {"weights": {"roh": 1.0}},
-    "must hold a weight that is not zero": {"weights": {"rho": 0.0}},
+    "must have at least one nonzero weight": {"weights": {"rho": 0.0}},
     "`weights` must be a mapping": {"weights": [1.0]},
     "`scaling` must be sizes, greater than 0": {"scaling": [1.0, 0.0]},
     '`filter` = "kalman" needs `R`': {"model": StateSpace([[0.0]], [[1.0]], dt=0), "filter": "kalman"},
     "`filter` must be 'kalman'": {"filter": "luenberger"},
-    "two inputs do the same": {"model": StateSpace([[-1.0]], [[1.0, 1.0]], dt=0)},
+    "two inputs have the same effect": {"model": StateSpace([[-1.0]], [[1.0, 1.0]], dt=0)},
 }
 
 
@@ -263,7 +261,7 @@ def test_wrong_families():
         DesignFamily([[1.0]])
     with pytest.raises(InputError, match="`Q1` must be positive semidefinite"):
         DesignFamily([[1.0]], Q1=[[-1.0]])
-    with pytest.raises(InputError, match="of a discrete filter S must be zero"):
+    with pytest.raises(InputError, match="for a discrete filter S must be zero"):
         rho_synthesis(SAMPLED, eta=ETA, filter=DesignFamily([[1.0]], Q0=np.eye(2), S0=[[0.1], [0.0]]))
 
 

@@ -155,20 +155,21 @@ def test_a_sparse_gain_of_an_unstable_model_is_brought_home():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: trans_kalman(TRACK, noises=[]), "`noises` must hold at least one pair (Q, R): over an empty set nothing"),
+        (lambda: trans_kalman(TRACK, noises=[]), "`noises` must hold at least one pair (Q, R): an empty set has no worst case"),
         (lambda: trans_kalman(TRACK, noises=[np.eye(2)]), "`noises` must be a list of pairs (Q, R). Got [array("),
         (lambda: trans_kalman(TRACK, noises=[(-np.eye(2), [[1.0]])]), "`noises[0][0]` must be positive semidefinite"),
         (lambda: trans_kalman(TRACK, noises=[(np.eye(2), np.eye(2))]), "`noises[0][1]` must be (p, p) = (1, 1)"),
         (lambda: trans_kalman(TRACK, criterion="worst"), "`criterion` must be one of 'relative_regret', 'regret', 'cost'"),
-        (lambda: trans_kalman(TRACK, weight=[0.0, 0.0]), "`weight` must not be zero: then every gain costs the same."),
+        (lambda: trans_kalman(TRACK, weight=[0.0, 0.0]), "`weight` must not be zero: every gain would have the same cost."),
         (lambda: trans_kalman(TRACK, weight=-np.eye(2)), "`weight` must be positive semidefinite"),
-        (lambda: trans_kalman(TRACK, free=[[2.0], [1.0]]), "`free` must hold True (may be other than zero) or False only."),
-        (lambda: trans_kalman(StateSpace([[0.0]], R=[[1.0]], dt=0)), "`model` must be discrete, as the gain of a sample is"),
+        (lambda: trans_kalman(TRACK, free=[[2.0], [1.0]]), "`free` must hold only True (may be nonzero) or False."),
+        (lambda: trans_kalman(StateSpace([[0.0]], R=[[1.0]], dt=0)),
+         "`model` must be discrete, because the gain applies to a sample"),
         (lambda: trans_kalman(StateSpace([[0.5]], Q=[[1.0]], R=[[1.0]], S=[[0.5]], dt=1)), "`model` has cross noise S"),
         (lambda: trans_kalman(StateSpace([[0.5]], dt=1)), "`model` has no R: give the covariance of the measurement noise"),
         (lambda: trans_kalman(None), "`model` must be a StateSpace. Got None."),
         (lambda: trans_kalman(StateSpace([[0.5]], R=[[1.0]], dt=1)),
-         'at noises[0] the Kalman filter costs nothing, and no regret is a part of that: take criterion = "regret".'),
+         'at noises[0] the cost of the Kalman filter is zero, so that no relative regret exists: use criterion = "regret".'),
     ],
 )  # fmt: skip
 def test_what_is_refused(call, sentence):

@@ -195,7 +195,7 @@ REFUSED = {
     "uint64": (lambda x: x.astype(np.uint64), "numbers of the kind uint64"),
     "leading zeros": (lambda x: lax.clz(x.astype(int)), "the primitive clz"),
     "a row of other types": (lambda x: lax.erf(x) + lax.lgamma(x), "the primitive lgamma"),
-    "printing": (lambda x: jax.debug.print("{}", x) or x, "besides its results"),
+    "printing": (lambda x: jax.debug.print("{}", x) or x, "side effects"),
 }
 
 
@@ -224,7 +224,7 @@ def test_a_row_of_other_types_is_refused_with_them():
 
 
 def test_what_is_gathered_outside_is_refused():
-    with pytest.raises(UnsupportedError, match="gather at an index outside"):
+    with pytest.raises(UnsupportedError, match="gather at an index outside the array"):
         lower(lambda x: x.at[np.array([0, 5])].get(mode="fill"), np.ones(3))
 
 

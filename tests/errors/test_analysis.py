@@ -41,8 +41,8 @@ WRONG = {
         [
             "`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).",
             "`horizon` must be an integer of at least 1. Got 0.",
-            "`prior` must have a finite covariance: a direction without one shrinks by an infinite amount.",
-            "`prior` must be of n = 1 states: the model has so many. Got 2.",
+            "`prior` must have a finite covariance: the reduction of an infinite variance is not defined.",
+            "`prior` must describe n = 1 states: the model has as many. Got 2.",
         ],
     ),
     "prior a matrix": (
@@ -59,19 +59,19 @@ WRONG = {
     ),
     "horizon beyond the rows": (
         lambda: estimability(VARYING, horizon=4),
-        ["`horizon` may be at most 3: the model has so many rows in time. Got 4."],
+        ["`horizon` may be at most 3, the number of rows of the model in time. Got 4."],
     ),
     "rows without a time": (
         lambda: estimability(StateSpace(-np.ones((3, 1, 1)), R=[[1.0]], dt=0)),
-        ["`horizon` must be given: how many seconds the rows of this continuous model last together."],
+        ["`horizon` must be given: the total duration, in seconds, of the rows of this continuous model."],
     ),
     "a thousand states": (
         lambda: estimability(LARGE),
-        ["at most 500 states are analysed at once: `model` has 1000. Reduce it first, or take a part of it."],
+        ["`model` must have at most 500 states. Got 1000. Reduce it first, or analyse a part of it."],
     ),
     "a thousand states observed": (
         lambda: observability(LARGE),
-        ["at most 500 states are analysed at once: `model` has 1000. Reduce it first, or take a part of it."],
+        ["`model` must have at most 500 states. Got 1000. Reduce it first, or analyse a part of it."],
     ),
     "a horizon that takes minutes": (
         lambda: estimability(StateSpace(0.5 * np.eye(100), R=np.eye(100), dt=1), horizon=100_000),
@@ -106,7 +106,7 @@ WRONG = {
     ),
     "an order that is not asked for": (
         lambda: reduce(STABLE, order=1),
-        ["`order` is for method='balanced' only: 'output_process' finds its own. Got 1."],
+        ["`order` is only for method='balanced': 'output_process' determines the order. Got 1."],
     ),
     "no order": (
         lambda: reduce(STABLE, method="balanced"),
@@ -122,7 +122,9 @@ WRONG = {
     ),
     "innovations form in continuous time": (
         lambda: reduce(CONTINUOUS),
-        ["the innovations form of a continuous model has cross noise, which `StateSpace` has not: discretise it."],
+        [
+            "the innovations form of a continuous model has cross noise, which `StateSpace` does not support: discretise it."
+        ],
     ),
     "a model that varies": (
         lambda: reduce(VARYING, method="minimal"),
@@ -130,7 +132,7 @@ WRONG = {
     ),
     "nothing left": (
         lambda: reduce(StateSpace([[0.5]], R=[[1.0]], dt=1)),
-        ["nothing is left to model: neither inputs nor noise move anything that an output shows."],
+        ["the reduced model is empty: neither inputs nor noise move a state that an output shows."],
     ),
 }
 
@@ -144,32 +146,32 @@ def test_a_wrong_question_is_answered_with_every_fault(refused, name):
 UNMET = {
     "unstable": (
         lambda: estimability(StateSpace(np.diag([1.1, 0.5]), R=I2, dt=1)),
-        "a steady state needs eigenvalues of A with moduli below 1, and one is 1.1: give a horizon, as horizon=4.",
+        "a steady state needs eigenvalues of A with moduli below 1, but one is 1.1: give a horizon, such as horizon=4.",
     ),
     "unstable in continuous time": (
         lambda: estimability(StateSpace([[0.1, 1.0], [-1.0, 0.1]], R=I2, dt=0)),
-        "a steady state needs eigenvalues of A with real parts below 0, and one is 0.1 ± 1i: give a horizon, as "
+        "a steady state needs eigenvalues of A with real parts below 0, but one is 0.1 ± 1i: give a horizon, such as "
         "horizon=10.0 (seconds).",
     ),
     "at the limit of stability": (
         lambda: regulability(StateSpace([[1.0]], [[1.0]], dt=1), [[1.0]], [[1.0]]),
-        "a steady state needs eigenvalues of A with moduli below 1, and one is 1: give a horizon, as horizon=2.",
+        "a steady state needs eigenvalues of A with moduli below 1, but one is 1: give a horizon, such as horizon=2.",
     ),
     "unstable and to be reduced": (
         lambda: reduce(StateSpace([[2.0]], [[1.0]], dt=1), method="balanced", order=1),
-        "a steady state needs eigenvalues of A with moduli below 1, and one is 2: method='minimal' needs none.",
+        "a steady state needs eigenvalues of A with moduli below 1, but one is 2: method='minimal' needs none.",
     ),
     "beyond any number": (
         lambda: estimability(StateSpace([[1e3]], Q=[[1.0]], R=[[1.0]], dt=1), horizon=100),
-        "the model grows beyond any number within 25 steps: take a shorter horizon.",
+        "the covariance of the model overflows within 25 steps: use a shorter horizon.",
     ),
     "beyond any number in time": (
         lambda: estimability(StateSpace([[100.0]], Q=[[1.0]], R=[[1.0]], dt=0), horizon=10.0),
-        "the model grows beyond any number within 10 s: take a shorter horizon.",
+        "the covariance of the model overflows within 10 s: use a shorter horizon.",
     ),
     "too many steps": (
         lambda: estimability(StateSpace([[-1e6]], Q=[[1.0]], R=[[1.0]], dt=0), horizon=1.0),
-        "a horizon of 1 s takes 1000000 steps of the fastest mode, more than 20000: take a shorter horizon, or a model "
+        "a horizon of 1 s takes 1000000 steps of the fastest mode, more than 20000: use a shorter horizon, or a model "
         "without its fast modes.",
     ),
 }

@@ -61,16 +61,16 @@ def test_all_faults_of_a_model_come_together():
         (lambda: es.SecondOrderKalman(model(), moments="all"), "`moments` must be one of 'gaussian', 'bias_only', 'truncated'."),
         (lambda: es.SecondOrderKalman(model(), between="points"), "`between` must be one of 'moments', 'map'."),
         (lambda: es.SecondOrderKalman(model(dt=0), between="map"),
-         'between = "map" differentiates the path from one sample to the next: give the model `substeps`.'),
+         'between = "map" differentiates the trajectory from one sample to the next: give the model `substeps`.'),
         (lambda: es.UnscentedKalman(model(), kappa=-1.0), "`kappa` must be at least 0. Got -1."),
         (lambda: es.ExtendedKalman(model(parameters={"a": 1.0}), parameters=es.Prior([0.0, 0.0], np.eye(2))),
          "`parameters` must be a prior of the model's 1 parameter ('a'). Got 2."),
         (lambda: es.ExtendedKalman(model(parameters={"a": 1.0}), parameters=es.Prior([0.0], [[1.0]]), walk=-1.0),
          "`walk` must be variances per second, at least 0. Got -1.0."),
         (lambda: es.ChangeDetection(es.ExtendedKalman(model())),
-         "`algorithm` estimates no parameter: give it `parameters`, whose jumps are looked for."),
+         "`algorithm` estimates no parameter: give it `parameters`, so that their jumps can be detected."),
         (lambda: es.ExtendedKalman(es.StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], S=[[0.5]], dt=1)),
-         "the model has cross noise S, which the nonlinear filters do not use: take Kalman(model)."),
+         "the model has cross noise S, which the nonlinear filters do not support: use Kalman(model)."),
     ],
 )  # fmt: skip
 def test_filters_are_refused_in_words(make, sentence):
@@ -102,7 +102,7 @@ def test_a_wrapper_wraps_what_a_nonlinear_model_bears():
 @pytest.mark.parametrize("cls", [es.SecondOrderKalman, es.UnscentedKalman])
 def test_a_diffuse_prior_has_no_curved_mean(cls):
     prior = es.Prior([0.0, 0.0], np.eye(2), diffuse=[[1.0], [0.0]])
-    sentence = f"`prior` must not have diffuse directions for {cls.__name__}: a curved function"
+    sentence = f"`prior` must not have diffuse directions for {cls.__name__}: a nonlinear function"
     refused(sentence, lambda: es.estimate(cls(model()), es.Record(np.ones((2, 2)), dt=1), prior=prior))
 
 

@@ -41,7 +41,7 @@ RECORD = record()
 NO_TIME = Record([1.0, 2.0], [1.0, 1.0], inputs=["u"], outputs=["y"])
 STACKED = stack([RECORD, RECORD])
 KALMAN = (
-    "`algorithm` must be an algorithm, such as Kalman(model), or one of your own that derives from estimable.Algorithm. "
+    "`algorithm` must be an algorithm, such as Kalman(model), or your own class derived from estimable.Algorithm. "
     "Got {}."
 )
 
@@ -466,9 +466,8 @@ def test_a_simulation_is_refused_with_what_does_not_fit(refused, call, sentence)
 
 MOVING = CONTINUOUS.discretise(0.1, hold="first_order")
 NO_BLOCKS = (
-    "the model was discretised for an input that moves between samples (it has `B_end`), where "
-    "`fixed` and `directions` "
-    "as matrices have no meaning: give the continuous model (dt = 0)."
+    "the model was discretised for an input that moves between samples (it has `B_end`). `fixed` and `directions` "
+    "as matrices have no meaning for it: give the continuous model (dt = 0)."
 )
 GAINS = {
     "directions of a model with B_end": (

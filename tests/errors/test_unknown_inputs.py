@@ -23,8 +23,9 @@ FANG = {"unknown": ["leak"], "method": "fang"}
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: UnknownInput(EXAMPLE, unknown=["leek"]), ["'leek'", "no input of the model: 'leak'", "Did you mean 'leak'?"]),
-        (lambda: UnknownInput(EXAMPLE, unknown=[3]), ["names 3", "no input"]),
+        (lambda: UnknownInput(EXAMPLE, unknown=["leek"]),
+         ["'leek'", "not an input of the model: 'leak'", "Did you mean 'leak'?"]),
+        (lambda: UnknownInput(EXAMPLE, unknown=[3]), ["names 3", "not an input"]),
         (lambda: UnknownInput(EXAMPLE, unknown=[]), ["`unknown` must name at least one input"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak", 0]), ["names an input twice"]),
         (lambda: UnknownInput(EXAMPLE, unknown=["leak"], method="Fang"), ["`method` must be", "Did you mean 'fang'?"]),
@@ -36,7 +37,7 @@ FANG = {"unknown": ["leak"], "method": "fang"}
         (lambda: UnknownInput("plant", unknown=["leak"]), ["`model` must be a StateSpace"]),
         (lambda: UnknownInput(MORE_THAN_OUTPUTS, unknown=["a", "b"]), ["2 unknown inputs ('a', 'b')", "1 output"]),
         (lambda: UnknownInput(ZERO_OUTSIDE, unknown=["u1"]), ["invariant zero -1.5", "not inside the unit circle", "`variance`"]),
-        (lambda: UnknownInput(SILENT, unknown=["u1"]), ["never tell 'u1'", "rank D is 0"]),
+        (lambda: UnknownInput(SILENT, unknown=["u1"]), ["never distinguish 'u1' from zero", "rank D is 0"]),
         (
             lambda: UnknownInput(model(), unknown=["u1"], method="fang"),
             ["Fang's Algorithm 1 needs D of full column rank", "rank 0", 'method="auto"'],
@@ -80,7 +81,7 @@ def test_fang_says_at_which_sample_too_little_was_seen():
         (lambda: unknown_input_existence(EXAMPLE, unknown=["leak"], seen=[[1, 0, 1]]), r"`seen` must be \(T, p\) = \(T, 2\)"),
         (
             lambda: unknown_input_existence(StateSpace([[-1.0]], [[1.0]], dt=0), unknown=[0], seen=[[1]]),
-            "`seen` counts samples, and the model is continuous",
+            "`seen` refers to samples, but the model is continuous",
         ),
     ],
 )  # fmt: skip

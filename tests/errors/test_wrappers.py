@@ -40,11 +40,11 @@ SENTENCES = [
     (lambda: MovingWindow(GAIN, 5, state_prior=3.0), "`state_prior` must be a Prior. Got 3.0. None means diffuse."),
     (
         lambda: estimate(MovingWindow(GAIN, 30), C.record, prior=C.prior),
-        "the window has 30 samples, and the record only 12: no window is ever full.",
+        "the window has 30 samples, but the record only 12: no window is ever full.",
     ),
     (
         lambda: estimate(Smoothed(MovingWindow(GAIN, 13), 0.9), C.record, prior=C.prior),
-        "the window has 13 samples, and the record only 12: no window is ever full.",
+        "the window has 13 samples, but the record only 12: no window is ever full.",
     ),
     (
         lambda: MovingWindow(Kalman, 5),
@@ -52,11 +52,11 @@ SENTENCES = [
     ),
     (
         lambda: Bounded(Kalman(C.model), 0, 1),
-        "`algorithm` must estimate a gain, on which Bounded acts: Kalman has none. Wrap an UnknownGain.",
+        "`algorithm` must estimate a gain for Bounded to act on: Kalman has none. Wrap an UnknownGain.",
     ),
     (
         lambda: Smoothed(MovingWindow(Kalman(C.model), 5), 0.9),
-        "`algorithm` must estimate a gain, on which Smoothed acts: Kalman has none. Wrap an UnknownGain.",
+        "`algorithm` must estimate a gain for Smoothed to act on: Kalman has none. Wrap an UnknownGain.",
     ),
     (lambda: Bounded(GAIN, 1.0, 0.0), "`lower` must not be above `upper`. Got [1.0] and [0.0]."),
     (
@@ -70,17 +70,19 @@ SENTENCES = [
     (lambda: Smoothed(GAIN, -0.1), "`weight` must be at least 0 and below 1. Got -0.1."),
     (
         lambda: Gated(GAIN, 1),
-        "`probability` must be below 1: a gate that every good sample passes leaves nothing out. Got 1.",
+        "`probability` must be below 1: a gate that every good sample passes rejects nothing. Got 1.",
     ),
     (lambda: Gated(GAIN, 1.5), "`probability` must be below 1. Got 1.5."),
-    (lambda: Gated(AlphaBeta(0.5, 0.2), 0.9), "`algorithm` must tell the covariance of its innovations: give AlphaBeta `sigma_a2`"
-     " and `sigma_s2`."),
+    (
+        lambda: Gated(AlphaBeta(0.5, 0.2), 0.9),
+        "`algorithm` must report the covariance of its innovations: give AlphaBeta `sigma_a2` and `sigma_s2`.",
+    ),
     (lambda: Gated(GAIN, 0), "`probability` must be greater than 0. Got 0."),
     (
         lambda: ChangeDetection(Kalman(C.model)),
         "`algorithm` must be an UnknownGain, or an ExtendedKalman or SecondOrderKalman with parameters. Got "
         "Kalman(model=StateSpace(A=array([[-0.37...... "
-        "Only a gain that is estimated can be seen to jump.",
+        "A jump can be detected only in a gain that the algorithm estimates.",
     ),
     (
         lambda: ChangeDetection(UnknownGain(C.model, Prior([1.0], [[0.0]]))),

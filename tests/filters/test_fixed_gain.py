@@ -113,7 +113,7 @@ def test_what_is_refused():
     with pytest.raises(InputError, match="`model` must be a StateSpace"):
         FixedGain(None, [[1.0]])
     with pytest.raises(
-        InputError, match=r"`model` must be discrete, as the gain of a sample is: give model.discretise\(dt\)"
+        InputError, match=r"`model` must be discrete, because the gain applies to a sample: give model.discretise\(dt\)"
     ):
         filter_covariance(StateSpace([[-1.0]], R=[[1.0]], dt=0), [[1.0]])
     with pytest.raises(AssumptionError, match="the largest modulus of an eigenvalue is 2, not < 1"):

@@ -148,7 +148,7 @@ def refused(error, sentence, make):
     ("settings", "sentence"),
     [
         ({"start": "arx"}, "`start` must be one of 'ho-kalman', 'subspace', 'none'."),
-        ({"start": "none"}, '`parameters` must be a Prior where start = "none": nothing else says where they start.'),
+        ({"start": "none"}, '`parameters` must be a Prior where start = "none": no linear model provides their initial values.'),
         ({"accuracy": 0.0}, "`accuracy` must be greater than 0"),
         ({"refinement": "em"}, "`refinement` must be one of 'none', 'likelihood'."),
         ({"walk": -1.0}, "`walk` must be variances per second, at least 0. Got -1.0."),
@@ -176,7 +176,8 @@ def test_a_parameter_that_the_tangent_does_not_show_needs_a_prior():
     record = es.Record(es.simulate(hidden, u, seed=0).record.y, u - u.mean() + 0.5 / 0.9, dt=1, inputs=["pump"],
                        outputs=["level"])  # fmt: skip
     sentence = (
-        "the linear model of the record says nothing of 1.00 cube: at rest the model's response does not depend on it."
+        "the linear model of the record does not determine 1.00 cube: at equilibrium the model's response does not "
+        "depend on it."
     )
     refused(es.AssumptionError, sentence, lambda: es.identify(es.AdaptiveIdentification(hidden, BEGIN), record))
 

@@ -85,7 +85,7 @@ def test_the_covariance_of_okid_is_that_of_its_errors():
         (lambda: CoupledLeastSquares(1, -1), "`nb` must be an integer of at least 0. Got -1."),
         (
             lambda: identify(CoupledLeastSquares(1, 0), Record(np.full((9, 1), np.nan), np.ones(9), dt=1)),
-            "output y1 has no equation in which everything is known: it needs 2 rows without a gap in any output and input.",
+            "output y1 has no equation without missing values: it needs 2 rows without a gap in any output and input.",
         ),
         (lambda: MarkovParameters(4, observer=2), '`observer` belongs to weighting = "observer".'),
         (

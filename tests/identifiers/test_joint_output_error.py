@@ -179,10 +179,10 @@ def test_a_constant_alone_and_no_past_output():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"arrival": 1.2}, "`arrival` must be rates, more than 0 and at most 1"),
+        ({"arrival": 1.2}, "`arrival` must be rates, greater than 0 and at most 1"),
         ({"jump": -1.0}, "`jump` must be"),
         ({"lost": "keep"}, "`lost` must be"),
-        ({"prior": Prior([0.0], [[1.0]])}, "`prior` must be of θ"),
+        ({"prior": Prior([0.0], [[1.0]])}, "`prior` must describe θ"),
     ],
 )
 def test_wrong_settings_are_refused(given, sentence):

@@ -143,7 +143,7 @@ def test_a_constant_input_and_collinear_inputs_are_said():
     y = np.random.default_rng(0).normal(size=80)
     still = identify(LeastSquares(1, 1, offset=True), Record(y, np.ones(80), dt=1))
     assert still.undetermined.shape == (4, 2)
-    assert "tell nothing about" in still.validation.sentences[0]
+    assert "carry no information about" in still.validation.sentences[0]
     u = np.random.default_rng(1).normal(size=80)
     twins = identify(LeastSquares(1, 0), Record(y, np.stack([u, 2 * u], axis=1), dt=1))
     assert_allclose(np.abs(twins.undetermined.ravel()), [0, 2 / np.sqrt(5), 1 / np.sqrt(5)], atol=1e-9)
@@ -175,7 +175,7 @@ def test_what_was_fitted_is_stored(tmp_path):
         (lambda: LeastSquares(1, 0, offset=1), "`offset` must be True or False. Got 1."),
         (
             lambda: identify(LeastSquares(1, 0), Record(np.full(9, np.nan), np.ones(9), dt=1)),
-            "output y1 has no equation in which everything is known: it needs 2 rows without a gap in y1",
+            "output y1 has no equation without missing values: it needs 2 rows without a gap in y1",
         ),
         (
             lambda: ARX([-1.0], [1.0], noise_variance=1.0, dt=1, offset=[1.0]).to_state_space(),

@@ -44,7 +44,7 @@ def test_without_noise_it_is_exact_with_several_channels_and_gaps():
         (lambda: MinimumVariance(1.5, 0), "`na` must be an integer of at least 0. Got 1.5."),
         (
             lambda: identify(MinimumVariance(1, 0), Record(np.ones(9), np.full(9, np.nan), dt=1)),
-            "record 0: an input is not known at index (0, 0)",
+            "record 0: an input is unknown at index (0, 0)",
         ),
     ],
 )
@@ -56,5 +56,5 @@ def test_what_is_wrong_is_said(call, sentence):
 
 def test_weights_that_do_not_settle_are_said(monkeypatch):
     monkeypatch.setattr("estimable.identifiers.minimum_variance.ROUNDS", 1)
-    with pytest.raises(InputError, match="the weights do not settle"):
+    with pytest.raises(InputError, match="the weights do not converge"):
         identify(MinimumVariance(2, 1, delay=1), drawn(0))

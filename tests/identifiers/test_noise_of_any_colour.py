@@ -127,11 +127,11 @@ def test_a_fit_goes_into_a_file_and_into_a_filter(tmp_path):
         (lambda: PredictionError(1, 0, 0.5), "`nc` must be an integer of at least 0. Got 0.5."),
         (
             lambda: identify(PredictionError(1, 0, 1), Record([1.0, 2.0], [1.0, 0.0], dt=1)),
-            "output y1 was seen 2 times: 5 needed for 3 parameters and what came before row 0. Lower the orders.",
+            "output y1 was seen 2 times: 5 are needed for 3 parameters and the past before row 0. Lower the orders.",
         ),
         (
             lambda: identify(InstrumentalVariables(1, 0), Record(np.ones(9), np.full(9, np.nan), dt=1)),
-            "record 0: an input is not known at index (0, 0)",
+            "record 0: an input is unknown at index (0, 0)",
         ),
         (lambda: ARMAX([0.5], [1.0], [[1.0], [2.0]], noise_variance=1.0, dt=1), "`c` must be (p, nc)"),
     ],

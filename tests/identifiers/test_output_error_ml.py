@@ -128,7 +128,7 @@ def test_several_inputs_and_outputs():
 def test_orders_larger_than_the_data_leave_directions_undetermined(rows):
     fit = identify(OutputErrorML(2, 1, noise_variance=0.1), lossy(40)[:rows])
     assert fit.undetermined is not None
-    assert "tell nothing about" in fit.validation.sentences[0]
+    assert "carry no information about" in fit.validation.sentences[0]
     assert np.all(np.isfinite(fit.parameters))
     assert np.all(np.isfinite(fit.covariance))
 

@@ -106,9 +106,9 @@ GOOD = record_of(sines(0.3))
         (lambda: identify(Phasor(1, [5.0]), GOOD), "`frequencies` must be below half the sampling rate, 5 Hz."),
         (
             lambda: identify(Phasor(1, [0.3], settle=40), GOOD),
-            "record 0 has 0 rows after 40 s: 4 needed. Lower `settle`.",
+            "record 0 has 0 rows after 40 s, but 4 are needed. Lower `settle`.",
         ),
-        (lambda: identify(Phasor(2, [0.3]), GOOD), "order 2 needs as many frequencies at which the input moves. Got 1"),
+        (lambda: identify(Phasor(2, [0.3]), GOOD), "order 2 needs 2 frequencies in the input. Got 1"),
         (lambda: identify(Phasor(1, [0.3]), Record(T, np.stack([T, T], axis=1), dt=0.1)), "Phasor takes one input"),
         (
             lambda: Phasor.second_order(0.5, 0.1, 1.0),

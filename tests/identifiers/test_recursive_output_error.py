@@ -166,7 +166,7 @@ def test_fewer_samples_than_parameters_leave_directions_undetermined_and_say_so(
     fit = identify(RecursiveOutputError(2, 1, noise_variance=0.1), lossy(PLANT, 40).record[:rows])
     assert fit.undetermined.shape[1] >= 4 - rows
     assert not fit.validation.passed
-    assert "tell nothing about" in fit.validation.sentences[0]
+    assert "carry no information about" in fit.validation.sentences[0]
     assert np.all(np.isfinite(fit.parameters))
 
 

@@ -221,9 +221,9 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
         (lambda: Subspace(2, draws=1), "`draws` must be 0, or at least 2: one draw has no spread."),
         (lambda: Subspace(2, feedthrough=0), "`feedthrough` must be True or False. Got 0."),
         (lambda: identify(Subspace(4, horizon=2), UNSEEN), "output 'y1' was never seen"),
-        (lambda: identify(Subspace(1), STILL), "input 'u1' never moves: its effect cannot be told from a level"),
-        (lambda: identify(Subspace(1), TWINS), "inputs 'u1', 'u2' move together"),
-        (lambda: identify(Subspace(1), UNKNOWN), "record 0: an input is not known at index (0, 0)"),
+        (lambda: identify(Subspace(1), STILL), "input 'u1' never moves: its effect cannot be distinguished from an offset"),
+        (lambda: identify(Subspace(1), TWINS), "inputs 'u1', 'u2' are linearly dependent"),
+        (lambda: identify(Subspace(1), UNKNOWN), "record 0: an input is unknown at index (0, 0)"),
         (lambda: identify(Subspace(4), SHORT), "the record is too short for order 4 with horizon 5: it has 0 columns"),
         (
             lambda: identify(Subspace(4, horizon=3), Record(np.arange(90.0), np.arange(90.0) ** 2, dt=1)),

@@ -54,8 +54,11 @@ def test_inputs_that_nobody_logged_cost_less_than_cutting_the_record():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (lambda: identify(OutputErrorML(1, 0), record(30)), "nobody knows whether some inputs arrived: give `arrival`"),
-        (lambda: identify(OutputErrorML(1, 0, arrival=0.7), record(30, lost="hold")), "the actuator must do nothing"),
+        (
+            lambda: identify(OutputErrorML(1, 0), record(30)),
+            "it is unknown whether some inputs arrived: give `arrival`",
+        ),
+        (lambda: identify(OutputErrorML(1, 0, arrival=0.7), record(30, lost="hold")), "the actuator must apply zero"),
         (lambda: identify(OutputErrorML(1, 0), Record([1.0, 2.0], [np.nan, np.nan], dt=1)), "'u1' was never logged"),
         (lambda: OutputErrorML(1, 0, arrival=0.0), "`arrival` must be"),
     ],

@@ -144,8 +144,8 @@ def test_what_was_run_can_be_saved(tmp_path):
 @pytest.mark.parametrize(("given", "sentence"), [
     ({"reference": np.zeros((4, 2))}, r"`reference` must be \(T, r\) = \(T, 1\): the controller follows 1 reference"),
     ({"reference": []}, "`reference` must have at least one row"),
-    ({"controller": es.StateFeedback([[1.0]], reference_gain=[[1.0]])}, "feeds back 1 states, and the estimator gives 2 states"),
-    ({"controller": es.GainReconfiguration(LAW)}, "needs the gain, and the estimator gives none"),
+    ({"controller": es.StateFeedback([[1.0]], reference_gain=[[1.0]])}, "feeds back 1 states, but the estimator has 2 states"),
+    ({"controller": es.GainReconfiguration(LAW)}, "needs the gain, but the estimator has none"),
     ({"controller": es.StateFeedback}, "`controller` must be a controller"),
     ({"controller": es.StateFeedback(np.ones((2, 2)), reference_gain=np.ones((2, 1)))}, "makes 2 inputs, and the plant has 1"),
     ({"plant": es.StateSpace(MODEL.A, MODEL.B, np.eye(2), [[1.0], [0.0]], R=MODEL.R, dt=0.5, **NAMES)}, "an algebraic loop"),

@@ -1,1 +1,1 @@
-"""Model in, verdict out, before any data."""
+"""Verdicts on a model, before any data."""

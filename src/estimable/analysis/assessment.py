@@ -1,4 +1,4 @@
-"""From moments to a verdict: what estimability and regulability have in common."""
+"""From moments to a verdict: the common part of estimability and regulability."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from .tolerance import judged, scale
 
 
 def assess(moments: StateMoments) -> dict[str, Any]:
-    """The fields that `Estimability` and `Regulability` have in common."""
+    """The common fields of `Estimability` and `Regulability`."""
     Π, Σ = moments.Π, moments.Σ
     D = scale(np.diagonal(Π))
     λ, V = np.linalg.eigh(Π / (D[:, None] * D))
@@ -44,7 +44,7 @@ def _canonical(Σ: np.ndarray, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _beside(reach: Reach, known: np.ndarray) -> np.ndarray:
-    """What is not reached, without what was known from the start."""
+    """The unreached directions, without those known from the start."""
     from scipy.linalg import orth
 
     left = reach.Z - known @ (known.T @ reach.Z)
@@ -52,7 +52,7 @@ def _beside(reach: Reach, known: np.ndarray) -> np.ndarray:
 
 
 def _rows(Z: np.ndarray, D: np.ndarray) -> np.ndarray:
-    """Directions g with g'x = z' D^-1 x, one a row, of few entries and norm 1."""
+    """Directions g with g'x = z' D^-1 x, one per row, with few entries and norm 1."""
     return echelon(Z / D[:, None]).T
 
 
@@ -62,12 +62,12 @@ def _unit(G: np.ndarray) -> np.ndarray:
 
 
 def _share(Σ: np.ndarray, Π: np.ndarray) -> np.ndarray:
-    """Σ_ii / Π_ii, and 0 where Π_ii is 0: what is known cannot be reduced."""
+    """Σ_ii / Π_ii, and 0 where Π_ii is 0: a known state cannot be improved."""
     whole = np.diagonal(Π)
     return np.clip(np.where(whole > 0, np.diagonal(Σ) / np.where(whole > 0, whole, 1.0), 0.0), 0.0, 1.0)
 
 
 def _singular_values(Γ: np.ndarray) -> np.ndarray:
-    """All n of them: zeros where Γ has fewer columns."""
+    """All n singular values: zeros where Γ has fewer columns."""
     σ = np.linalg.svd(Γ, compute_uv=False)
     return np.pad(σ, (0, max(len(Γ) - len(σ), 0)))

@@ -1,4 +1,4 @@
-"""Can the state be estimated better than by knowing nothing but the model?"""
+"""Whether outputs improve the estimate of the state over the model alone."""
 
 import numpy as np
 
@@ -15,18 +15,18 @@ from .tolerance import check_size
 
 
 def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prior | None = None) -> Estimability:
-    """Whether past outputs tell something of every direction of the state: P < Π, strictly.
+    """Whether past outputs carry information about every direction of the state: P < Π, strictly.
 
     Π is the covariance of the state by the model alone, P that of the Kalman predictor's error. Neither observability
-    nor reachability implies it, nor the other way round. Discrete models: the optimal one-step predictor's verdict, and
-    the filter's; a model with a delay (singular A) is never estimable in the first sense.
+    nor reachability implies it, nor does it imply them. Discrete models have two verdicts: of the optimal one-step predictor,
+    and of the filter. A model with a delay (singular A) is never estimable by the predictor.
 
     `horizon`: after so many samples (seconds where dt = 0); None: in steady state, which a stable model has (a model that
     varies in time: over its rows). `prior`: of the state at the start; None: the stationary covariance where there is one,
     else zero, that is, the state starts known. R is a covariance, and where dt = 0 a density like Q.
 
     Returns an `Estimability`. Raises `AssumptionError` for an unstable model without a horizon; `InputError` for a model
-    without R (or with a singular one where dt = 0), a horizon that is no positive number, a prior of another size or with
+    without R (or with a singular one where dt = 0), a horizon that is not positive, a prior of another size or with
     diffuse directions, and for more than 500 states.
 
     Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), 30 n³ a step over a horizon.
@@ -62,7 +62,7 @@ def moments_of(problem: Problem, start: np.ndarray | None, horizon: float | None
     """In steady state (`horizon` None), or over a horizon from the covariance `start`."""
     if horizon is None:
         longest = "horizon=10.0 (seconds)" if continuous else f"horizon={2 * len(problem.F)}"
-        refuse_unstable(problem.F, continuous, f"give a horizon, as {longest}")
+        refuse_unstable(problem.F, continuous, f"give a horizon, such as {longest}")
         return stationary(problem, continuous=continuous)
     if start is None:
         start = start_of(problem, continuous, otherwise=np.zeros(problem.F.shape[-2:]))
@@ -84,37 +84,37 @@ def start_of(problem: Problem, continuous: bool, *, otherwise: np.ndarray) -> np
 
 
 def refuse_unstable(F: np.ndarray, continuous: bool, remedy: str) -> None:
-    """A steady state needs a stable model; `remedy` is what to do about one that is not."""
+    """Raise an error for an unstable model, which has no steady state; `remedy` says what to do."""
     λ = np.linalg.eigvals(F)
     worst = λ[np.argmax(λ.real if continuous else np.abs(λ))]
     size, limit = (worst.real, 0.0) if continuous else (abs(worst), 1.0)
     if size >= limit:
         shown = f"{worst.real:.6g}" if worst.imag == 0 else f"{worst.real:.6g} ± {abs(worst.imag):.6g}i"
         rule = "real parts below 0" if continuous else "moduli below 1"
-        raise AssumptionError(f"a steady state needs eigenvalues of A with {rule}, and one is {shown}: {remedy}.")
+        raise AssumptionError(f"a steady state needs eigenvalues of A with {rule}, but one is {shown}: {remedy}.")
 
 
 def read_horizon(model: StateSpace, horizon: float | None, faults: checks.Faults) -> float | None:
     """Steps, or seconds where dt = 0; for a model that varies, its rows where none is given."""
     if model.is_continuous:
         if horizon is None and model.varying:
-            faults.add("`horizon` must be given: how many seconds the rows of this continuous model last together.")
+            faults.add("`horizon` must be given: the total duration, in seconds, of the rows of this continuous model.")
         return None if horizon is None else faults.number("horizon", horizon, above=0.0, unit="seconds")
     if horizon is None:
         return model.steps
     before = len(faults.sentences)
     faults.whole("horizon", horizon, 1)
     if len(faults.sentences) == before and model.steps is not None and horizon > model.steps:
-        faults.add(f"`horizon` may be at most {model.steps}: the model has so many rows in time. Got {horizon}.")
+        faults.add(f"`horizon` may be at most {model.steps}, the number of rows of the model in time. Got {horizon}.")
     return None if len(faults.sentences) > before else int(horizon)
 
 
 def read_prior(prior: Prior | str | None, n: int, faults: checks.Faults) -> None:
-    """A prior with a finite covariance, of this many states."""
+    """Check that a prior has a finite covariance of this many states."""
     if not isinstance(prior, Prior):
         faults.instance("prior", prior, Prior)
         return
     if prior.diffuse is not None:
-        faults.add("`prior` must have a finite covariance: a direction without one shrinks by an infinite amount.")
+        faults.add("`prior` must have a finite covariance: the reduction of an infinite variance is not defined.")
     if np.shape(prior.covariance) != (n, n):
-        faults.add(f"`prior` must be of n = {n} states: the model has so many. Got {np.shape(prior.covariance)[0]}.")
+        faults.add(f"`prior` must describe n = {n} states: the model has as many. Got {np.shape(prior.covariance)[0]}.")

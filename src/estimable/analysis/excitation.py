@@ -1,4 +1,4 @@
-"""Does the input excite what is to be identified?"""
+"""Whether the input excites the parameters to be identified."""
 
 import numpy as np
 
@@ -8,17 +8,17 @@ from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 from ..results import Check, Excitation
 
-WEAK = 1e-4  # below which it is told of, and poorly
-SHOWN = 500  # rows at which the smallest eigenvalue is worked out
+WEAK = 1e-4  # below which a direction is determined, but poorly
+SHOWN = 500  # rows at which the smallest eigenvalue is computed
 
 
 def excitation(model: OutputError, record: Record) -> Excitation:
-    """How much the outputs seen in `record` tell of the parameters of `model`, direction by direction.
+    """The information in the seen outputs of `record` about the parameters of `model`, direction by direction.
 
-    The information is that of the model given, from the inputs applied and the outputs seen: run it on a nominal model before an
-    experiment, or on a fitted one after it. Condition (A3) of Fang (2009) asks that the smallest eigenvalue stays above zero.
+    The information is that of the given model, from the applied inputs and the seen outputs: use a nominal model before an
+    experiment, or a fitted one after it. Condition (A3) of Fang (2009) requires that the smallest eigenvalue stays above zero.
 
-    Raises `InputError` where an input is not known.
+    Raises `InputError` where an input is unknown.
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.1, dt=1)
     >>> step = Record(np.ones(200), np.ones(200), dt=1)
@@ -26,11 +26,11 @@ def excitation(model: OutputError, record: Record) -> Excitation:
     (True, (2, 2))
     """
     samples = np.unique(np.linspace(0, len(record) - 1, min(SHOWN, len(record))).astype(int))
-    told = list(zip(slopes(model, record), record.seen.T, strict=True))
+    outputs = list(zip(slopes(model, record), record.seen.T, strict=True))
     M = _block_diagonal(
-        [kernel.information(ψ, seen, r) for (ψ, seen), r in zip(told, model.noise_variance, strict=True)]
+        [kernel.information(ψ, seen, r) for (ψ, seen), r in zip(outputs, model.noise_variance, strict=True)]
     )
-    paths = [_path(ψ, seen, kernel.information(ψ, seen, 1.0), samples) for ψ, seen in told]
+    paths = [_path(ψ, seen, kernel.information(ψ, seen, 1.0), samples) for ψ, seen in outputs]
     return Excitation(M, samples, np.min(paths, axis=0), undetermined(M), excitation_check(M, model.parameter_names))
 
 
@@ -40,10 +40,10 @@ def _path(ψ: np.ndarray, seen: np.ndarray, M: np.ndarray, samples: np.ndarray) 
         return np.ones(len(samples))
     scaled = np.where(seen[:, None], ψ * scale_of(M), 0.0)
     ends = np.append(samples, len(ψ) - 1)
-    gathered, told = np.zeros((len(samples), len(M), len(M))), np.zeros_like(M)
+    gathered, so_far = np.zeros((len(samples), len(M), len(M))), np.zeros_like(M)
     for i, (first, last) in enumerate(zip(np.append(0, ends[:-2] + 1), ends[:-1], strict=True)):
-        told = told + scaled[first : last + 1].T @ scaled[first : last + 1]
-        gathered[i] = told
+        so_far = so_far + scaled[first : last + 1].T @ scaled[first : last + 1]
+        gathered[i] = so_far
     return np.maximum(np.linalg.eigvalsh(gathered)[:, 0], 0.0)
 
 
@@ -54,9 +54,9 @@ def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
 
 
 def excitation_check(M: np.ndarray, names: tuple[str, ...], directions: np.ndarray | None = None) -> Check:
-    """Whether the information M (d, d) tells of every direction of the parameters, in words.
+    """Check that the information M (d, d) determines every direction of the parameters.
 
-    `directions` (d, r): those it does not tell of, where they are known better than from M.
+    `directions` (d, r): the undetermined ones, where they are known better than from M.
     """
     scale = scale_of(M)
     directions = undetermined(M) if directions is None else directions
@@ -65,12 +65,12 @@ def excitation_check(M: np.ndarray, names: tuple[str, ...], directions: np.ndarr
         shown = "; ".join(_combination(column, names) for column in directions.T[:4])
         more = f" and {directions.shape[1] - 4} more" if directions.shape[1] > 4 else ""
         sentence = (
-            f"Excitation: these data tell nothing about {shown}{more}. Apply an input that moves at more frequencies, lower "
-            "the orders, or gather more samples."
+            f"Excitation: these data carry no information about {shown}{more}. Apply an input with more frequencies, lower "
+            "the orders, or record more samples."
         )
         return Check("excitation", False, value, UNTOLD, sentence)
     passed = value > WEAK
-    advice = "" if passed else " Vary the input more, or lower the orders: such directions are known poorly."
+    advice = "" if passed else " Some directions are poorly determined: vary the input more, or lower the orders."
     sentence = f"Excitation: the smallest eigenvalue of the scaled information is {value:.3g} (1: the best).{advice}"
     return Check("excitation", passed, value, WEAK, sentence)
 

@@ -1,4 +1,4 @@
-"""What an input lets be known of a gain, before any data."""
+"""The information that an input gives about a gain, before any data."""
 
 from typing import Any
 
@@ -27,21 +27,21 @@ def gain_information(
     dither: Numbers | None = None,
     dt: float | None = None,
 ) -> GainInformation:
-    """How well an input lets unknown gains be known, and which combinations of them it leaves in the dark.
+    """The accuracy with which an input determines unknown gains, and the combinations that remain undetermined.
 
     Model: that of `UnknownGain`: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], θ (p,) constant.
 
-    The outputs are linear in (x[0], θ) given u, so the information I does not depend on what they will be, and the bound is
-    exact: errors of the best unbiased estimate have the covariance of the θ block of I^-1.
+    The outputs are linear in (x[0], θ) given u, so the information I does not depend on their values, and the bound is exact:
+    the error of the best unbiased estimate has the covariance of the θ block of I^-1.
 
-    `u`: (T, m), or a `Record`, whose inputs, times and missing outputs count. `directions`, `feedthrough`: as `UnknownGain` has
-    them; None: one gain on all of B. `state`, `gain`: `Prior`s of x[0] and θ; None: nothing is known. `dither` (T, m): the shape
-    of an input to add; `found.at(a)` is the bound with `a` times as much, and `found.amplitude_for(sigma)` how much it takes.
-    `dt`: the step in seconds, of a continuous model. The result is for no dither (amplitude 0).
+    `u`: (T, m), or a `Record` with its inputs, times and missing outputs. `directions`, `feedthrough`: as in `UnknownGain`;
+    None: one gain on all of B. `state`, `gain`: `Prior`s of x[0] and θ; None: unknown. `dither` (T, m): the shape of an input to
+    add; `found.at(a)` is the bound with amplitude `a`, and `found.amplitude_for(sigma)` the amplitude needed for `sigma`.
+    `dt`: the step of a continuous model, in seconds. The result itself is without dither (amplitude 0).
 
-    Cost: the filter of n states and n + 2 p responses of it, once, in a NumPy loop over the T samples.
+    Cost: the filter of n states and its n + 2 p responses, once, in a NumPy loop over the T samples.
 
-    Raises `InputError`; `AssumptionError` where an output has no noise, which tells infinitely much of a first state.
+    Raises `InputError`; `AssumptionError` where an output has no noise, so that its information about x[0] is infinite.
 
     Reference: B. Friedland, IEEE TAC 14 (1969) 359-367 (sensitivities); M. Pachter (1999), (42)-(49).
 
@@ -68,7 +68,7 @@ def gain_information(
         factor = information_factor(rows, model.n, model.n + p * (1 if dither is None else 2))
     except np.linalg.LinAlgError:
         raise AssumptionError(
-            "an output has no noise, so that it tells infinitely much: give R a small variance for it."
+            "an output has no noise, so that its information is infinite: give it a small variance in R."
         ) from None
     gains = gain_blocks.gain_names(given, p, model)
     return GainInformation.of_factor(factor, gains, state, gain, n=model.n, amplitude=0.0)
@@ -80,12 +80,12 @@ def _check_prior(name: str, prior: Prior | None, size: int, what: str, faults: c
 
 
 def _read_inputs(model: StateSpace, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
-    """What the actuators do (T, m), which outputs are seen (T, p), and the steps."""
+    """The applied inputs (T, m), the mask of seen outputs (T, p), and the steps."""
     if isinstance(u, Record):
         return _from_record(model, u, dt, faults)
     inputs = faults.array("u", u, "T m")
     if dt is None and model.is_continuous:
-        faults.add("`dt` is needed: the model is continuous (dt = 0), and `u` has no time.")
+        faults.add("`dt` is needed: the model is continuous (dt = 0), and `u` has no times.")
     dt = model.dt if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
     if dt and not model.is_continuous and dt != model.dt:
         faults.add(f"`dt` must be the model's own step, {model.dt:g} s. Got {dt:g}.")
@@ -96,7 +96,7 @@ def _read_inputs(model: StateSpace, u: Numbers | Record, dt: float | None, fault
 
 def _from_record(model: StateSpace, record: Record, dt: float | None, faults: checks.Faults) -> Any:
     if dt is not None:
-        faults.add("`dt` is for inputs without a time; the record has its own.")
+        faults.add("`dt` is for inputs without times, but the record has its own: leave it out.")
     columns = []
     for names, given, what in ((model.inputs, record.inputs, "input"), (model.outputs, record.outputs, "output")):
         default = any(all(name[1:].isdigit() for name in some) for some in (names, given)) and len(names) == len(given)
@@ -118,7 +118,7 @@ def _check_length(model: StateSpace, u: np.ndarray | None, faults: checks.Faults
     if u is not None and len(u) == 0:
         faults.add("`u` must have at least one row.")
     if u is not None and model.steps not in (None, len(u)):
-        faults.add(f"`u` must have {model.steps} rows: the model varies over as many. Got {len(u)}.")
+        faults.add(f"`u` must have {model.steps} rows, as many as the time-varying model. Got {len(u)}.")
 
 
 def _rows(ready: SampledModel, u: np.ndarray, dither: np.ndarray | None, seen: np.ndarray, p: int) -> Any:
@@ -147,7 +147,7 @@ class _Instant:
         return M[self.row] if name in self.ready.varying else M
 
     def effects(self, name: str, u: np.ndarray, p: int) -> np.ndarray:
-        """What each gain multiplies, (n, p)."""
+        """The effect of each gain, (n, p)."""
         M = self(name)
         return (M.reshape(len(M), p + 1, len(u)) @ u)[:, 1:]
 

@@ -1,4 +1,4 @@
-"""What inputs do over a horizon, as a matrix Γ whose Γ Γ' is the Gramian; and the units of the states."""
+"""The effect of inputs over a horizon, as a matrix Γ with Γ Γ' the Gramian; and units of the states."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def effects(F: np.ndarray, M: np.ndarray, horizon: float, *, continuous: bool, r
 
 
 def _over_time(Γ: np.ndarray, F: np.ndarray, M: np.ndarray, seconds: float, rows: int) -> np.ndarray:
-    """∫ e^{F s} M M' e^{F s}' ds in factors, by Gauss's rule of four nodes a step."""
+    """A factor of ∫ e^{F s} M M' e^{F s}' ds, by Gauss's rule with four nodes per step."""
     n = len(F)
     steps = substeps(F, n, seconds, rows)
     h = seconds / steps
@@ -32,9 +32,9 @@ def _over_time(Γ: np.ndarray, F: np.ndarray, M: np.ndarray, seconds: float, row
 
 
 def balancing_units(F: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Units of the states (n,), powers of two, in which the rows and columns of F and M are of like size.
+    """Units of the states (n,), powers of two, in which the rows and columns of F and M have similar sizes.
 
-    What F does not join keeps the sizes that M gives it: a state that is hardly seen stays hardly seen.
+    States that F does not couple have the sizes that M gives them: a weakly seen state stays weakly seen.
     """
     from scipy.linalg import matrix_balance
 

@@ -1,4 +1,4 @@
-"""How many lost samples an estimator bears, before any data."""
+"""How many lost samples an estimator tolerates, before any data."""
 
 from typing import Any
 
@@ -17,18 +17,19 @@ LARGEST = 30  # states: equations of n² unknowns are solved
 
 
 def loss_tolerance(model: StateSpace) -> LossTolerance:
-    """How rarely samples may arrive before the expected covariance of the estimate grows without bound.
+    """The arrival rate of samples below which the expected covariance of the estimate grows without bound.
 
     Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k]; all outputs of a sample arrive together or not at all, independently
-    of other samples, at a rate λ. The critical λ is known as an interval only: at least 1 - 1/ρ(A)², at most the smallest λ for
+    of other samples, at a rate λ. The critical λ is known only as an interval: at least 1 - 1/ρ(A)², at most the smallest λ for
     which the modified Riccati equation X = A X A' + Q - λ (A X C' + N)(C X C' + R)^-1 (A X C' + N)' has a solution. They agree
-    where the unstable part of the state shows at once (C invertible on it). A stable A has none: it bears every loss.
+    where one sample shows the unstable part of the state (C invertible on it). A stable A has no critical rate: it tolerates
+    every loss.
 
     The result's `at(rate)` bounds the expected covariance at a given rate. Losses in bursts (a Gilbert-Elliott link) are worse
-    than their rate says: simulate them.
+    than independent losses of the same rate: simulate them.
 
     Cost: solutions of n² linear equations; where no closed form applies, 20 bisections of the unstable part. The upper bound is
-    then rounded up, and always one that was proved by a gain.
+    then rounded up, and a stabilising gain proves it.
 
     Raises `InputError` for a continuous or time-varying model, more than 30 states, or an R that is not positive definite;
     `AssumptionError` where an unstable direction never shows, so that no rate is enough.
@@ -48,7 +49,7 @@ def loss_tolerance(model: StateSpace) -> LossTolerance:
     A, C = np.asarray(model.A), np.asarray(model.C)
     ρ = float(np.abs(np.linalg.eigvals(A)).max())
     if ρ < 1 - EDGE:
-        return LossTolerance(0.0, 0.0, ρ, True, "A is stable: the estimate stays bounded however much is lost.", model)
+        return LossTolerance(0.0, 0.0, ρ, True, "A is stable: the estimate stays bounded at any loss rate.", model)
     seen = observability(model)
     if not seen.detectable:
         raise AssumptionError(f"no arrival rate is enough: {' '.join(seen.sentences)}")
@@ -56,16 +57,16 @@ def loss_tolerance(model: StateSpace) -> LossTolerance:
     upper = max(_upper(*_unstable(A, C), lower), lower)
     exact = upper - lower <= 1e-12
     sentence = f"The estimate stays bounded where more than {100 * upper:.4g} % of the samples arrive"
-    below = "" if exact else f", and none is known between {100 * lower:.4g} % and that"
+    below = "" if exact else f"; between {100 * lower:.4g} % and {100 * upper:.4g} % it is undecided"
     low = f"; it grows without bound where fewer than {100 * lower:.4g} % do" if lower else ""
     return LossTolerance(lower, upper, ρ, exact, f"{sentence}{low}{below}.", model)
 
 
 def _check(model: StateSpace, faults: checks.Faults) -> None:
     if model.is_continuous:
-        faults.add("`model` is continuous (dt = 0): samples are lost, so discretise it, model.discretise(dt).")
+        faults.add("`model` is continuous (dt = 0): losses are of samples, so discretise it, model.discretise(dt).")
     if model.varying:
-        faults.add("`model` varies in time: a critical arrival rate is one of a constant model.")
+        faults.add("`model` varies in time: only a constant model has a critical arrival rate.")
     if model.n > LARGEST:
         faults.add(f"`model` must have at most {LARGEST} states. Got {model.n}.")
     if model.R is None:
@@ -75,7 +76,7 @@ def _check(model: StateSpace, faults: checks.Faults) -> None:
 
 
 def _unstable(A: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A and C on the part of the state that does not die out."""
+    """A and C on the part of the state that does not decay."""
     from scipy.linalg import schur
 
     parts: Any = schur(A, output="real", sort=lambda re, im=0.0: np.hypot(re, im) >= 1 - EDGE)
@@ -84,7 +85,7 @@ def _unstable(A: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _upper(A: np.ndarray, C: np.ndarray, lower: float) -> float:
-    """The least rate for which a gain keeps the expected covariance of the unstable part bounded."""
+    """The least rate for which some gain bounds the expected covariance of the unstable part."""
     rank = np.linalg.matrix_rank(C, tol=1e-10 * np.abs(C).max())
     if rank == len(A):
         return lower

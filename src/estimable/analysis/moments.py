@@ -1,8 +1,8 @@
-"""What past outputs tell of the state: covariances before and after, and between state and outputs.
+"""The information in past outputs about the state: covariances before and after, and between state and outputs.
 
 Letters of Baram & Kailath, NASA TM-89427 (1987): x+ = F x + w, y = H x + v, cov w = Q, cov v = R, cov(w, v) = J; Π the
 covariance of the state, P of its error given all past outputs, N = Π H', and Γ = [.., F M, M] the covariances of the
-state with each past output. Σ = Π - P is what the outputs explain; it has its own recursion, so nothing cancels.
+state with each past output. Σ = Π - P is the part explained by the outputs; its own recursion avoids cancellation.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from ..kernels.reach import Reach, complement, reach, reachability_matrix
 from ..kernels.riccati import care, clyap, dare, dlyap
 from .tolerance import judged, scale
 
-EVERY = 40  # states up to which the rank is looked at after every step, and not at the horizon only
-LARGEST = 1e140  # of a covariance: its square is still a number
+EVERY = 40  # states up to which the rank is computed after every step, and not only at the horizon
+LARGEST = 1e140  # of a covariance: its square does not overflow
 SETTLED = 5000  # steps of the recursion where the Riccati equation cannot be solved
 
 
@@ -35,7 +35,7 @@ class Problem(NamedTuple):
 
 
 class StateMoments(NamedTuple):
-    """Π, Σ with past outputs and with the present one too, Γ; and what is reached with Π scaled to a unit diagonal."""
+    """Π, Σ given past outputs and given the present one too, Γ; and the reached directions, with Π scaled to a unit diagonal."""
 
     Π: np.ndarray
     Σ: np.ndarray
@@ -92,9 +92,9 @@ def over_steps(problem: Problem, Π: np.ndarray, steps: int) -> StateMoments:
 
 
 def _refuse_growth(F: np.ndarray, Π: np.ndarray, k: int) -> None:
-    """Numbers that leave no room for the next step."""
+    """Raise an error where the next step could overflow."""
     if np.abs(Π).max() * max(1.0, np.abs(F).max()) ** 2 > LARGEST:
-        raise AssumptionError(f"the model grows beyond any number within {k + 1} steps: take a shorter horizon.")
+        raise AssumptionError(f"the covariance of the model overflows within {k + 1} steps: use a shorter horizon.")
 
 
 def rank(Γ: np.ndarray) -> Reach:
@@ -108,7 +108,7 @@ def rank(Γ: np.ndarray) -> Reach:
 
 
 def solve_semidefinite(S: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """S^+ B: outputs that say what others have said already add nothing."""
+    """S^+ B: outputs that depend on others add nothing."""
     D = scale(np.diagonal(S))
     λ, V = np.linalg.eigh(S / (D[:, None] * D))
     back = np.where(λ > 1e-13 * max(λ[-1], 1.0), 1 / np.where(λ > 0, λ, 1.0), 0.0)
@@ -159,5 +159,5 @@ def compressed(M: np.ndarray, Γ: np.ndarray) -> np.ndarray:
 
 
 def symmetric(X: np.ndarray) -> np.ndarray:
-    """Without the rounding that makes it unsymmetric."""
+    """The symmetric part, without asymmetric rounding."""
     return (X + X.T) / 2

@@ -1,7 +1,7 @@
 """The moments of `moments.py` in continuous time, over a finite time.
 
-Γ Γ' approximates the Gramian ∫ Φ(t,s) N(s) N(s)' Φ(t,s)' ds by Gauss's rule of four nodes a step, with the factor kept
-as it is, so that small singular values are not squared away. Everything between two steps is exact.
+Γ Γ' approximates the Gramian ∫ Φ(t,s) N(s) N(s)' Φ(t,s)' ds by Gauss's rule with four nodes per step. The factor itself is
+stored, so that small singular values are not lost by squaring. Everything between two steps is exact.
 """
 
 import numpy as np
@@ -37,19 +37,19 @@ def over_time(problem: Problem, Π: np.ndarray, seconds: float) -> StateMoments:
             P = _riccati_step(pencil, P)
             if not np.abs(Π).max() < LARGEST:
                 raise AssumptionError(
-                    f"the model grows beyond any number within {seconds:g} s: take a shorter horizon."
+                    f"the covariance of the model overflows within {seconds:g} s: use a shorter horizon."
                 )
     found = rank(Γ_scaled / scale(np.diagonal(Π))[:, None])
     return StateMoments(Π, symmetric(Π - P), symmetric(Π - P), Γ, found, found)
 
 
 def substeps(F: np.ndarray, n: int, seconds: float, pieces: int) -> int:
-    """Steps short enough for the quadrature, and enough of them for every direction to show."""
+    """The number of steps: short enough for the quadrature, and enough for every direction to show."""
     steps = max(-(-n // pieces), int(np.ceil(np.linalg.norm(F, 2) * seconds)))
     if steps * pieces > MOST_STEPS:
         raise AssumptionError(
             f"a horizon of {seconds * pieces:g} s takes {steps * pieces} steps of the fastest mode, more than {MOST_STEPS}: "
-            "take a shorter horizon, or a model without its fast modes."
+            "use a shorter horizon, or a model without its fast modes."
         )
     return steps
 

@@ -1,4 +1,4 @@
-"""What outputs show of the state, and what inputs or noise can do to it."""
+"""The directions of the state that outputs show, and those that inputs or noise reach."""
 
 from typing import Any
 
@@ -18,12 +18,12 @@ from .tolerance import check_size, judged
 
 
 def observability(model: StateSpace, *, horizon: float | None = None) -> Observability:
-    """Whether the outputs, with nothing in the way, show every direction of the state; unstable models too.
+    """Whether the outputs, without noise, show every direction of the state; also for unstable models.
 
-    `horizon`: over so many samples (seconds where dt = 0); None: for ever (a model that varies: over its rows). Noise is
-    of no account: what noise leaves of it is `estimability`.
+    `horizon`: over so many samples (seconds where dt = 0); None: without limit (a model that varies: over its rows). Noise is
+    ignored; `estimability` includes it.
 
-    Returns an `Observability`. Raises `InputError` for a horizon that is no positive number, and for more than 500 states.
+    Returns an `Observability`. Raises `InputError` for a horizon that is not positive, and for more than 500 states.
 
     Cost: about 100 n³ multiplications. Reference: T. Kailath, Linear Systems (1980), §2.4 and §6.2;
     P. Van Dooren, IEEE TAC 26 (1981) 111 (staircase).
@@ -57,7 +57,7 @@ def reachability(model: StateSpace, *, horizon: float | None = None, by: str = "
 
 
 def _read(model: StateSpace, which: str, horizon: float | None):
-    """A, C, the horizon, and what moves the state."""
+    """A, C, the horizon, and the matrix by which inputs or noise move the state."""
     faults = checks.Faults()
     if faults.instance("model", model, StateSpace):
         horizon = read_horizon(model, horizon, faults)
@@ -67,7 +67,7 @@ def _read(model: StateSpace, which: str, horizon: float | None):
 
 
 def noise_factor(model: StateSpace) -> np.ndarray:
-    """G Q^(1/2): what unit white noise does."""
+    """G Q^(1/2): the effect of unit white noise."""
     λ, V = np.linalg.eigh(model.Q)
     return model.G @ (V * np.sqrt(np.maximum(λ, 0.0))[..., None, :])
 
@@ -75,7 +75,7 @@ def noise_factor(model: StateSpace) -> np.ndarray:
 def _structure(
     model: StateSpace, F: np.ndarray, M: np.ndarray, horizon: float | None, *, reverse: bool = False
 ) -> dict[str, Any]:
-    """The fields of a structure, of the pair (F, M)."""
+    """The fields of a verdict on the pair (F, M)."""
     if horizon is not None:
         Γ = effects(F, M, horizon, continuous=model.is_continuous, reverse=reverse)
         T = np.sqrt(np.maximum(np.diagonal(Γ @ Γ.T), 0.0))
@@ -101,7 +101,7 @@ def _structure(
 
 
 def _gramian(F: np.ndarray, M: np.ndarray, continuous: bool) -> np.ndarray | None:
-    """For ever; None where it is infinite."""
+    """The Gramian over an unlimited horizon; None where it is infinite."""
     try:
         return (clyap if continuous else dlyap)(F, M @ M.T)
     except AssumptionError:
@@ -109,7 +109,7 @@ def _gramian(F: np.ndarray, M: np.ndarray, continuous: bool) -> np.ndarray | Non
 
 
 def _hidden(F: np.ndarray, Z: np.ndarray, continuous: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of what is hidden, and the part of Z that does not die out."""
+    """Eigenvalues of the hidden part, and the part of Z that does not decay."""
     from scipy.linalg import schur
 
     if Z.shape[1] == 0:

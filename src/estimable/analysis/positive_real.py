@@ -21,7 +21,7 @@ def positive_real_margin(model: OutputError) -> np.ndarray:
 
 
 def positive_real_check(model: OutputError, *, needed: bool) -> Check:
-    """Whether 1/A - 1/2 is positive real, in words; `needed`: whether the method at hand relies on it."""
+    """Check that 1/A - 1/2 is positive real; `needed`: whether the method relies on it."""
     margin = float(np.min(positive_real_margin(model)))
     holds = f"Positive realness: the smallest Re(1/A - 1/2) is {margin:.3g}"
     if margin > 0:
@@ -30,7 +30,7 @@ def positive_real_check(model: OutputError, *, needed: bool) -> Check:
         reason = "a pseudo-linear recursion need not converge here; this method does not rely on it"
         return Check("positive-real", True, margin, 0.0, f"{holds}: {reason}.")
     advice = (
-        'not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that of the '
-        "model, or OutputErrorML."
+        'it is not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that '
+        "of the model, or OutputErrorML."
     )
     return Check("positive-real", False, margin, 0.0, f"{holds}: {advice}")

@@ -26,13 +26,13 @@ def reduce(model: StateSpace, *, method: str = "output_process", order: int | No
 
     `method`:
     - "output_process": the fewest states that give the outputs their covariances (and their response to the inputs), which
-      are those that are estimable and observable. The model is in innovations form, z+ = A z + B u + G e, y = C z + D u + e:
+      are the estimable and observable ones. The model is in innovations form, z+ = A z + B u + G e, y = C z + D u + e:
       its Kalman filter, started from `prior`, has the innovations of the full one started from the stationary
       covariance, and its predicted estimate is `to` times the full one's. Discrete and stable models.
     - "minimal": without the states that neither inputs nor noise move, and those that no output shows. Same outputs from a
-      start at zero, sample path by sample path.
-    - "balanced": the `order` states that count most for what inputs and noise do to the outputs, each weighed by its Hankel
-      singular value. Stable models; the error is at most twice the sum of the values left out.
+      start at zero, for every sample path.
+    - "balanced": the `order` states with the largest Hankel singular values, that is, with the largest share in the effect of
+      inputs and noise on the outputs. Stable models; the error is at most twice the sum of the omitted values.
 
     Raises `InputError` for a model that varies in time, an unknown method, an order that is not from 1 to n;
     `AssumptionError` for an unstable model, where stability is needed.
@@ -62,18 +62,20 @@ def _check(model: StateSpace, method: str, order: int | None, faults: checks.Fau
         check_noise(model, faults)
         if model.is_continuous:
             faults.add(
-                "the innovations form of a continuous model has cross noise, which `StateSpace` has not: discretise it."
+                "the innovations form of a continuous model has cross noise, which `StateSpace` does not support: discretise it."
             )
     if method == "balanced":
         faults.whole("order", order, 1)
         if isinstance(order, int) and order > model.n:
             faults.add(f"`order` may be at most n = {model.n}, the states of the model. Got {order}.")
     elif order is not None:
-        faults.add(f"`order` is for method='balanced' only: {method!r} finds its own. Got {checks.short(order)}.")
+        faults.add(
+            f"`order` is only for method='balanced': {method!r} determines the order. Got {checks.short(order)}."
+        )
 
 
 def _output_process(model: StateSpace) -> Reduction:
-    """Theorem 2.3: what past outputs or the inputs reach, and of that what the outputs show."""
+    """Theorem 2.3: the part reached by past outputs or inputs, and of it the part that the outputs show."""
     refuse_unstable(model.A, False, REMEDY)
     problem = problem_of(model)
     F, Q, H, R, J = problem
@@ -92,7 +94,7 @@ def _output_process(model: StateSpace) -> Reduction:
 
 
 def _minimal(model: StateSpace) -> Reduction:
-    """What inputs or noise move, and of that what the outputs show."""
+    """The part that inputs or noise move, and of it the part that the outputs show."""
     moves = np.hstack([model.B, noise_factor(model)] + ([] if model.B_end is None else [model.B_end]))
     D = balancing_units(model.A, moves)
     moved = complement(reach(model.A * (D / D[:, None]), moves / D[:, None]).Z)
@@ -111,8 +113,8 @@ def _balanced(model: StateSpace, order: int) -> Reduction:
     Lo = _root(lyapunov(model.A.T, model.C.T @ model.C))
     U, σ, Vt = np.linalg.svd(Lo.T @ Lc)
     if σ[order - 1] <= 1e-14 * σ[0]:
-        kept = int(np.sum(σ > 1e-14 * σ[0]))
-        checks.refuse(f"`order` may be at most {kept}: the other Hankel singular values are rounding. Got {order}.")
+        most = int(np.sum(σ > 1e-14 * σ[0]))
+        checks.refuse(f"`order` may be at most {most}: the other Hankel singular values are rounding. Got {order}.")
     root = np.sqrt(σ[:order])
     to, back = (U[:, :order] / root).T @ Lo.T, Lc @ Vt[:order].T / root
     small = _project(model, to, back, G=to @ model.G, Q=model.Q, R=model.R, S=model.S)
@@ -121,16 +123,16 @@ def _balanced(model: StateSpace, order: int) -> Reduction:
 
 
 def _shown(A: np.ndarray, C: np.ndarray, to: np.ndarray, back: np.ndarray):
-    """Without what no output shows."""
+    """The projection without the part that no output shows."""
     T = balancing_units(A.T, C.T)
     shown = complement(reach(A.T * (T / T[:, None]), C.T / T[:, None]).Z)
     return (shown.T * T) @ to, back @ (shown / T[:, None])
 
 
 def _project(model: StateSpace, to: np.ndarray, back: np.ndarray, **noise: np.ndarray | None) -> StateSpace:
-    """The model of z = to x; one state that is nothing where none is left."""
+    """The model of z = to x; a single zero state where none is left."""
     if len(to) == 0:
-        checks.refuse("nothing is left to model: neither inputs nor noise move anything that an output shows.")
+        checks.refuse("the reduced model is empty: neither inputs nor noise move a state that an output shows.")
     point = model.operating_point
     return StateSpace(
         to @ model.A @ back, to @ model.B, model.C @ back, model.D, **noise,

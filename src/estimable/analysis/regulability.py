@@ -1,4 +1,4 @@
-"""Can control lower a quadratic cost, from every state?"""
+"""Whether control lowers a quadratic cost from every state."""
 
 from typing import Any
 
@@ -17,13 +17,13 @@ from .tolerance import check_size
 def regulability(
     model: StateSpace, L: Numbers, M: Numbers, *, horizon: float | None = None, terminal: Numbers | None = None
 ) -> Regulability:
-    """Whether the best control costs strictly less than none, from every initial state.
+    """Whether the optimal control has a strictly lower cost than no control, from every initial state.
 
     The cost is Σ x'L x + u'M u (continuous: the integral) plus x'Ψ x at the end. L (n, n) and M (m, m), symmetric, M
     positive definite; either may have a leading axis of time. It is the dual of estimability: the model transposed, L
-    in the place of Q, M of R, time reversed.
+    instead of Q, M instead of R, time reversed.
 
-    `horizon`: steps (seconds where dt = 0); None: for ever, which needs a stable model (one that varies: over its rows).
+    `horizon`: steps (seconds where dt = 0); None: without limit, which needs a stable model (one that varies: over its rows).
     `terminal` (n, n): the weight Ψ at the end of a horizon; None: the stationary cost where there is one, else L.
 
     Returns a `Regulability`. Raises `AssumptionError` for an unstable model without a horizon, `InputError` for weights of
@@ -54,7 +54,7 @@ def regulability(
 
 
 def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = None) -> Problem:
-    """The estimation problem with the same answer: matrices transposed, and time reversed from `steps` on."""
+    """The dual estimation problem: matrices transposed, and time reversed from `steps` on."""
 
     def turned(X: np.ndarray):
         return np.swapaxes(X if X.ndim == 2 else X[:steps][::-1], -1, -2)
@@ -63,7 +63,7 @@ def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = No
 
 
 def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers | None, faults: checks.Faults) -> Any:
-    """L, M and the terminal weight; None where one is at fault."""
+    """L, M and the terminal weight; None where one is invalid."""
     for axis in ("n", "m"):
         size = getattr(model, axis)
         faults.learn(axis, size, f"the model has {checks.counted(size, 'state' if axis == 'n' else 'input')}")

@@ -1,4 +1,4 @@
-"""Margins against what is not modelled: how large a perturbation of a stable system can be before it may fail."""
+"""Margins against unmodelled dynamics: how large a perturbation of a stable system can be before it may fail."""
 
 import numpy as np
 
@@ -11,19 +11,19 @@ from ..results import RhoMargin, StabilityRadius
 
 
 def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoMargin:
-    """How much unmodelled coupling, nonlinearity or change in time a stable system bears.
+    """How much unmodelled coupling, nonlinearity or time variation a stable system tolerates.
 
     Model: x[k+1] = A x[k] + f(k, x[k]) + g[k] (dt = 0: dx/dt). With ||f|| <= κ ||x|| and κ below the margin, x stays
-    bounded whatever f is, and `perturbed(κ, δ)` gives the bound.
+    bounded for any f, and `perturbed(κ, δ)` gives the bound.
 
     A (n, n) must be stable. `dt`: its step in seconds, 0 if continuous. `scaling`: the size of one unit of each state, (n,),
-    or "balanced" to let rows and columns of A weigh alike; None: the states as they are. All of it depends on these units.
+    or "balanced" to balance the rows and columns of A; None: the states unchanged. All results depend on these units.
 
     Raises `InputError`; `AssumptionError` where A is not stable. In continuous time the norm is bounded between the times
-    at which it is computed, which costs the margin about .2 %, always to the safe side.
+    at which it is computed, which lowers the margin by about .2 %, so that it remains a guarantee.
 
-    Cost: up to 20,000 products and singular values of A. Reference: R. W. Bass (2005), who takes for the rate the spectral
-    radius, at which the overshoot of a defective A is infinite, and δ/ρ for what stays, which holds for κ = 0 only.
+    Cost: up to 20,000 products and singular values of A. Reference: R. W. Bass (2005), who uses the spectral radius as the
+    rate, at which the overshoot of a defective A is infinite, and δ/ρ as the final bound, which holds for κ = 0 only.
 
     >>> found = rho_margin([[0.5]], dt=1)
     >>> round(found.margin, 9), round(found.perturbed(0.4, 1.0).final, 6)
@@ -46,7 +46,7 @@ def stability_radius(A: Numbers, *, dt: float) -> StabilityRadius:
     A (n, n); `dt` in seconds, 0 if continuous. Raises `InputError`; `AssumptionError` where A is not stable.
 
     Cost: a few eigenvalue problems of 2n. Reference: D. Hinrichsen, A. J. Pritchard (1986); N. A. Bruinsma, M. Steinbuch
-    (1990). It is a margin against constant perturbations; for those that vary or are nonlinear see `rho_margin`.
+    (1990). It is a margin against constant perturbations; for time-varying or nonlinear ones use `rho_margin`.
 
     >>> round(stability_radius([[-3.0]], dt=0).margin, 9)
     3.0
@@ -72,7 +72,7 @@ def _read(A: Numbers, dt: float) -> tuple[np.ndarray, float]:
             if dt == 0
             else "modulus of an eigenvalue is {:.6g}, not < 1"
         )
-        raise AssumptionError(f"`A` is not stable, so that it has no margin: the largest {what.format(worst)}.")
+        raise AssumptionError(f"`A` is not stable, so it has no margin: the largest {what.format(worst)}.")
     return A, dt
 
 
@@ -96,7 +96,7 @@ def _scaling(A: np.ndarray, scaling: Numbers | None) -> np.ndarray:
 
 
 def _decay(A: np.ndarray, continuous: bool) -> tuple[decay.Course, float]:
-    """||A^k|| or ||e^{At}||, and a bound of their sum or integral."""
+    """||A^k|| or ||e^{At}||, and a bound on their sum or integral."""
     if not continuous:
         a = decay.norms(A)
         course = decay.Course(np.arange(len(a), dtype=float), a, np.zeros(len(a) - 1), 0.0)
@@ -110,4 +110,4 @@ def _decay(A: np.ndarray, continuous: bool) -> tuple[decay.Course, float]:
         raise AssumptionError(
             f"`A` is too near the limit of stability: its norm is still {a[-1]:.3g} after {len(a) - 1} steps."
         )
-    return course, float(total / (1 - a[-1]))  # the rest repeats it, smaller by the last norm each time
+    return course, float(total / (1 - a[-1]))  # the rest is a geometric series with the last norm as ratio

@@ -1,4 +1,4 @@
-"""Yes, no or borderline: how sizes relative to the largest decide a rank."""
+"""Thresholds of rank decisions: yes, no or borderline, by sizes relative to the largest."""
 
 import numpy as np
 
@@ -19,15 +19,15 @@ def judged(ratio: float) -> str:
 
 
 def scale(variance: np.ndarray) -> np.ndarray:
-    """Standard deviations, with 1 in the place of 0: divided by them, states and outputs have no units."""
+    """Standard deviations, with 1 instead of 0: divided by them, states and outputs have no units."""
     return np.where(variance > 0, np.sqrt(np.maximum(variance, 0.0)), 1.0)
 
 
 def check_size(n: int, faults: checks.Faults, *, steps: int = 0) -> None:
-    """Note a problem that would take minutes."""
+    """Report a problem that would take minutes."""
     if n > MOST_STATES:
         faults.add(
-            f"at most {MOST_STATES} states are analysed at once: `model` has {n}. Reduce it first, or take a part of it."
+            f"`model` must have at most {MOST_STATES} states. Got {n}. Reduce it first, or analyse a part of it."
         )
     elif steps * n**3 * 30 > MOST_WORK:
         most = int(MOST_WORK / (30 * n**3))

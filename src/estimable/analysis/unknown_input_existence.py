@@ -1,4 +1,4 @@
-"""Whether inputs that nobody measured can be known from the outputs, and how late."""
+"""Whether the outputs determine unmeasured inputs, and with what delay."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from ..models.state_space import StateSpace
 from ..results import UnknownInputExistence
 from .zeros import invariant_zeros
 
-ON_THE_CIRCLE = 1e-9  # how far inside the unit circle a zero must lie to count as inside
-ROUNDING = 1e-13  # of the terms of a sum: what is left of it is rounding
-RANK = 1e-10  # of the largest singular value, after scaling: what a rank is counted down to
+ON_THE_CIRCLE = 1e-9  # distance inside the unit circle from which a zero counts as inside
+ROUNDING = 1e-13  # of the terms of a sum: a smaller sum is rounding
+RANK = 1e-10  # of the largest singular value, after scaling: smaller ones do not count
 METHODS = {
     "feedthrough": "Gillijns & De Moor (2007b), with feedthrough",
     "no_feedthrough": "Gillijns & De Moor (2007a), without feedthrough",
@@ -27,20 +27,20 @@ def unknown_input_existence(
 ) -> UnknownInputExistence:
     """Whether the inputs named in `unknown` can be estimated from the outputs, before any data.
 
-    Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], of which the columns `unknown` of B and D count.
+    Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], with the columns `unknown` of B and D.
 
     An input is known after L samples where rank M[L] = d + rank of M[L] without its first d columns, M[L] being the
     block-Toeplitz map from inputs to outputs 0..L (Sain & Massey 1969, for a state known with finite variance). Errors
-    die out where every invariant zero lies inside the unit circle (strong detectability, Hautus 1983); the spectral
-    radius of the steady filter is the number that shows it.
+    decay where every invariant zero lies inside the unit circle (strong detectability, Hautus 1983); the spectral
+    radius of the steady filter shows it.
 
-    `unknown`: names, or column numbers. `seen` (T, p): which outputs of the next T samples arrive; then `input_delay`
-    says for each of them how late its input is known, NaN for never. A continuous model counts derivatives in the place
-    of samples, and its zeros must lie in the open left half plane. A time-varying one has ranks, and no zeros.
+    `unknown`: names, or column numbers. `seen` (T, p): which outputs of the next T samples arrive; `input_delay` is then the
+    delay after which the input of each sample is known, NaN for never. For a continuous model, derivatives replace samples, and
+    its zeros must lie in the open left half plane. A time-varying one has ranks, but no zeros.
 
     Cost: a few singular value decompositions; with `seen` about T of them, of size T d.
 
-    Raises `InputError` for names that are no input, and a `seen` that does not fit.
+    Raises `InputError` for names that are not inputs, and a `seen` of the wrong shape.
 
     Reference: M. L. J. Hautus, Linear Algebra and its Applications 50 (1983) 353-368; M. K. Sain, J. L. Massey, IEEE TAC
     14 (1969) 141-149; H. Fang (2009) §2.4, §5.2.
@@ -77,7 +77,7 @@ def unknown_columns(
             columns.append(model.inputs.index(one))
         else:
             faults.add(
-                f"`unknown` names {checks.short(one)}, which is no input of the model: "
+                f"`unknown` names {checks.short(one)}, which is not an input of the model: "
                 f"{checks.listed(model.inputs)}.{checks.suggestion(one, model.inputs)}"
             )
     if not given:
@@ -88,10 +88,10 @@ def unknown_columns(
 
 
 def existence(model: StateSpace, columns: tuple[int, ...], *, steady: bool = False) -> UnknownInputExistence:
-    """The verdict on the columns `unknown`; the spectral radii, which take an iteration, where `steady`."""
+    """The verdict on the columns `unknown`; where `steady`, also the spectral radii, which need an iteration."""
     systems = list(_systems(model, columns))
     ranks = [_ranks(*system) for system in systems]
-    delays = [np.inf if told is None else float(told) for _, _, told in ranks]
+    delays = [np.inf if delay is None else float(delay) for _, _, delay in ranks]
     worst = int(np.argmax(delays))
     rank_D, rank_next, delay = ranks[worst]
     constant = len(systems) == 1
@@ -119,7 +119,7 @@ def existence(model: StateSpace, columns: tuple[int, ...], *, steady: bool = Fal
 
 
 def _systems(model: StateSpace, columns: tuple[int, ...]):
-    """(A, B, C, D) of the unknown inputs at each row of time (one where the model does not vary).
+    """(A, B, C, D) of the unknown inputs at each row of time (one row for a constant model).
 
     Where the input moves between samples, x - B_end u is the state that it enters without delay.
     """
@@ -146,7 +146,7 @@ def _noises(model: StateSpace):
 
 
 def rank(M: np.ndarray) -> int:
-    """The rank, whatever the units of rows and columns."""
+    """The rank, independent of the units of rows and columns."""
     if M.size == 0:
         return 0
     rows = np.abs(M).max(axis=1, keepdims=True)
@@ -157,13 +157,13 @@ def rank(M: np.ndarray) -> int:
 
 
 def product(M: np.ndarray, N: np.ndarray) -> np.ndarray:
-    """M N, in which what is the rounding of its terms is zero."""
+    """M N, with entries at the rounding of their terms set to zero."""
     found, terms = M @ N, np.abs(M) @ np.abs(N)
     return np.where(np.abs(found) <= ROUNDING * terms, 0.0, found)
 
 
 def null_space(M: np.ndarray) -> np.ndarray:
-    """An orthonormal basis of the null space, whatever the units of the rows."""
+    """An orthonormal basis of the null space, independent of the units of the rows."""
     if M.size == 0:
         return np.eye(M.shape[1])
     rows = np.abs(M).max(axis=1, keepdims=True)
@@ -178,15 +178,15 @@ def _ranks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[
     beside = np.hstack([product(C, product(B, N)), D])
     blocks, power = [D], B
     for L in range(len(A) + 1):
-        if _is_told(blocks, d):
+        if _is_determined(blocks, d):
             return rank(D), rank(beside), L
         blocks.append(product(C, power))
         power = product(A, power)
     return rank(D), rank(beside), None
 
 
-def _is_told(blocks: list[np.ndarray], d: int) -> bool:
-    """Whether the first input is told by as many samples as there are blocks D, CB, CAB, .."""
+def _is_determined(blocks: list[np.ndarray], d: int) -> bool:
+    """Whether as many samples as there are blocks D, CB, CAB, .. determine the first input."""
     L, p = len(blocks), blocks[0].shape[0]
     M = np.zeros((L * p, L * d))
     for i in range(L):
@@ -213,10 +213,10 @@ def _sentence(
     rank_D, rank_next, delay = ranks
     d, names = len(columns), checks.listed(model.inputs[i] for i in columns)
     if d > model.p:
-        return f"{d} unknown inputs ({names}) cannot be told by {checks.counted(model.p, 'output')}"
+        return f"{checks.counted(model.p, 'output')} cannot determine {d} unknown inputs ({names})"
     if delay is None:
         return (
-            f"the outputs never tell {names} apart from nothing: rank D is {rank_D} and rank [C B N, D] {rank_next} "
+            f"the outputs never distinguish {names} from zero: rank D is {rank_D} and rank [C B N, D] {rank_next} "
             f"where {d} inputs need {d} and {d + d - rank_D}, and more samples do not help"
         )
     when = "derivatives" if model.is_continuous else ("sample" if delay == 1 else "samples")
@@ -224,26 +224,26 @@ def _sentence(
     if len(outside):
         where = "in the right half plane or on its edge" if model.is_continuous else "not inside the unit circle"
         shown = ", ".join(f"{z.real:.6g}" if abs(z.imag) < 1e-9 else f"{z:.6g}" for z in outside)
-        return f"{names} can act unseen for ever: the invariant zero {shown} is {where}"
-    told = "" if radius is None else f"; errors shrink by {radius:.4g} a sample"
-    return f"{names} is known {at_once} (rank D = {rank_D}, {d} unknown){told}"
+        return f"{names} can act forever without an effect on the outputs: the invariant zero {shown} is {where}"
+    decay = "" if radius is None else f"; errors shrink by a factor of {radius:.4g} per sample"
+    return f"{names} is known {at_once} (rank D = {rank_D}, {d} unknown){decay}"
 
 
 def _read_seen(seen: Numbers | Sequence[str], model: StateSpace, faults: checks.Faults) -> np.ndarray | None:
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
     pattern = faults.array("seen", seen, "T p")
     if model.is_continuous:
-        faults.add("`seen` counts samples, and the model is continuous (dt = 0): discretise it.")
+        faults.add("`seen` refers to samples, but the model is continuous (dt = 0): discretise it.")
     if pattern is not None and model.steps not in (None, len(pattern)):
-        faults.add(f"`seen` must have {model.steps} rows: the model varies over as many. Got {len(pattern)}.")
+        faults.add(f"`seen` must have {model.steps} rows, as many as the time-varying model. Got {len(pattern)}.")
     return None if pattern is None else pattern.astype(bool)
 
 
 def _delays(model: StateSpace, columns: tuple[int, ...], seen: np.ndarray):
-    """(T, d) how many samples later each input is known; (T,) whether x[k] is known from the outputs up to k.
+    """(T, d) the delay in samples after which each input is known; (T,) whether x[k] is known from the outputs up to k.
 
-    The null space of the map from all inputs so far to what was seen is carried along: an input is known when no vector
-    of it moves that input.
+    The recursion carries the null space of the map from all inputs so far to the seen outputs: an input is known when no
+    vector of it moves that input.
     """
     systems = list(_systems(model, columns))
     T, d, n = len(seen), len(columns), model.n
@@ -254,8 +254,8 @@ def _delays(model: StateSpace, columns: tuple[int, ...], seen: np.ndarray):
         free = basis.shape[1]
         basis = np.block([[basis, np.zeros((k * d, d))], [np.zeros((d, free)), np.eye(d)]])
         states = np.hstack([states, np.zeros((n, d))])
-        told = product(np.hstack([C, D]), np.vstack([states, basis[k * d :]]))[seen[k]]
-        left = null_space(told) if len(told) else np.eye(free + d)
+        shown = product(np.hstack([C, D]), np.vstack([states, basis[k * d :]]))[seen[k]]
+        left = null_space(shown) if len(shown) else np.eye(free + d)
         basis, states = basis @ left, states @ left
         silent = np.abs(basis).max(axis=1, initial=0.0).reshape(k + 1, d) < 1e-9
         new = silent & np.isnan(delay[: k + 1])

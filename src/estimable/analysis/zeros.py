@@ -1,4 +1,4 @@
-"""Invariant zeros: the exponents at which an input can act and no output tell of it.
+"""Invariant zeros: the exponents of inputs that have no effect on the outputs.
 
 Letters: the system (A, B, C, D). Reference: A. Emami-Naeini, P. Van Dooren, Automatica 18 (1982) 415-430.
 """
@@ -11,14 +11,14 @@ RANK = 1e-11  # a singular value this far below the size of the (scaled) system 
 
 
 class Zeros(NamedTuple):
-    """The finite invariant zeros, and the rank of the transfer function: how many inputs the outputs can tell apart."""
+    """The finite invariant zeros, and the rank of the transfer function: the number of distinguishable inputs."""
 
     values: np.ndarray
     normal_rank: int
 
 
 def invariant_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Zeros:
-    """The zeros of (A, B, C, D), whatever its shape and ranks.
+    """The zeros of (A, B, C, D), for any shape and ranks.
 
     >>> zeros = invariant_zeros([[0.5]], [[1.0]], [[1.0]], [[0.5]])
     >>> zeros.values.real.round(12).tolist(), zeros.normal_rank
@@ -48,7 +48,7 @@ def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray):
 
 
 def _without_silent_states(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, tolerance: float):
-    """The system with the same zeros of which D has full row rank: states that the outputs fix are made outputs."""
+    """The system with the same zeros and a D of full row rank: states that the outputs determine become outputs."""
     while True:
         U, s, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
         rank = int(np.sum(s > tolerance))
@@ -58,7 +58,7 @@ def _without_silent_states(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.nd
         ν = int(np.sum(s > tolerance))
         if ν == 0:
             return A, B, C, D
-        T = np.vstack([V[ν:], V[:ν]])  # x = T' z: the last ν states are fixed by outputs
+        T = np.vstack([V[ν:], V[:ν]])  # x = T' z: the outputs determine the last ν states
         A, B, C, free = T @ A @ T.T, T @ B, C @ T.T, len(A) - ν
         C, D = np.vstack([C[:, :free], A[free:, :free]]), np.vstack([D, B[free:]])
         A, B = A[:free, :free], B[:free]

@@ -1,1 +1,1 @@
-"""What an input is made of an estimate and a reference: `init()`, then `act(state, estimate, reference)` at each sample."""
+"""Controllers, from an estimate and a reference to an input: `init()`, then `act(state, estimate, reference)` at each sample."""

@@ -1,4 +1,4 @@
-"""A small movement of the inputs, for as long as a gain is not known well enough."""
+"""A small movement of the inputs while a gain is not known well enough."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
@@ -16,31 +16,31 @@ from ..protocols import SharedController
 from ..results import Info, Names
 from .state_feedback import check_inner
 
-RELEASE = 0.7  # of the wanted sigma, below which the dither ends: it does not start again with the next sample
+RELEASE = 0.7  # of the wanted sigma, below which the dither ends, so that it does not restart at the next sample
 
 
 @frozen
 class Dither(SharedController[Any]):
-    """A controller that moves its inputs a little while the gain is less well known than it should be.
+    """A controller that moves its inputs a little while the gain is known less well than wanted.
 
-    Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It goes on when the standard deviation
-    of any gain exceeds `sigma`, and off when all are below .7 `sigma`. In straight and level flight nothing tells of a gain; its
-    variance grows with its walk, and with it the time for a dither comes.
+    Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It switches on when the standard deviation
+    of any gain exceeds `sigma`, and off when all are below .7 `sigma`. Straight and level flight carries no information about a
+    gain. Its variance grows with its walk, until a dither is needed.
 
-    Assumes that the estimator's variance grows where nothing is told: `UnknownGain(..., walk=...)`, not one that believes a gain
-    for ever as `ChangeDetection` without a walk does. What is known before the dither starts costs it nothing.
+    Assumes that the estimator's variance grows without information: `UnknownGain(..., walk=...)`, not `ChangeDetection` without
+    a walk, whose gain stays known. If the gain is well known in advance, no dither is added.
 
-    Settings: `controller`, as `StateFeedback`; `amplitude` (m,) or one number, in units of the input (see `Dither.sized`);
-    `period`, in samples, even: near the natural frequency of the plant it tells most for its size; `sigma`, wanted of each
-    gain. Inside `GainReconfiguration` it is not divided by the gain: what a dither tells does not depend on the gain.
+    Settings: `controller`, such as `StateFeedback`; `amplitude` (m,) or one number, in units of the input (see `Dither.sized`);
+    `period`, in samples, even: near the natural frequency of the plant a dither is most informative for its size; `sigma`,
+    wanted for each gain. Inside `GainReconfiguration` it is not divided by the gain: its information does not depend on the gain.
 
-    Says `dither` (m,), what was added. Cost: a comparison a gain.
+    Reports `dither` (m,), the part added. Cost: one comparison per gain.
 
-    Reference: A. G. Sillence (1999), §6.3, asks for it; the rule is ours.
+    Reference: A. G. Sillence (1999), §6.3, asks for a dither; the rule is ours.
 
     >>> law = Dither(StateFeedback([[0.0]]), amplitude=0.5, period=4, sigma=0.1)
-    >>> unsure = Info(mean=np.array([0.0]), gain=np.array([1.0]), gain_covariance=np.array([[0.04]]))
-    >>> state, u, _ = law.act(law.init(), unsure, np.zeros(0))
+    >>> uncertain = Info(mean=np.array([0.0]), gain=np.array([1.0]), gain_covariance=np.array([[0.04]]))
+    >>> state, u, _ = law.act(law.init(), uncertain, np.zeros(0))
     >>> u.tolist()
     [0.5]
     """
@@ -56,12 +56,14 @@ class Dither(SharedController[Any]):
         check_inner(self.controller, "Dither", faults)
         faults.finish()
         m = self.controller.size
-        faults.learn("m", m, f"the controller makes {checks.counted(m, 'input')}")
+        faults.learn("m", m, f"the controller has {checks.counted(m, 'input')}")
         given = [self.amplitude] * m if np.ndim(self.amplitude) == 0 else self.amplitude
         amplitude = faults.array("amplitude", given, "m")
         faults.whole("period", self.period, 2)
         if isinstance(self.period, int) and self.period % 2:
-            faults.add(f"`period` must be even, in samples: half of it up, half of it down. Got {self.period}.")
+            faults.add(
+                f"`period` must be an even number of samples: half of it up, half of it down. Got {self.period}."
+            )
         sigma = faults.number("sigma", self.sigma, above=0.0)
         faults.finish()
         set_field(self, amplitude=amplitude, sigma=sigma)
@@ -78,11 +80,11 @@ class Dither(SharedController[Any]):
         directions: Numbers | str | None = None,
         each: Numbers | None = None,
     ) -> "Dither":
-        """The dither that brings every gain to `sigma` within `seconds`, in level flight and from knowing nothing of it.
+        """The dither that brings every gain to `sigma` within `seconds`, from zero inputs and without prior knowledge.
 
-        `model`, `directions`: as the `UnknownGain` has them, constant gains; the inputs do what they are told: behind an actuator
-        of bandwidth ω, multiply the amplitude by what it takes away, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,): relative
-        sizes of the inputs (default: all alike). Raises `AssumptionError` where no amplitude is enough.
+        `model`, `directions`: those of the `UnknownGain`, with constant gains. The inputs act without an actuator. Behind an
+        actuator of bandwidth ω, multiply the amplitude by its attenuation, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,):
+        relative sizes of the inputs (default: all equal). Raises `AssumptionError` where no amplitude is enough.
 
         >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=0.1)
         >>> law = Dither.sized(StateFeedback([[0.0]]), model, sigma=0.05, seconds=5.0, period=4, dt=0.1)
@@ -105,22 +107,22 @@ class Dither(SharedController[Any]):
 
     @property
     def size(self) -> int:
-        """How many inputs are made."""
+        """The number of inputs."""
         return self.controller.size
 
     @property
     def references(self) -> int:
-        """How many references are followed."""
+        """The number of references."""
         return self.controller.references
 
     def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the estimator whose columns have these names."""
+        """Check that an estimator whose columns have these names suits this controller."""
         self.controller.check(names, faults)
         if not names.gains:
-            faults.add("`controller` dithers until a gain is known, and the estimator gives none: use UnknownGain.")
+            faults.add("`controller` dithers until a gain is known, but the estimator has no gain: use UnknownGain.")
 
     def init(self) -> Any:
-        """The controller's own state, whether the dither is on, and how many samples it has been."""
+        """The controller's own state, whether the dither is on, and for how many samples."""
         return self.controller.init(), jnp.zeros((), bool), jnp.zeros((), int)
 
     def act(
@@ -131,7 +133,7 @@ class Dither(SharedController[Any]):
         P = jnp.asarray(estimate.gain_covariance)
         worst = jnp.max(jnp.sum(P * jnp.eye(P.shape[0]), axis=0))
         on = (worst > self.sigma**2) | (on & (worst > (RELEASE * self.sigma) ** 2))
-        inner, u, said = self.controller.act(inner, estimate, reference, effect)
+        inner, u, reported = self.controller.act(inner, estimate, reference, effect)
         added = jnp.where(on, jnp.where(count < self.period // 2, 1.0, -1.0), 0.0) * self.amplitude
         count = jnp.where(on, jnp.where(count + 1 < self.period, count + 1, 0), 0)
-        return (inner, on, count), u + added, {**said, "dither": added}
+        return (inner, on, count), u + added, {**reported, "dither": added}

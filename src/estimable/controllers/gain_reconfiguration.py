@@ -1,4 +1,4 @@
-"""A law for the healthy plant that is told how much of its effect the input has left."""
+"""A law for the healthy plant, adapted to the remaining effect of the input."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
@@ -18,34 +18,34 @@ from .state_feedback import check_inner
 
 @frozen
 class GainReconfiguration(Controller[Any]):
-    """A controller whose demand on the plant is divided by the estimated gain, so that a loss of effect is made good.
+    """A controller whose demand on the plant is divided by the estimated gain, to compensate for a loss of effect.
 
-    Model: the input acts through a gain K (one, or one for each input). What the controller asks of the plant is divided by
-    K~ = K^ + c P / K^, and what it asks of the actuator itself (`input_feedback`) is not. K^ is the estimate, held at `lower`
-    at least, P its variance and c the `caution`. At c = 1 this is the divisor for which E(K/K~ - 1)² is least: what is not
-    known is not acted on. At c = 0 the estimate is taken at its word.
+    Model: the input acts through a gain K (one, or one for each input). The controller's demand on the plant is divided by
+    K~ = K^ + c P / K^, but not its demand on the actuator itself (`input_feedback`). K^ is the estimate, at least `lower`, P its
+    variance and c the `caution`. At c = 1 this is the divisor with the least E(K/K~ - 1)²: an uncertain gain is compensated
+    less. At c = 0 the estimate is used as exact.
 
     Assumes that the gain is estimated well enough and soon. `ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])),
-    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window take `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`.
+    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window use `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`.
     The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
 
-    Reallocation: with `allocation` M (r, m), what each input does to the r things that matter (rows of B), the inputs become
-    u = G' (G G')^-1 M v for the demand v of the law, G = M diag(K~): M diag(K~) u is then M v with the least effort, and
-    an input whose gain is at its `lower` bound counts as lost, its work going to the others. Without it each input is divided
-    by its own gain, and the work of a lost one is lost.
+    Reallocation: `allocation` M (r, m) is the effect of each input on r quantities (rows of B). The inputs become
+    u = G' (G G')^-1 M v for the demand v of the law, G = M diag(K~): M diag(K~) u is then M v with the least effort. An input
+    whose gain is at its `lower` bound counts as lost, and the others replace it. Without `allocation` each input is divided by
+    its own gain, and the effect of a lost one is lost.
 
-    Settings: `controller`, as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1);
-    `allocation` (r, m) of rank r (default None); `rate`: how much 1 / K~ may change in a sample (default None: at will), so
-    that a wrong alarm does not kick.
+    Settings: `controller`, such as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1);
+    `allocation` (r, m) of rank r (default None); `rate`: largest change of 1 / K~ in a sample (default None: no limit), so
+    that a false alarm does not cause a jump of the input.
 
-    Says `effect` (m,) or (1,), the divisor K~. Cost: five operations a gain, and r² (m + r) with an allocation.
+    Reports `effect` (m,) or (1,), the divisor K~. Cost: five operations per gain, and r² (m + r) with an allocation.
 
     Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower`, `caution`, `rate` and the allocation (a pseudo-inverse) are ours.
 
     >>> law = GainReconfiguration(StateFeedback([[1.0]]))
-    >>> believed = Info(mean=np.array([-1.0]), gain=np.array([0.5]), gain_covariance=np.array([[0.0]]))
-    >>> state, u, said = law.act(law.init(), believed, np.zeros(0))
-    >>> u.tolist(), said["effect"].tolist()
+    >>> estimate = Info(mean=np.array([-1.0]), gain=np.array([0.5]), gain_covariance=np.array([[0.0]]))
+    >>> state, u, reported = law.act(law.init(), estimate, np.zeros(0))
+    >>> u.tolist(), reported["effect"].tolist()
     ([2.0], [0.5])
     """
 
@@ -75,52 +75,52 @@ class GainReconfiguration(Controller[Any]):
             )
         elif np.linalg.matrix_rank(M) < len(M):
             faults.add(
-                f"`allocation` must have independent rows: {len(M)} things cannot be moved independently by these inputs. Give "
-                "the rows of B that the inputs can tell apart."
+                f"`allocation` must have independent rows: these inputs cannot move {len(M)} quantities independently. Give "
+                "linearly independent rows of B."
             )
 
     @property
     def size(self) -> int:
-        """How many inputs are made."""
+        """The number of inputs."""
         return self.controller.size
 
     @property
     def references(self) -> int:
-        """How many references are followed."""
+        """The number of references."""
         return self.controller.references
 
     def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the estimator whose columns have these names."""
+        """Check that an estimator whose columns have these names suits this controller."""
         self.controller.check(names, faults)
         if not names.gains:
             faults.add(
-                "`controller` needs the gain, and the estimator gives none: use UnknownGain, best in ChangeDetection."
+                "`controller` needs the gain, but the estimator has none: use UnknownGain, best in ChangeDetection."
             )
         elif len(names.gains) not in (1, self.size):
             faults.add(
-                f"`controller` needs one gain, or one for each of {checks.counted(self.size, 'input')}. The estimator gives "
+                f"`controller` needs one gain, or one for each of {checks.counted(self.size, 'input')}. The estimator has "
                 f"{len(names.gains)}: {checks.listed(names.gains)}."
             )
 
     def init(self) -> Any:
-        """The controller's own state; under a `rate` also 1 / K~ of each input, of which nothing is lost."""
+        """The controller's own state; with a `rate` also 1 / K~ of each input, at full effect."""
         return self.controller.init() if self.rate is None else (self.controller.init(), jnp.ones(self.size))
 
     def act(self, state: Any, estimate: Info, reference: Array) -> tuple[Any, Array, Mapping[str, Array]]:
-        """The input (m,), and the `effect` that was counted on."""
+        """The input (m,), and the `effect` it assumes."""
         K = jnp.maximum(jnp.asarray(estimate.gain), self.lower)
         variance = jnp.sum(jnp.asarray(estimate.gain_covariance) * jnp.eye(K.shape[0]), axis=0)
         effect = K + self.caution * variance / K
         if self.rate is None:
-            state, u, said = self.controller.act(state, estimate, reference, self._share(effect, K))
-            return state, u, {**said, "effect": effect}
+            state, u, reported = self.controller.act(state, estimate, reference, self._share(effect, K))
+            return state, u, {**reported, "effect": effect}
         state, inverse = state
         inverse = jnp.clip(1 / effect, inverse - self.rate, inverse + self.rate)
-        state, u, said = self.controller.act(state, estimate, reference, self._share(1 / inverse, K))
-        return (state, inverse), u, {**said, "effect": 1 / inverse}
+        state, u, reported = self.controller.act(state, estimate, reference, self._share(1 / inverse, K))
+        return (state, inverse), u, {**reported, "effect": 1 / inverse}
 
     def _share(self, effect: Array, K: Array) -> Any:
-        """What the law divides by, or multiplies with where the inputs stand in for one another."""
+        """The divisor of the demand, or the matrix that reallocates it between the inputs."""
         if self.allocation is None:
             return effect
         M = jnp.asarray(self.allocation)

@@ -22,7 +22,7 @@ class ProportionalIntegral(SharedController[Array]):
 
     Settings: F, N and L as in `StateFeedback`; `integral` J (m, r); `tracked` M (r, n), the combinations of states that
     follow the references; `dt` in seconds; `limits` (2,) or (2, m): smallest and largest input (default None). Where an
-    input is at its limit, what would drive z further into it is not integrated (no wind-up).
+    input is at its limit, an error that would drive it further is not integrated (anti-windup).
 
     Cost: m (n + 2 r + m) + r n multiplications. Reference: A. G. Sillence (1999), ch. 3; the integral by Euler's rule.
 
@@ -43,16 +43,16 @@ class ProportionalIntegral(SharedController[Array]):
 
     @property
     def size(self) -> int:
-        """How many inputs are made."""
+        """The number of inputs."""
         return self.feedback.shape[-2]
 
     @property
     def references(self) -> int:
-        """How many references are followed."""
+        """The number of references."""
         return self.reference_gain.shape[-1]
 
     def check(self, names: Names, faults: checks.Faults) -> None:
-        """The estimator must give the states that are fed back."""
+        """Check that the estimator has the states that are fed back."""
         check_states(self.feedback, names, faults)
 
     def __post_init__(self):
@@ -66,13 +66,13 @@ class ProportionalIntegral(SharedController[Array]):
         set_field(self, **law)
 
     def init(self) -> Array:
-        """No error so far."""
+        """Zero integral."""
         return jnp.zeros(self.references)
 
     def act(
         self, state: Array, estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[Array, Array, Mapping[str, Array]]:
-        """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
+        """The input (m,), with its demand on the plant divided by `effect` (see `shared`)."""
         J = jnp.asarray(self.integral)
         u = shared(demand(self, estimate, reference) - apply(J, state), effect) - of_input(self, estimate)
         error = jnp.asarray(reference) - apply(jnp.asarray(self.tracked), jnp.asarray(estimate.mean))

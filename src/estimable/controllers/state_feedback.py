@@ -16,24 +16,24 @@ from ..results import Info, Names
 
 
 def check_states(feedback: Array, names: Names, faults: checks.Faults) -> None:
-    """The estimator must give as many states as `feedback` (m, n) takes."""
+    """Check that the estimator has as many states as `feedback` (m, n) takes."""
     n = feedback.shape[-1]
     if n != len(names.states):
         states = checks.counted(len(names.states), "state")
         faults.add(
-            f"`controller` feeds back {n} states, and the estimator gives {states}: {checks.listed(names.states)}."
+            f"`controller` feeds back {n} states, but the estimator has {states}: {checks.listed(names.states)}."
         )
 
 
 @frozen
 class StateFeedback(SharedController[tuple[()]]):
-    """u = N r - F x^ - L i: the reference r, the estimated state x^, and what the actuators do, i, where that is measured.
+    """u = N r - F x^ - L i: the reference r, the estimated state x^, and the actuator positions i, where measured.
 
-    Settings: `feedback` F (m, n), as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
-    `input_feedback` L (m, m), of the measured inputs (default None: none).
+    Settings: `feedback` F (m, n), such as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
+    `input_feedback` L (m, m), of the measured actuator positions (default None: none).
 
-    The state is the filtered estimate, of which this takes no account of the covariance. For an actuator that may lose its
-    effect, see `GainReconfiguration`; for an offset that must vanish, `ProportionalIntegral`.
+    The law uses the filtered estimate and ignores its covariance. For an actuator that may lose its effect, use
+    `GainReconfiguration`; for an offset that must vanish, `ProportionalIntegral`.
 
     Cost: m (n + r + m) multiplications. Reference: A. G. Sillence (1999), ch. 3, the law without its integral.
 
@@ -54,31 +54,31 @@ class StateFeedback(SharedController[tuple[()]]):
 
     @property
     def size(self) -> int:
-        """How many inputs are made."""
+        """The number of inputs."""
         return self.feedback.shape[-2]
 
     @property
     def references(self) -> int:
-        """How many references are followed."""
+        """The number of references."""
         return self.reference_gain.shape[-1]
 
     def check(self, names: Names, faults: checks.Faults) -> None:
-        """The estimator must give the states that are fed back."""
+        """Check that the estimator has the states that are fed back."""
         check_states(self.feedback, names, faults)
 
     def init(self) -> tuple[()]:
-        """Nothing to remember."""
+        """No state."""
         return ()
 
     def act(
         self, state: tuple[()], estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[tuple[()], Array, Mapping[str, Array]]:
-        """The input (m,), with the part that passes through the plant shared out by `effect` (see `shared`)."""
+        """The input (m,), with its demand on the plant divided by `effect` (see `shared`)."""
         return state, shared(demand(self, estimate, reference), effect) - of_input(self, estimate), {}
 
 
 def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
-    """The matrices of a linear law, checked together; those left out are zero."""
+    """The matrices of a linear law, checked together; omitted ones are zero."""
     read = {"feedback": faults.array("feedback", law.feedback, "m n")}
     for name, axes, size in (("reference_gain", "m r", 0), ("input_feedback", "m m", None)):
         given = getattr(law, name)
@@ -89,36 +89,36 @@ def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
 
 
 def check_controller(controller: Controller[Any], faults: checks.Faults) -> None:
-    """A controller, made, and not a class."""
+    """Check that it is a controller, not a class."""
     if not isinstance(controller, Controller):
         faults.add(
-            "`controller` must be a controller, as StateFeedback(feedback); one of your own derives from estimable.Controller. "
-            f"Got {checks.short(controller)}."
+            "`controller` must be a controller, such as StateFeedback(feedback), or your own class derived from "
+            f"estimable.Controller. Got {checks.short(controller)}."
         )
 
 
 def check_inner(controller: Controller[Any], around: str, faults: checks.Faults) -> None:
-    """A controller that says how its demand on the plant is shared out."""
+    """Check that it is a controller whose demand on the plant can be divided."""
     check_controller(controller, faults)
     if isinstance(controller, Controller) and not isinstance(controller, SharedController):
         faults.add(
-            f"`controller` must be a law whose demand {around} can divide, as StateFeedback and ProportionalIntegral are: "
-            f"{type(controller).__name__} is none."
+            f"`controller` must be a law whose demand {around} can divide, such as StateFeedback or ProportionalIntegral. "
+            f"Got {type(controller).__name__}."
         )
 
 
 def demand(law: Any, estimate: Info, reference: Array) -> Any:
-    """N r - F x^: what is asked of the plant."""
+    """N r - F x^: the demand on the plant."""
     wanted = apply(jnp.asarray(law.reference_gain), jnp.asarray(reference)) if law.references else 0.0
     return wanted - apply(jnp.asarray(law.feedback), jnp.asarray(estimate.mean))
 
 
 def shared(wanted: Array, effect: Array | float) -> Any:
-    """What is asked of the plant, divided by `effect`, one number or (m,); or times it, where it is a matrix (m, m)."""
+    """The demand on the plant, divided by `effect`, one number or (m,); or multiplied by it, where it is a matrix (m, m)."""
     return apply(jnp.asarray(effect), wanted) if jnp.ndim(effect) == 2 else wanted / effect
 
 
 def of_input(law: Any, estimate: Info) -> Any:
-    """L i, with i what the actuators do."""
+    """L i, with i the actuator positions."""
     extra = estimate.extra or {}
     return apply(jnp.asarray(law.input_feedback), jnp.asarray(extra["input"])) if "input" in extra else 0.0

@@ -1,4 +1,4 @@
-"""Follow a reference with a plant that is being identified."""
+"""Tracking of a reference with a plant that is identified at the same time."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
@@ -25,7 +25,7 @@ LAWS = ("mirrored", "inverse")
 
 @frozen
 class Remembered:
-    """What the law remembers, (p, na) each: past outputs as measured, deviations from the model's with their covariances, and
+    """The state of the law, (p, na) each: past measured outputs, their deviations from the model with covariances, and
     δ; the largest reference so far, (p,)."""
 
     measured: Any
@@ -37,39 +37,37 @@ class Remembered:
 
 @frozen
 class Tracking(Controller[Remembered]):
-    """The input that brings the next output to its reference, by the parameters that an identifier believes now.
+    """The input that brings the next output to its reference, with the current parameters of an identifier.
 
     Model: A(z) x° = z^-delay B(z) u, y = x° + v, with A and B estimated; as many inputs as outputs (`size`). The input is
     u[k] = (r[k] + Σ a_i x[k-i] - Σ b_i u[k-i]) / b0, so that the model's output is r; with `delay`, r[k] is reached at k + delay.
-    It acts before y[k] is measured, on an identifier that holds past outputs: `JointOutputError` (which starts and recovers
-    fast) or `RecursiveOutputError`.
+    It acts before y[k] is measured, on an identifier that stores past outputs: `JointOutputError` (with a fast start and
+    recovery) or `RecursiveOutputError`.
 
-    Assumes that A is stable. `feedback` says which past outputs: "model", those of the identifier's model (the default: the
-    noise does not come back through the law, which reaches the least variance; nor are disturbances rejected);
-    "measured", y where it was seen, as the source prints it; "filtered", between them: the model's, and how the plant
-    deviates from it by a process noise of `noise_ratio` times the variance of v, by a Kalman filter. `law`: "inverse" cancels
-    the zeros of B, so that a plant with zeros outside the unit circle drives u away (refused by `close_loop`);
-    "mirrored" (the default, of one input) reflects those outside and keeps the static gain: the poles of the least-square law
-    of vanishing input weight, which accepts any zeros, and the same as "inverse" where all are inside. It also guards what
-    an estimate says for a while.
+    Assumes that A is stable. `feedback` selects the past outputs: "model", those of the identifier's model (the default: the
+    noise is not fed back, which gives the least variance; nor are disturbances rejected); "measured", y where it was seen, as
+    printed in the source; "filtered", between them: the model's outputs, and the plant's deviation from them due to process
+    noise of `noise_ratio` times the variance of v, by a Kalman filter. `law`: "inverse" cancels the zeros of B, so that u grows
+    without bound for a plant with zeros outside the unit circle (an error in `close_loop`); "mirrored" (the default, for one
+    input) reflects the zeros outside and preserves the static gain: the poles of the least-squares law with vanishing input
+    weight. It accepts any zeros, equals "inverse" where all are inside, and also limits the effect of a temporary estimate.
 
-    Settings: `na`, `nb`, `delay`, `size` as those of the identifier; `lower`: the smallest divisor |b0| that is believed, in
-    units of output over input (default 0; never below 1e-3 of Σ |b|, nor, in the mirrored law, half its standard deviation;
-    its sign is taken as estimated); `reach`: one input may be asked to move the output by this many times the largest
-    reference so far (default 3; without limit while the reference is zero); `limits` (2,): smallest and largest input
-    (default None).
+    Settings: `na`, `nb`, `delay`, `size` as those of the identifier; `lower`: the smallest divisor |b0|, in units of output over
+    input (default 0; never below 1e-3 of Σ |b|, nor, in the mirrored law, half its standard deviation; its sign is that of the
+    estimate); `reach`: one input may move the output by at most this many times the largest reference so far (default 3;
+    without limit while the reference is zero); `limits` (2,): smallest and largest input (default None).
 
-    Says `divisor` (p,), `minimum_phase` (p,) whether the estimated B has its zeros inside.
+    Reports `divisor` (p,), and `minimum_phase` (p,), whether the zeros of the estimated B are inside.
 
     Cost: about 10 (na + nb) multiplications.
 
-    Reference: H. Fang (2009), (4.15) and Theorem 4.1; (4.15) feeds back z where (4.14) and the theorem mean x_b. The mirrored
+    Reference: H. Fang (2009), (4.15) and Theorem 4.1. (4.15) feeds back z, but (4.14) and the theorem need x_b. The mirrored
     law: K. J. Åström & B. Wittenmark, *Computer-Controlled Systems* (1997), §12.4.
 
     >>> law = Tracking(1, 0)
-    >>> told = Info(mean=np.array([-0.5, 2.0]), covariance=np.zeros((2, 2)), extra={
+    >>> now = Info(mean=np.array([-0.5, 2.0]), covariance=np.zeros((2, 2)), extra={
     ...     "past_outputs": np.array([[1.0]]), "past_inputs": np.zeros((1, 0)), "completed": np.zeros(1), "seen": np.ones(1)})
-    >>> law.act(law.init(), told, np.array([1.5]))[1].tolist()
+    >>> law.act(law.init(), now, np.array([1.5]))[1].tolist()
     [0.5]
     """
 
@@ -98,7 +96,7 @@ class Tracking(Controller[Remembered]):
         limits = read_limits(self.limits, faults)
         if self.law == "mirrored" and self.size != 1:
             faults.add(
-                '`law` = "mirrored" is for one input and one output: with more give law="inverse", of plants whose zeros lie '
+                '`law` = "mirrored" is for one input and one output. With more give law="inverse", for plants whose zeros lie '
                 "inside the unit circle."
             )
         faults.finish()
@@ -111,21 +109,21 @@ class Tracking(Controller[Remembered]):
 
     @property
     def references(self) -> int:
-        """How many references are followed."""
+        """The number of references."""
         return self.size
 
     def check(self, names: Names, faults: checks.Faults) -> None:
-        """What this asks of the identifier whose columns have these names."""
+        """Check that an identifier whose columns have these names suits this controller."""
         wanted = self.size * (self.na + self.size * (self.nb + 1))
         if len(names.states) != wanted or len(names.outputs) != self.size:
             faults.add(
                 f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} of "
-                f"{checks.counted(self.size, 'output')}. The estimator gives {len(names.states)} of {len(names.outputs)}: "
+                f"{checks.counted(self.size, 'output')}. The estimator has {len(names.states)} of {len(names.outputs)}: "
                 f"{checks.listed(names.states)}."
             )
 
     def check_plant(self, model: StateSpace, faults: checks.Faults) -> None:
-        """Whether the law can follow this plant."""
+        """Check that the law can control this plant."""
         if self.law == "mirrored" or model.is_continuous:
             return
         zeros = invariant_zeros(model.A, model.B, model.C, model.D).values
@@ -133,7 +131,7 @@ class Tracking(Controller[Remembered]):
         if len(outside):
             remedy = 'Give law="mirrored".' if self.size == 1 else "Choose other outputs or a slower step."
             faults.add(
-                f'`law` = "inverse" cancels the zeros of the plant, and one lies at {outside[0]:.4g}, outside the unit '
+                f'`law` = "inverse" cancels the zeros of the plant, but one lies at {outside[0]:.4g}, outside the unit '
                 f"circle: the input would grow without bound. {remedy}"
             )
 
@@ -144,7 +142,7 @@ class Tracking(Controller[Remembered]):
         return Remembered(past, past, jnp.zeros((p, na, na)), past, jnp.zeros(p))
 
     def act(self, state: Remembered, estimate: Info, reference: Array) -> tuple[Remembered, Array, Mapping[str, Array]]:
-        """The input (m,) for what is believed before the sample, and what was counted on."""
+        """The input (m,) for the belief before the sample, and the report of its divisor."""
         p, na, lags = self.size, self.na, self.nb + 1
         θ = jnp.asarray(estimate.mean).reshape(p, na + p * lags)
         a, b = θ[:, :na], θ[:, na:].reshape(p, p, lags)
@@ -155,11 +153,11 @@ class Tracking(Controller[Remembered]):
         largest = jnp.maximum(state.largest, jnp.abs(r))
         most = jnp.where(largest > 0, self.reach * largest, jnp.inf)
         solve = self._one if p == 1 else self._several
-        command, offset, said = solve(state.offset, a, b, outputs, u[:, : self.nb], r, most, estimate)
-        return replace(state, offset=offset, largest=largest), command, said
+        command, offset, reported = solve(state.offset, a, b, outputs, u[:, : self.nb], r, most, estimate)
+        return replace(state, offset=offset, largest=largest), command, reported
 
     def _fed_back(self, state: Remembered, estimate: Info, a: Array):
-        """What is remembered after the last sample, and the past outputs (p, na) that count."""
+        """The state after the last sample, and the past outputs (p, na) that are fed back."""
         modelled = jnp.asarray(estimate.extra["past_outputs"])
         if self.feedback == "model" or self.na == 0:
             return state, modelled
@@ -190,8 +188,8 @@ class Tracking(Controller[Remembered]):
             command = jnp.clip(command, self.limits[0][0], self.limits[1][0])
         now = jnp.sum((b_used - b) * jnp.concatenate([command[None], u[0]])) - jnp.sum(calm * δ)
         δ = jnp.concatenate([now[None], δ])[: self.na]
-        said = {"divisor": D[None], "minimum_phase": numerator.minimum_phase[None]}
-        return command[None], δ[None], said
+        reported = {"divisor": D[None], "minimum_phase": numerator.minimum_phase[None]}
+        return command[None], δ[None], reported
 
     def _several(self, δ: Array, a: Array, b: Array, outputs: Array, u: Array, r: Array, most: Array, estimate: Info):
         """As many inputs as outputs: b0 is a matrix."""

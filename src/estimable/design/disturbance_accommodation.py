@@ -1,6 +1,6 @@
-"""Feedback and estimator that reckon with a disturbance of known form. C. D. Johnson.
+"""Feedback and estimator designed for a disturbance of known form. C. D. Johnson.
 
-Letters of the source: d = H z enters by F, Γ cancels it; Π is the state that goes with z in the end.
+Letters of the source: d = H z enters by F, Γ cancels it; Π z is the steady state under z.
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ from .gains import kalman_gain, lqr_gain
 from .waveforms import Waveform
 
 MODES = ("absorption", "minimisation", "utilisation")
-SAME = 1e-12  # of the fastest: how near two eigenvalues are one
-OUTSIDE = 1e-9  # of F H: what may be left outside the range of B and still be rounding
+SAME = 1e-12  # of the fastest: nearer eigenvalues count as equal
+OUTSIDE = 1e-9  # of F H: a smaller part outside the range of B is rounding
 
 
 class _Plan(NamedTuple):
-    """A call, read. `C`: what is to be freed."""
+    """The checked arguments of a call. `C`: the combinations of states to be freed."""
 
     FH: Any
     D: Any
@@ -44,21 +44,21 @@ def disturbance_accommodation(
     walk: Numbers = 1.0,
     freed: Sequence[str] | Numbers | None = None,
 ) -> DisturbanceAccommodation:
-    """Estimate a disturbance of known form beside the state, and cancel it, free the outputs of it, or use it.
+    """Estimate a disturbance of known form together with the state, and cancel it, free the outputs from it, or use it.
 
     Model: dx/dt = A x + B u + F d + G w, d = H z, dz/dt = D z + noise (discrete: d is held over a sample); u = -K x^ - K_z z^.
 
     - "absorption": B K_z = F H, the disturbance never reaches the state; it must enter where inputs do
-    - "minimisation": of all K_z the one with which least of z stays in the freed outputs; nothing, where the regulator
-      equations Π D = A Π + B Γ + F H, C Π = 0 can be solved
-    - "utilisation": the K_z that is optimal for the same cost as K, which lets the disturbance do work
+    - "minimisation": the K_z with the least effect of z on the freed outputs; no effect where the regulator equations
+      Π D = A Π + B Γ + F H, C Π = 0 have a solution
+    - "utilisation": the K_z that is optimal for the same cost as K, which uses the work of the disturbance
 
     `disturbance`: a `Waveform`; `through` F (n, d): where it enters. L (n, n), M (m, m): weights of state and input, as in
-    `lqr_gain`. `walk`: variance per second by which z is let change, one number, (q,) or (q, q): larger follows jumps sooner.
+    `lqr_gain`. `walk`: variance per second of a random walk of z, one number, (q,) or (q, q): larger values follow jumps sooner.
     `freed`: (r, n), or names of outputs; default all outputs.
 
-    Raises `InputError`; `AssumptionError` where absorption meets a disturbance outside the range of B (with the part that is),
-    where the outputs do not tell the disturbance from the state, or it grows faster than the loop forgets.
+    Raises `InputError`; `AssumptionError` where absorption meets a disturbance outside the range of B (with the share outside),
+    where the outputs do not distinguish the disturbance from the state, or where it grows faster than the loop decays.
 
     Cost: that of two Riccati equations and an (n q)² linear system. Reference: C. D. Johnson, IEEE TAC 16 (1971) 635;
     B. A. Francis, SIAM J. Control Optim. 15 (1977) 486 (regulator equations).
@@ -70,7 +70,7 @@ def disturbance_accommodation(
     """
     plan = _read(model, disturbance, through, mode, walk, freed)
     law = lqr_gain(model, L, M)
-    _check_told(model, plan)
+    _check_distinguished(model, plan)
     K, A = law.feedback, model.A - model.B @ law.feedback
     if mode == "absorption":
         K_z = _absorbing(model, plan)
@@ -102,8 +102,8 @@ def _read(
         if model.m == 0:
             faults.add("`model` has no input: give B, StateSpace(A, B, ...).")
         if model.operating_point is not None:
-            faults.add("`model` must be about zero: leave out `operating_point`, and give deviations from it.")
-    faults.instance("disturbance", disturbance, Waveform, " As Waveform.constant().")
+            faults.add("`model` must have no `operating_point`: leave it out, and give deviations from it.")
+    faults.instance("disturbance", disturbance, Waveform, " For example Waveform.constant().")
     faults.choice("mode", mode, MODES)
     faults.finish()
     faults.learn("n", model.n, f"the model has {checks.counted(model.n, 'state')}")
@@ -129,7 +129,7 @@ def _read_walk(walk: Numbers, disturbance: Waveform, faults: checks.Faults) -> A
 
 
 def _read_freed(freed: Sequence[str] | Numbers | None, model: StateSpace, faults: checks.Faults) -> Any:
-    """The combinations of states that are to be freed, (r, n)."""
+    """The combinations of states to be freed, (r, n)."""
     if freed is None:
         return model.C
     if not _are_names(freed):
@@ -146,7 +146,7 @@ def _are_names(freed: Sequence[str] | Numbers) -> TypeGuard[Sequence[str]]:
 
 
 def _sampled(D: np.ndarray, dt: float) -> tuple[Any]:
-    """How z moves: its rate, or its step."""
+    """The dynamics of z: its rate, or its step."""
     return (D,) if dt == 0 else (over(D, np.zeros((len(D), 0)), np.zeros_like(D), dt, hold="zero_order")[0],)
 
 
@@ -167,57 +167,59 @@ def _composite(model: StateSpace, disturbance: Waveform, F: np.ndarray, W: np.nd
 
 
 def _names(q: int, taken: tuple[str, ...]) -> list[str]:
-    """z1, z2, .., or where the plant has such states disturbance1, .."""
+    """z1, z2, ..; disturbance1, .. where the plant already has such states."""
     stem = "disturbance" if any(f"z{i + 1}" in taken for i in range(q)) else "z"
     return [f"{stem}{i + 1}" for i in range(q)]
 
 
-def _check_told(model: StateSpace, plan: _Plan) -> None:
-    """The outputs must tell z from x: no eigenvalue of D at an invariant zero of (A, F H, C)."""
+def _check_distinguished(model: StateSpace, plan: _Plan) -> None:
+    """Check that the outputs distinguish z from x: no eigenvalue of D at an invariant zero of (A, F H, C)."""
     plant = observability(model)
     if not plant.detectable:
         raise AssumptionError(
-            f"`model` is not detectable: a mode that does not die out is not seen. {' '.join(plant.sentences)}"
+            f"`model` is not detectable: no output shows a mode that does not decay. {' '.join(plant.sentences)}"
         )
     both = observability(plan.composite)
     if not both.detectable:
         raise AssumptionError(
-            f"the outputs do not tell the disturbance from the state: measure more, or assume less. {' '.join(both.sentences)}"
+            "the outputs do not distinguish the disturbance from the state: measure more, or use a simpler waveform. "
         )
     moved = reachability(plan.composite, by="noise")
     if not moved.stabilisable:
         raise AssumptionError(
-            f"the estimator would stop learning: let all that lasts of the disturbance change, by `walk` > 0. "
+            f"the gain of the estimator would vanish: give every part of the disturbance that does not decay a `walk` > 0. "
             f"{' '.join(moved.sentences)}"
         )
 
 
 def _absorbing(model: StateSpace, plan: _Plan) -> Any:
     """K_z with B K_z = F H."""
-    size = np.abs(np.hstack([model.B, plan.FH])).max(axis=1, keepdims=True)  # the units of the states are of no account
+    size = np.abs(np.hstack([model.B, plan.FH])).max(axis=1, keepdims=True)  # independent of the units of the states
     B, FH = (M / np.where(size > 0, size, 1.0) for M in (model.B, plan.FH))
     K_z = np.linalg.lstsq(B, FH, rcond=None)[0]
     outside = np.linalg.norm(FH - B @ K_z) / np.linalg.norm(FH) if FH.any() else 0.0
     if outside > OUTSIDE:
         raise AssumptionError(
             f"the disturbance cannot be absorbed: {100 * outside:.3g} % of its effect is outside the range of `B`, where no "
-            'input acts. Take mode="minimisation", which frees the outputs of it where that can be done.'
+            'input acts. Use mode="minimisation", which frees the outputs from it where possible.'
         )
     return K_z
 
 
 def _steady(A: np.ndarray, plan: _Plan, E: np.ndarray) -> Any:
-    """Π of Π D = A Π + E: the state x = Π z that goes with a z that enters by E."""
+    """Π of Π D = A Π + E: the steady state x = Π z under a z that enters by E."""
     n, q = E.shape
     T = np.kron(plan.D.T, np.eye(n)) - np.kron(np.eye(q), A)
     z, w = np.linalg.eigvals(A), np.linalg.eigvals(plan.D)
     if np.abs(z[:, None] - w).min() < SAME * max(np.abs(z).max(), np.abs(w).max()):
-        raise AssumptionError("the disturbance has the form of the loop's own motion: choose other weights `L`, `M`.")
+        raise AssumptionError(
+            "a pole of the loop equals an eigenvalue of the disturbance: choose other weights `L`, `M`."
+        )
     return np.linalg.solve(T, E.T.ravel()).reshape(q, n).T
 
 
 def _freeing(model: StateSpace, plan: _Plan, A: np.ndarray) -> Any:
-    """K_z with the least ||C Π||, which is linear in it, and of several the smallest."""
+    """The K_z with the least ||C Π||, which is linear in it; the smallest of several."""
     q, m = plan.FH.shape[1], model.m
     alone = (plan.C @ _steady(A, plan, plan.FH)).T.ravel()
     effects = []
@@ -249,6 +251,6 @@ def _check_forgotten(A: np.ndarray, D: np.ndarray, continuous: bool) -> None:
         grows = float(np.log(np.abs(slowest).max() * np.abs(fastest).max() + 1e-300))
     if grows >= 0:
         raise AssumptionError(
-            f"the disturbance grows faster than the loop forgets (by {grows:.3g} per {'second' if continuous else 'sample'}), "
-            "so that there is no best use of it."
+            f"the disturbance grows faster than the loop decays (by {grows:.3g} per {'second' if continuous else 'sample'}), "
+            "so that the cost of using it is infinite."
         )

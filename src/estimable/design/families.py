@@ -1,4 +1,4 @@
-"""Weights that depend on one number η: the designs that rho synthesis goes through."""
+"""Weights that depend on one number η: the designs of rho synthesis."""
 
 from dataclasses import KW_ONLY
 from typing import Any
@@ -15,13 +15,13 @@ from ..models.state_space import StateSpace
 class DesignFamily:
     """Weights Q(η) = Q0 + p Q01 + p² Q1, S(η) = S0 + p S1 and R of a quadratic cost x'Q x + 2 x'S u + u'R u.
 
-    Of a filter they are the covariances of process noise, cross noise and measurement noise; of a discrete one S must be zero, or
-    S and R those of the next output, C A x + noise (`next_output`), to which the gain of a sample belongs. p = η; where
+    For a filter they are the covariances of process noise, cross noise and measurement noise. For a discrete filter S must be
+    zero, or S and R those of the next output, C A x + noise (`next_output`), to which the gain of a sample belongs. p = η; where
     `dt` is given, p = -exp(-η dt), so that η is a rate per second in discrete time too.
 
-    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m); those not given are zero, but one of Q0 and Q1 is needed.
-    [[Q, S], [S', R]] must be positive semidefinite: with Q01 = S0 = 0 it is for every η where Q0 and Q1 - S1 R^-1 S1' are.
-    `factored` makes families for which it always is. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
+    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m). Omitted ones are zero, but one of Q0 and Q1 is needed.
+    [[Q, S], [S', R]] must be positive semidefinite. With Q01 = S0 = 0 it is for every η if Q0 and Q1 - S1 R^-1 S1' are.
+    The families of `factored` always are. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
 
     Reference: R. W. Bass (2005): R fixed, S linear and Q quadratic in η.
 
@@ -52,7 +52,7 @@ class DesignFamily:
             given = getattr(self, name)
             read[name] = None if given is None else faults.array(name, given, "n m")
         if self.Q0 is None and self.Q1 is None:
-            faults.add("`Q0` or `Q1` must be given: without them nothing weighs the state.")
+            faults.add("`Q0` or `Q1` must be given: without them the state has no weight.")
         read["dt"] = None if self.dt is None else faults.number("dt", self.dt, above=0.0, unit="seconds")
         faults.finish()
         n, m = faults.sizes["n"], faults.sizes["m"]
@@ -68,7 +68,7 @@ class DesignFamily:
 
     @property
     def m(self) -> int:
-        """Number of inputs (of a filter: outputs)."""
+        """Number of inputs (for a filter: outputs)."""
         return self.R.shape[0]
 
     def at(self, eta: float) -> tuple[Any, Any, Any]:
@@ -101,7 +101,7 @@ class DesignFamily:
 
     @staticmethod
     def approach(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
-        """The feedback that makes x move as nearly as it can like dx/dt = -η x: cost ||dx/dt + η x||²_W.
+        """The feedback with which x follows dx/dt = -η x as closely as possible: cost ||dx/dt + η x||²_W.
 
         Discrete: ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n), symmetric positive semidefinite (default I: it depends
         on the units of the states). B'W B must not be singular.
@@ -110,10 +110,10 @@ class DesignFamily:
 
     @staticmethod
     def approach_of_error(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
-        """The same for a filter, by duality: the error of the estimate decays as nearly as it can like exp(-η t).
+        """The same for a filter, by duality: the error of the estimate follows exp(-η t) as closely as possible.
 
         `weight` (n, n); C weight C' (discrete: C A weight A' C') must not be singular: no two
-        outputs may say the same thing.
+        outputs may be dependent.
         """
         if model.is_continuous:
             return _approaching(model, model.A.T, model.C.T, weight)
@@ -130,6 +130,6 @@ def _even(M: np.ndarray) -> Any:
 
 
 def joint(Q: np.ndarray, S: np.ndarray, R: np.ndarray) -> float:
-    """The smallest eigenvalue of [[Q, S], [S', R]], of its largest entry; -0 is 0."""
+    """The smallest eigenvalue of [[Q, S], [S', R]], relative to its largest entry; -0 is 0."""
     M = np.block([[Q, S], [S.T, R]])
     return float(np.linalg.eigvalsh(M)[0] / (np.abs(M).max() or 1.0))

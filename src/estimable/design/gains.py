@@ -1,4 +1,4 @@
-"""Stationary gains: of the Kalman filter, and of the linear-quadratic regulator."""
+"""Stationary gains of the Kalman filter and the linear-quadratic regulator."""
 
 from typing import Any
 
@@ -17,14 +17,14 @@ LIMIT = 3e-14  # of the fastest pole: nearer than this to the limit of stability
 
 
 def kalman_gain(model: StateSpace) -> KalmanGain:
-    """The gain to which the Kalman filter of a constant model settles.
+    """The steady-state gain of the Kalman filter of a constant model.
 
     Discrete: P = A P A' + G Q G' - (A P C' + G S) (C P C' + R)^-1 (A P C' + G S)', with cross noise S.
     Continuous: A P + P A' + G Q G' - P C' R^-1 C P = 0, with Q and R both densities (per second).
 
-    Assumes that every unstable mode is seen, and every mode on the limit of stability excited. Where that does not hold,
-    or noise-free outputs say the same thing twice, there is no stationary filter: `AssumptionError`. Raises `InputError`
-    for a model that varies in time or has no R, and for a singular R in continuous time.
+    Assumes that every unstable mode is seen, and every mode on the limit of stability excited. Otherwise, or with linearly
+    dependent noise-free outputs, there is no stationary filter: `AssumptionError`. Raises `InputError` for a model that varies
+    in time or has no R, and for a singular R in continuous time.
 
     Cost: about 200 n³ multiplications (7 ms at n = 100). Reference: B. D. O. Anderson, J. B. Moore, Optimal Filtering
     (1979), §4.4 (4.1) and §5.4 (S).
@@ -51,7 +51,7 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
 
 
 def _poles(F: np.ndarray, *, continuous: bool) -> Any:
-    """The eigenvalues of a loop, none of them on the limit of stability."""
+    """The eigenvalues of a loop; an error where one is on the limit of stability."""
     z = np.linalg.eigvals(F)
     if np.max(z.real / (np.abs(z).max() or 1.0) if continuous else np.abs(z) - 1) > -LIMIT:
         raise AssumptionError(UNSETTLED)
@@ -59,12 +59,13 @@ def _poles(F: np.ndarray, *, continuous: bool) -> Any:
 
 
 def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
-    """The covariance (n, n) to which the error of a filter with a given gain settles, after each sample.
+    """The steady-state covariance (n, n) of the error of a filter with a given gain, after each sample.
 
     `model`: discrete and constant, with Q and R; `filter` (n, p): x[k|k] = x[k|k-1] + filter e. P = Ψ P Ψ' + (I - K C) G Q G'
-    (I - K C)' + K R K', Ψ = (I - K C) A, whatever the gain; it is least, in each component at once, for that of `kalman_gain`.
+    (I - K C)' + K R K', Ψ = (I - K C) A, for any gain. It is least, in every direction at once, for that of `kalman_gain`.
 
-    Raises `InputError` for shapes and models that vary, are continuous or have no R; `AssumptionError` where the error grows.
+    Raises `InputError` for wrong shapes and for models that vary, are continuous or have no R; `AssumptionError` where the
+    error grows.
 
     Reference: R. W. Bass (2005).
 
@@ -77,7 +78,7 @@ def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
         check_constant(model, faults)
         check_noise(model, faults)
         if model.is_continuous:
-            faults.add("`model` must be discrete, as the gain of a sample is: give model.discretise(dt).")
+            faults.add("`model` must be discrete, because the gain applies to a sample: give model.discretise(dt).")
         faults.learn("n", model.n, model.size_source)
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
     K = faults.array("filter", filter, "n p")
@@ -89,11 +90,11 @@ def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
 def lqr_gain(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None = None) -> FeedbackGain:
     """The feedback that minimises Σ x'L x + u'M u + 2 x'N u of a constant model (continuous: the integral).
 
-    L (n, n) weighs the state and M (m, m) the input, both symmetric; N (n, m) couples them (default zero).
+    L (n, n) weights the state and M (m, m) the input, both symmetric; N (n, m) couples them (default zero).
 
-    Assumes that every unstable mode can be moved by the inputs, and that every mode on the limit of stability costs
-    something: otherwise `AssumptionError`. Raises `InputError` for shapes, weights that are not positive semidefinite
-    together, a model that varies in time or has no input, and for a singular M in continuous time.
+    Assumes that the inputs reach every unstable mode, and that every mode on the limit of stability has a cost: otherwise
+    `AssumptionError`. Raises `InputError` for wrong shapes, weights that are not jointly positive semidefinite, a model that
+    varies in time or has no input, and for a singular M in continuous time.
 
     Cost: about 200 n³ multiplications. Reference: H. Kwakernaak, R. Sivan, Linear Optimal Control Systems (1972),
     §3.4 and §6.4. With L = C'C the regulator of the model is the Kalman filter of its transpose.
@@ -114,7 +115,7 @@ def lqr_gain(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None = None
 
 
 def _weights(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None, faults: checks.Faults) -> Any:
-    """L, M and N, checked alone and together; None where at fault."""
+    """L, M and N, checked alone and together; None where invalid."""
     for axis in ("n", "m"):
         size = getattr(model, axis)
         faults.learn(axis, size, f"the model has {checks.counted(size, 'state' if axis == 'n' else 'input')}")

@@ -1,4 +1,4 @@
-"""What a closed loop does with each kind of disturbance, for many designs at once.
+"""The response of a closed loop to each kind of disturbance, for many designs at once.
 
 Letters: A (b, 2n, 2n) the loops in (x, x - x^), in the units of the scaling; W, V the noises of process and measurement.
 Reference: R. W. Bass (2005), criteria [1]-[6]; discrete time in its own formulas.
@@ -15,8 +15,8 @@ from ..kernels.riccati import clyap, dlyap
 from ..models.state_space import StateSpace
 from ..results.designs import BEST
 
-ROOM = 4_000_000  # numbers, of the powers of all loops that are followed together
-RESONANCE = 1e-6  # relative, to which a peak is searched
+ROOM = 4_000_000  # numbers in the powers of all loops computed together
+RESONANCE = 1e-6  # relative tolerance of a peak
 
 
 def bandwidths(A: np.ndarray, dt: float) -> Any:
@@ -33,7 +33,7 @@ def bandwidths(A: np.ndarray, dt: float) -> Any:
 def evaluate(
     model: StateSpace, gains: Sequence[tuple[np.ndarray, np.ndarray]], loops: np.ndarray, scaling: np.ndarray
 ) -> tuple[dict[str, Any], str]:
-    """Every criterion of every loop, and of which noise `dispersion` and `control` are."""
+    """Every criterion of every loop, and the noise to which `dispersion` and `control` refer."""
     continuous, both = model.is_continuous, np.tile(scaling, 2)
     A = loops * (both / both[:, None])
     settled, ρ, total, rows = _over_time(A, continuous)
@@ -51,7 +51,7 @@ def evaluate(
 
 
 def _over_time(A: np.ndarray, continuous: bool) -> tuple[Any, ...]:
-    """Settling, ρ, the integral of the norm and those of the rows' norms, of so many loops at a time as the memory likes."""
+    """Settling, ρ, the integrals of the norm and of the rows' norms, for as many loops at a time as fit in memory."""
     size = max(1, ROOM // (kernel.LEVELS * A.shape[1] ** 2))
     parts = []
     for i in range(0, len(A), size):
@@ -64,7 +64,7 @@ def _over_time(A: np.ndarray, continuous: bool) -> tuple[Any, ...]:
 def _stochastic(
     model: StateSpace, gains: Sequence[tuple[np.ndarray, np.ndarray]], loops: np.ndarray, both: np.ndarray
 ) -> tuple[Any, Any, str]:
-    """rms of the state in units of the scaling, and of the input."""
+    """The rms of the state, in units of the scaling, and of the input."""
     own = model.R is not None and np.any(model.Q)
     values = []
     for (K, gain), A in zip(gains, loops, strict=True):
@@ -77,7 +77,7 @@ def _stochastic(
 
 
 def _noise(model: StateSpace, gain: np.ndarray) -> Any:
-    """The covariance (per step or second) that process and measurement noise give (x, x - x^)."""
+    """The covariance (per step or second) of the effect of process and measurement noise on (x, x - x^)."""
     n, G = model.n, model.G
     left = np.eye(n) if model.is_continuous else np.eye(n) - gain @ model.C
     W = np.vstack([G, left @ G])

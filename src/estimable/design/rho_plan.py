@@ -1,4 +1,4 @@
-"""A call of `rho_synthesis`, read and checked."""
+"""The checked arguments of `rho_synthesis`."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
@@ -17,14 +17,14 @@ from .families import DesignFamily, joint
 from .gains import kalman_gain
 
 NUMBER = 200  # of designs
-SLOWEST, TOP = 1 / 30, 300.0  # times the plant's own speed, between which η goes
-FASTEST = 4.0  # η dt, of discrete designs: e^-4 is left of a motion after a sample
-ALIKE = ("rho", "control")  # what counts where nothing is said: what is borne, and what it costs
-INDEFINITE = 1e-11  # of the largest entry: how far below zero rounding may leave an eigenvalue
+SLOWEST, TOP = 1 / 30, 300.0  # range of η, times the plant's own speed
+FASTEST = 4.0  # η dt, of discrete designs: e^-4 of a motion remains after a sample
+ALIKE = ("rho", "control")  # default criteria: robustness and its cost
+INDEFINITE = 1e-11  # of the largest entry: eigenvalues this far below zero are rounding
 
 
 class Plan(NamedTuple):
-    """A call, read: `control` and `filter` are families or fixed gains."""
+    """The checked arguments: `control` and `filter` are families or fixed gains."""
 
     eta: np.ndarray
     control: DesignFamily | np.ndarray
@@ -33,7 +33,7 @@ class Plan(NamedTuple):
     scaling: np.ndarray
 
 
-Part: TypeAlias = DesignFamily | Numbers | None  # of a design, as it is given: a family, or a fixed gain
+Part: TypeAlias = DesignFamily | Numbers | None  # of a design, as given: a family, or a fixed gain
 
 
 def read_plan(
@@ -54,7 +54,7 @@ def read_plan(
     counted = _read_weights(weights, faults)
     sizes = _read_scaling(np.ones(n) if scaling is None else scaling, faults)
     if not faults.sentences and not isinstance(law, DesignFamily) and not isinstance(observer, DesignFamily):
-        faults.add("`control` and `filter` are both fixed gains, so that nothing depends on `eta`: leave one out.")
+        faults.add("`control` and `filter` are both fixed gains, so that no design depends on `eta`: leave one out.")
     if not faults.sentences:
         _check_families(rates, law, observer, model, faults)
     faults.finish()
@@ -63,7 +63,7 @@ def read_plan(
 
 
 def _read_model(model: StateSpace, faults: checks.Faults) -> None:
-    """A constant model with inputs; without one nothing else can be judged."""
+    """Check that the model is constant and has inputs; the other checks need one."""
     if faults.instance("model", model, StateSpace):
         check_constant(model, faults)
         if model.S is not None:
@@ -98,7 +98,7 @@ def _read_part(
     model: StateSpace,
     faults: checks.Faults,
 ) -> Any:
-    """A family of the right sizes, or a fixed gain."""
+    """A family of matching sizes, or a fixed gain."""
     if given is None:
         return default(model)
     if not isinstance(given, DesignFamily):
@@ -130,10 +130,10 @@ def _read_weights(given: Mapping[str, float] | None, faults: checks.Faults) -> d
     for name in given:
         if name not in BEST:
             near = checks.suggestion(name, BEST)
-            faults.add(f"`weights`: there is no criterion {name!r}. There are {checks.listed(BEST)}.{near}")
+            faults.add(f"`weights`: there is no criterion {name!r}. The criteria are {checks.listed(BEST)}.{near}")
     read = {name: faults.number(f"weights[{name!r}]", value, lower=0.0) for name, value in given.items()}
     if all(value == 0 for value in read.values()):
-        faults.add("`weights` must hold a weight that is not zero.")
+        faults.add("`weights` must have at least one nonzero weight.")
     return read
 
 
@@ -144,7 +144,7 @@ def _check_families(
     model: StateSpace,
     faults: checks.Faults,
 ) -> None:
-    """Weights must be positive semidefinite together, and what costs nothing must not be free for ever."""
+    """Check that weights are jointly positive semidefinite, and R positive definite."""
     for name, family in (("control", control), ("filter", filter)):
         if not isinstance(family, DesignFamily):
             continue
@@ -162,11 +162,11 @@ def _check_families(
             and not family.next_output
             and (np.any(family.S0) or np.any(family.S1))
         ):
-            faults.add("`filter`: of a discrete filter S must be zero, or of the next output (`next_output`).")
+            faults.add("`filter`: for a discrete filter S must be zero, or that of the next output (`next_output`).")
         if np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
-            what = "two inputs do the same" if name == "control" else "two outputs say the same"
+            what = "two inputs have the same effect" if name == "control" else "two outputs are dependent"
             faults.add(
-                f"`{name}`: R must be positive definite. It is not where {what}: give a DesignFamily with another R."
+                f"`{name}`: R must be positive definite. It is singular where {what}: give a DesignFamily with another R."
             )
 
 
@@ -174,18 +174,18 @@ def _check_reach(model: StateSpace) -> None:
     reached, seen = reachability(model), observability(model)
     if not reached.stabilisable:
         raise AssumptionError(
-            f"`model` cannot be stabilised: a mode that does not die out is not moved. {_said(reached)}"
+            f"`model` is not stabilisable: no input moves a mode that does not decay. {_joined(reached)}"
         )
     if not seen.detectable:
-        raise AssumptionError(f"`model` is not detectable: a mode that does not die out is not seen. {_said(seen)}")
+        raise AssumptionError(f"`model` is not detectable: no output shows a mode that does not decay. {_joined(seen)}")
 
 
-def _said(found: Reachability | Observability) -> str:
+def _joined(found: Reachability | Observability) -> str:
     return " ".join(found.sentences)
 
 
 def default_eta(model: StateSpace, number: int = NUMBER) -> Any:
-    """Around the geometric mean of the plant's own speeds."""
+    """`number` values around the geometric mean of the plant's own speeds."""
     z = np.linalg.eigvals(model.A)
     if not model.is_continuous:
         z = np.log(z[np.abs(z) > 1e-12].astype(complex)) / model.dt

@@ -1,4 +1,4 @@
-"""Feedback and filter gains by one number, chosen where the loop bears most, or by what it costs."""
+"""Feedback and filter gains that depend on one number, chosen for the largest robustness margin or a composite criterion."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,14 +25,14 @@ def rho_synthesis(
     weights: Mapping[str, float] | None = None,
     scaling: Numbers | None = None,
 ) -> RhoSynthesis:
-    """Go through one-parameter families of feedback and filter gains, and choose by robustness or by a weighted composite.
+    """Evaluate one-parameter families of feedback and filter gains, and choose by robustness or by a weighted composite.
 
-    Model: constant, continuous or discrete, with inputs; u = -K x^, with x^ of a filter of gain L. For each η the loop is
-    A = [[A - B K, B K], [0, A - L C]] in (x, x - x^) (discrete: the filtered x^), of which every criterion is computed:
+    Model: constant, continuous or discrete, with inputs; u = -K x^, with x^ from a filter with gain L. For each η the loop is
+    A = [[A - B K, B K], [0, A - L C]] in (x, x - x^) (discrete: the filtered x^). The criteria of each loop are:
 
-    - `response_time`: until an impulse in any direction is below 5 % for good, seconds
-    - `rho`, `sigma`: what the loop bears that is not modelled, as in `rho_margin`
-    - `external`: 1 / rho, the bound of the state under a bounded force; `peak_gain`: the largest that force makes of one state
+    - `response_time`: seconds until the response to an impulse in any direction stays below 5 %
+    - `rho`, `sigma`: margins against unmodelled dynamics, as in `rho_margin`
+    - `external`: 1 / rho, the bound on the state under a bounded force; `peak_gain`: its largest effect on one state
     - `dispersion`, `control`: rms of (x, x - x^), and of u, under the model's noise (unit white noise where it has none)
     - `static_error`: ||A^-1|| (discrete ||(I - A)^-1||), the state per constant force
     - `resonance`: the largest of ||(iωI - A)^-1|| over frequency; `magnification`: that over `static_error`
@@ -41,13 +41,13 @@ def rho_synthesis(
 
     `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`,
     or fixed gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that of the
-    model's Q and R. `weights`: {criterion: weight >= 0}, by whose composite to choose; default rho and control alike, {"rho": 1}
-    for the largest margin. `scaling` (n,):
-    the size of one unit of each state; None: the states as they are. All of it depends on them.
+    model's Q and R. `weights`: {criterion: weight >= 0} of the composite that chooses the design; default rho and control
+    equally, {"rho": 1} for the largest margin. `scaling` (n,): the size of one unit of each state; None: the states unchanged.
+    All criteria depend on it.
 
     Raises `InputError`, also for weights that are not positive semidefinite at some η; `AssumptionError` where the model is not
-    stabilisable and detectable, or a loop not stable. Norms over time are followed to about 3 %; `margin`, of the chosen loop, is
-    exact to the safe side. Cost: about 10 ms a design at n = 8.
+    stabilisable and detectable, or a loop not stable. Norms over time are accurate to about 3 %; `margin`, of the chosen loop, is
+    a guaranteed bound. Cost: about 10 ms per design at n = 8.
 
     Reference: R. W. Bass (2005), slides on rho synthesis; the default family and the composite are ours.
 
@@ -98,7 +98,7 @@ def _filter(model: StateSpace, family: DesignFamily, η: float) -> Any:
 
 
 def _loop(model: StateSpace, K: np.ndarray, gain: np.ndarray) -> Any:
-    """The motion of (x, x - x^)."""
+    """The closed-loop matrix of (x, x - x^)."""
     A, B, C, n = model.A, model.B, model.C, model.n
     error = A - gain @ C if model.is_continuous else A - gain @ C @ A
     return np.block([[A - B @ K, B @ K], [np.zeros((n, n)), error]])
@@ -116,12 +116,12 @@ def _check_stable(model: StateSpace, eta: np.ndarray, loops: np.ndarray) -> None
 
 
 def _relative(scaling: np.ndarray) -> Any:
-    """What A is multiplied by, entry by entry, in the units of `scaling`."""
+    """The factors that convert A, entry by entry, to the units of `scaling`."""
     both = np.tile(scaling, 2)
     return both / both[:, None]
 
 
 def _composite(criteria: dict[str, Any], weights: dict[str, float]) -> Any:
-    """The weighted geometric mean of how many times worse than its best each criterion is."""
+    """The weighted geometric mean of the ratios of each criterion to its best value."""
     logs = [weight * np.log(times_worse(name, criteria[name])) for name, weight in weights.items() if weight > 0]
     return np.exp(sum(logs) / sum(weights.values()))

@@ -1,4 +1,4 @@
-"""The α-β tracker with constant gains: what its error is, and the usual choices of the gains."""
+"""The α-β tracker with constant gains: the covariance of its error, and the usual choices of the gains."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ def alpha_beta_covariance(alpha: float, beta: float, *, dt: float, sigma_a2: flo
     `sigma_s2` / dt. Tracker: K = (α, β / dt). Closed form.
 
     Assumes constant dt and constant gains, and that the variances are right; the tracker need not be optimal. Raises
-    `InputError` unless 0 < α < 2, 0 < β < 2 (2 - α), outside of which the error grows without bound.
+    `InputError` unless 0 < α < 2, 0 < β < 2 (2 - α); otherwise the error grows without bound.
 
     Reference: R. W. Bass (2005), φ and ψ of P11; P12 and P22 by the same equation.
 
@@ -97,7 +97,7 @@ def alpha_beta_gamma_gains(
 def _number(
     choice: str, choices: tuple[str, ...], needs: dict[str, str], index: float | None, alpha: float | None
 ) -> float:
-    """`index` or `alpha`, the one that the choice needs and no other, in range; 0 where it needs none."""
+    """`index` or `alpha`, whichever the choice needs, checked; 0 where it needs none."""
     faults = checks.Faults()
     faults.choice("choice", choice, choices)
     number = 0.0
@@ -108,7 +108,7 @@ def _number(
         elif wanted:
             number = faults.number(name, value, above=0.0, upper=1.0 if name == "alpha" else None)
         elif value is not None:
-            faults.add(f"`{name}` has no meaning for {choice!r}.")
+            faults.add(f"`{name}` is not used by {choice!r}: leave it out.")
     faults.finish()
     return number
 
@@ -116,9 +116,9 @@ def _number(
 def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> TrackerChoices:
     """The usual choices of α and β side by side, for an acceleration of density `sigma_a2` and a sensor of density `sigma_s2`.
 
-    "kalman": the optimum. "kalata": of the index whose acceleration has the same variance of velocity, Λ = dt² (σ_a² / σ_s²)^½.
-    "benedict_bordner", "critically_damped": with the α of their family that makes the variance of position least.
-    "least_worst": Bass's, which asks for neither density. Raises `InputError` for numbers that are not positive.
+    "kalman": the optimum. "kalata": for the index whose acceleration has the same variance of velocity, Λ = dt² (σ_a² / σ_s²)^½.
+    "benedict_bordner", "critically_damped": with the α of their family that minimises the variance of position.
+    "least_worst": Bass's, which needs neither density. Raises `InputError` for numbers that are not positive.
 
     >>> table = alpha_beta_choices(dt=1, sigma_a2=1, sigma_s2=1)
     >>> dict(zip(table.names, table.price[:, 0].round(3).tolist()))["least_worst"]
@@ -146,7 +146,7 @@ def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> Tracke
 
 
 def _kalman(dt: float, σ_a2: float, σ_s2: float) -> tuple[float, float]:
-    """The optimal gains, worked out at T = 1 s with the same ratio of noises."""
+    """The optimal gains, computed at T = 1 s with the same ratio of noises."""
     ratio = σ_a2 / σ_s2 * dt**4
     Q = ratio * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
     K = kalman_gain(StateSpace([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], Q=Q, R=[[1.0]], dt=1)).filter
@@ -154,7 +154,7 @@ def _kalman(dt: float, σ_a2: float, σ_s2: float) -> tuple[float, float]:
 
 
 def _best(choice: str, noises: dict[str, float]) -> tuple[float, float]:
-    """The gains of a family whose variance of position is least."""
+    """The gains of a family with the least variance of position."""
     from scipy.optimize import minimize_scalar
 
     def variance(α: float) -> float:

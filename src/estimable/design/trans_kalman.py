@@ -1,4 +1,4 @@
-"""The Trans-Kalman filter, given an exact meaning: the best constant gain over a set of noises, or of a given sparsity."""
+"""The Trans-Kalman filter, with an exact definition: the best constant gain over a set of noises, or of a given sparsity."""
 
 from collections.abc import Sequence
 from typing import Any, TypeAlias
@@ -28,26 +28,27 @@ def trans_kalman(
     weight: Numbers | None = None,
     free: Numbers | None = None,
 ) -> TransKalman:
-    """The constant gain whose worst case over a set of noises is least, with what proves it.
+    """The constant gain with the least worst case over a set of noises, and a bound that proves it.
 
     Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k], constant and discrete, without cross noise; cov w and cov v lie in the
     convex hull of `noises`, a list of pairs (Q, R), its corners. None: the model's own Q and R, for which the gain is the Kalman
     filter's.
 
-    `weight` W: of the error, (n, n), or (n,) for the one combination c'x; None: the identity, in the units of the states. At one
-    corner it changes nothing: the Kalman gain is best for every W >= 0 at once. `criterion`: "relative_regret", what the
-    gain costs more than the Kalman filter that knows, as a part of it; "regret", the same in absolute units; "cost". `free`
-    (n, p) of booleans: where the gain may be other than zero; None: everywhere.
+    `weight` W: of the error, (n, n), or (n,) for the one combination c'x; None: the identity, in the units of the states. With
+    one corner it has no effect: the Kalman gain is best for every W >= 0 at once. `criterion`: "relative_regret", the excess
+    cost over the Kalman filter that knows the noise, relative to its cost; "regret", the same in absolute units; "cost". `free`
+    (n, p) of bool: where the gain may be nonzero; None: everywhere.
 
-    All three are largest at a corner (the cost of a gain is linear in (Q, R), that of the Kalman filter concave), so the set is
-    covered by its corners, and the minimax gain is the Kalman gain of a least favourable mixture of them, which is found and
-    returned: `worst` = `bound` says that no constant gain does better. Of a sparse gain this does not hold: the search
-    is local, and `bound` is that of a full gain.
+    All three are largest at a corner (the cost of a gain is linear in (Q, R), that of the Kalman filter concave), so the corners
+    cover the set. The minimax gain is the Kalman gain of a least favourable mixture of them, which is found and returned:
+    `worst` = `bound` proves that no constant gain does better. This does not hold for a sparse gain: the search is local, and
+    `bound` is that of a full gain.
 
-    Raises `InputError` for shapes, an empty set, covariances; `AssumptionError` where a corner has no stationary Kalman filter,
-    or no stabilising gain of this sparsity was found. Cost: some 10 to 100 Riccati equations; .1 s at n = 2 and 4 corners.
+    Raises `InputError` for wrong shapes, an empty set or invalid covariances; `AssumptionError` where a corner has no stationary
+    Kalman filter, or no stabilising gain of this sparsity was found. Cost: some 10 to 100 Riccati equations; .1 s at n = 2 and
+    4 corners.
 
-    Reference: R. W. Bass (2005) has the name and the aim; this meaning of it is ours.
+    Reference: R. W. Bass (2005) gives the name and the aim; this definition is ours.
 
     >>> model = StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], dt=1)
     >>> design = trans_kalman(model, noises=[([[0.1]], [[1.0]]), ([[10.0]], [[1.0]])])
@@ -70,10 +71,10 @@ def trans_kalman(
     K = best.corner.K
     if not allowed.all():
         K = _sparse(plant, corners, a, s, K, allowed)
-    return _told(model, plant, corners, pairs, (a, s), best, K, criterion, bool(allowed.all()))
+    return _design(model, plant, corners, pairs, (a, s), best, K, criterion, bool(allowed.all()))
 
 
-def _told(
+def _design(
     model: StateSpace,
     plant: kernel.WeightedPlant,
     corners: list[kernel.Corner],
@@ -84,7 +85,7 @@ def _told(
     criterion: str,
     full: bool,
 ) -> TransKalman:
-    """The result, and what proves it."""
+    """The result, with the bound that proves it."""
     a, s = charge
     optimal = np.array([one.cost for one in corners])
     cost = optimal + kernel.losses(plant, corners, K)
@@ -116,7 +117,7 @@ def _charges(corners: list[kernel.Corner], criterion: str) -> tuple[np.ndarray, 
         return np.zeros(len(corners)), np.ones(len(corners))
     if np.any(optimal <= 0):
         checks.refuse(
-            f"at noises[{int(np.argmin(optimal))}] the Kalman filter costs nothing, and no regret is a part of that: take "
+            f"at noises[{int(np.argmin(optimal))}] the cost of the Kalman filter is zero, so that no relative regret exists: use "
             'criterion = "regret".'
         )
     return np.zeros(len(corners)), 1 / optimal
@@ -141,22 +142,22 @@ def _sparse(
     K: np.ndarray,
     allowed: np.ndarray,
 ) -> np.ndarray:
-    """The gain that is zero where it must be."""
+    """The gain with zeros where required."""
     found = kernel.restricted(plant, corners, a, s, K, allowed)
     if found is None:
         raise AssumptionError(
             f"no stabilising gain was found with {checks.counted(int(allowed.sum()), 'entry')} free of {allowed.size}: free more "
-            "of them, or look with observability(model) at what these outputs say of the unstable modes."
+            "of them, or check with observability(model) that these outputs show the unstable modes."
         )
     return found
 
 
 def _check_model(model: StateSpace, faults: checks.Faults) -> None:
-    """Discrete, constant, with R and without S."""
+    """Check that the model is discrete and constant, with R and without S."""
     check_constant(model, faults)
     check_noise(model, faults)
     if model.is_continuous:
-        faults.add("`model` must be discrete, as the gain of a sample is: give model.discretise(dt).")
+        faults.add("`model` must be discrete, because the gain applies to a sample: give model.discretise(dt).")
     if model.S is not None:
         faults.add("`model` has cross noise S, which this design does not use: give a model without it.")
 
@@ -172,7 +173,7 @@ def _noises(model: StateSpace, noises: Sequence[tuple[Numbers, Numbers]] | None,
         return []
     if not noises:
         faults.add(
-            "`noises` must hold at least one pair (Q, R): over an empty set nothing is worst. None: the model's own."
+            "`noises` must hold at least one pair (Q, R): an empty set has no worst case. None: the model's own."
         )
     q = model.G.shape[-1]
     faults.learn("q", q, f"the model has {checks.counted(q, 'noise')}")
@@ -194,12 +195,12 @@ def _weight(model: StateSpace, weight: Numbers | None, faults: checks.Faults) ->
     else:
         W = faults.covariance("weight", weight, "n n")
     if W is not None and not np.any(W):
-        faults.add("`weight` must not be zero: then every gain costs the same.")
+        faults.add("`weight` must not be zero: every gain would have the same cost.")
     return W
 
 
 def _free(model: StateSpace, free: Numbers | None, faults: checks.Faults) -> Any:
-    """Where the gain may be other than zero, (n, p)."""
+    """Where the gain may be nonzero, (n, p)."""
     if free is None:
         return np.ones((model.n, model.p), bool)
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
@@ -207,5 +208,5 @@ def _free(model: StateSpace, free: Numbers | None, faults: checks.Faults) -> Any
     if mask is None:
         return np.ones((model.n, model.p), bool)
     if not np.all((mask == 0) | (mask == 1)):
-        faults.add("`free` must hold True (may be other than zero) or False only.")
+        faults.add("`free` must hold only True (may be nonzero) or False.")
     return mask == 1

@@ -1,4 +1,4 @@
-"""How disturbances go on: waveforms of which the form is known, and neither size nor phase."""
+"""Waveforms of disturbances: their form is known, but neither size nor phase."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from ..models.discretisation import exponential
 
 @frozen
 class Waveform:
-    """d = H z, dz/dt = D z: what a disturbance d may look like, whatever z is, and whatever it jumps to.
+    """d = H z, dz/dt = D z: the form of a disturbance d, for any z and any jumps of z.
 
-    D (q, q) per second, H (d, q). `constant`, `ramp`, `polynomial` and `sinusoid` make the usual ones; a + b is their sum, and
+    D (q, q) per second, H (d, q). `constant`, `ramp`, `polynomial` and `sinusoid` give the usual ones; a + b is their sum, and
     `each(a, b)` gives each its own channel.
 
-    Raises `InputError` for shapes, and where H does not show all of z.
+    Raises `InputError` for wrong shapes, and where H does not show all of z.
 
     Reference: C. D. Johnson, IEEE TAC 16 (1971) 635.
 
@@ -70,7 +70,7 @@ class Waveform:
 
     @staticmethod
     def sinusoid(frequency: float) -> "Waveform":
-        """An oscillation of `frequency` rad/s; z is d and d a quarter of a period later, of the opposite sign."""
+        """An oscillation of `frequency` rad/s; z is d, and minus d a quarter of a period later."""
         faults = checks.Faults()
         ω = faults.number("frequency", frequency, above=0.0, unit="rad/s")
         faults.finish()
@@ -78,7 +78,7 @@ class Waveform:
 
     @staticmethod
     def each(*waveforms: "Waveform") -> "Waveform":
-        """One beside the other, on channels of their own.
+        """Several waveforms, each on its own channels.
 
         >>> Waveform.each(Waveform.constant(), Waveform.ramp()).H.shape
         (2, 3)

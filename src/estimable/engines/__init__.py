@@ -1,1 +1,1 @@
-"""How a step is executed. Nothing here knows about estimation."""
+"""The execution of steps. The engines know nothing about estimation."""

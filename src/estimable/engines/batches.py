@@ -1,4 +1,4 @@
-"""Runs and their arrays: how they lie in memory, and who runs them."""
+"""Runs and their arrays: their layout in memory, and the threads that run them."""
 
 import math
 import os
@@ -20,7 +20,7 @@ def sizes(shapes: Tree) -> np.ndarray:
 
 
 def shaped(arrays: list, shapes: Tree) -> Any:
-    """Arrays of flat entries, or of the words that hold them, as what has these shapes."""
+    """Arrays of flat entries, or of the words that hold them, in these shapes."""
     leaves, structure = jax.tree_util.tree_flatten(shapes)
     return jax.tree_util.tree_unflatten(structure, [
         _entries(array, leaf.dtype).reshape(*array.shape[:-1], *leaf.shape) for array, leaf in zip(arrays, leaves, strict=True)
@@ -33,12 +33,12 @@ def _entries(array: np.ndarray, dtype: np.dtype) -> np.ndarray:
 
 
 def words(leaves: list) -> list:
-    """(leaf, axis) with integers as their 64 bits: how machine code keeps them among floats."""
+    """(leaf, axis) with integers as their 64 bits, as machine code stores them among floats."""
     return [(leaf.astype(int).view(float) if leaf.dtype.kind in "iu" else leaf, axis) for leaf, axis in leaves]
 
 
 def on_all_processors(work: Callable[[int], Any], items: Sequence[int]) -> None:
-    """Each item once, in threads, of which this is one: machine code and copies release Python's lock."""
+    """Process each item once, in threads that include this one: machine code and copies release Python's lock."""
     left = iter(items)
 
     def take() -> None:
@@ -53,4 +53,4 @@ def on_all_processors(work: Callable[[int], Any], items: Sequence[int]) -> None:
         taken = [pool.submit(take) for _ in range(others)]
         take()
         for other in taken:
-            other.result()  # raises what a thread raised
+            other.result()  # raises the exception of a thread

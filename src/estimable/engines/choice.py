@@ -1,4 +1,4 @@
-"""Which engine runs a record."""
+"""The choice of the engine for a record."""
 
 import logging
 from importlib import import_module
@@ -19,18 +19,18 @@ _said: set[tuple[str, str]] = set()
 
 
 def check(engine: str, faults: checks.Faults) -> None:
-    """`engine` is one."""
+    """Check that `engine` names an engine."""
     faults.choice("engine", engine, ENGINES)
 
 
 def scan(
     engine: str, algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, **options: Any
 ) -> tuple[str, xla.Run]:
-    """Run `algorithm` over one record; the name of the engine that ran, and what it left.
+    """Run `algorithm` over one record. Returns the name of the engine and its run.
 
-    "auto" takes machine code where the step can be lowered and the processor is the default device, else XLA, and says why once:
-    at debug level, or as a warning where the engine failed. Raises `InputError` where the engine that was asked for cannot run
-    the step.
+    "auto" uses machine code where the step can be lowered and the processor is the default device, else XLA. It logs the reason
+    once: at debug level, or as a warning where the engine failed. Raises `InputError` where the requested engine cannot run the
+    step.
     """
     return _first_able(engine, "scan", algorithm, prior, samples, intervals, **options)
 
@@ -43,7 +43,7 @@ def scan_bank(
 
 
 def _first_able(engine: str, verb: str, algorithm: Stepping, *arguments: Any, **options: Any) -> tuple[str, xla.Run]:
-    """The first of the engines that can run the step, and what it left."""
+    """The name and the run of the first engine that can run the step."""
     automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)
     engines = automatic if engine == "auto" else (engine,)
     name, reason = type(algorithm).__name__, ""
@@ -63,13 +63,13 @@ def _first_able(engine: str, verb: str, algorithm: Stepping, *arguments: Any, **
 
 
 def reason_of(why: Exception) -> str:
-    """Why an engine does not run a step, in a line: a refusal in its own words, a failure with its kind."""
+    """Why an engine does not run a step, in one line: its own reason, or the kind of a failure."""
     line = str(why).strip().partition("\n")[0].rstrip(".")
     return line if isinstance(why, UnsupportedError) else f"{type(why).__name__}: {line}"
 
 
 def pass_over(engine: str, name: str, why: Exception) -> None:
-    """Say once why an engine does not run an algorithm: a refusal at debug level, a failure as a warning."""
+    """Log once why an engine does not run an algorithm: a refusal at debug level, a failure as a warning."""
     reason = reason_of(why)
     if (engine, reason) in _said:
         return

@@ -1,4 +1,4 @@
-"""Entries that one process leaves for the next, each under a name made of all that it depends on."""
+"""Entries that one process stores for the next, each named by everything it depends on."""
 
 import dataclasses
 import hashlib
@@ -21,18 +21,18 @@ Made = TypeVar("Made")
 
 
 class UnnamedError(Exception):
-    """It depends on something that has no name beyond this process, as a function of the user's."""
+    """An entry depends on something without a name outside this process, such as a user's function."""
 
 
 def read(words: str, ending: str) -> bytes | None:
-    """The entry of what depends on these words, if it is there, whole, and under its own name."""
+    """The entry for these words, if it exists, undamaged and under its own name."""
     found = cache_folder.read(_file(words, ending))
     whole = found is not None and found[:32] == _digest(words, found[32:])
     return found[32:] if found is not None and whole else None
 
 
 def write(words: str, ending: str, content: bytes) -> None:
-    """Leave an entry for later processes; where there is no folder to write in, there is none."""
+    """Store an entry for later processes; without a writable folder nothing is stored."""
     cache_folder.write(_file(words, ending), _digest(words, content) + content)
 
 
@@ -41,12 +41,12 @@ def _file(words: str, ending: str) -> str:
 
 
 def _digest(words: str, content: bytes) -> bytes:
-    """Of both: neither a damaged entry nor one under another's name is loaded, which would take the process with it."""
+    """The digest of both. It prevents loading a damaged or misnamed entry, which would crash the process."""
     return hashlib.sha256(hashlib.sha256(words.encode()).digest() + content).digest()
 
 
 def once(make: Callable[..., Made], *arguments: Any) -> Made:
-    """`make(*arguments)`, from the disk where a process has made it before from the same source and arguments."""
+    """`make(*arguments)`, from the disk where an earlier process made it from the same source and arguments."""
     try:
         words = "|".join((source(), name_of(make), *map(name_of, arguments)))
     except UnnamedError:
@@ -56,14 +56,14 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
         if content is not None:
             return plain_format.loads(content)
     made = make(*arguments)
-    with suppress(TypeError):  # what has no plain form is made again
+    with suppress(TypeError):  # without a plain form it is made again
         write(words, "json", plain_format.dumps(made))
     return made
 
 
 @cache
 def source() -> str:
-    """What this package and those below it are: versions, a setting, and what every file holds."""
+    """The identity of this package and its dependencies: versions, a setting, and the content of every file."""
     root = Path(__file__).parents[1]
     text = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(root.rglob("*.py")))).hexdigest()
     versions = jax.__version__, jaxlib.version.__version__, np.__version__, platform.python_version()
@@ -91,7 +91,7 @@ def _named(kind: type, *parts: Any) -> str:
 
 
 def _own(thing: Any) -> str:
-    """The name of a class or function of this package, or of one built in."""
+    """The name of a built-in class or function, or of one of this package."""
     module, name = str(getattr(thing, "__module__", "")), getattr(thing, "__qualname__", "<>")
     bound = getattr(thing, "__self__", None) is not None
     if bound or "<" in name or module.split(".")[0] not in ("builtins", __name__.split(".")[0]):

@@ -16,11 +16,11 @@ from .program.primitives import UnsupportedError
 from .step import Select, named
 from .xla import Run
 
-LINE = 64  # bytes of the cache that are fetched together
+LINE = 64  # bytes of a cache line
 
 
 class LargeStep:
-    """A compiled step. Runs of a bank follow one another on each processor."""
+    """A compiled step. Each processor runs the runs of a bank one after the other."""
 
     def __init__(self, program: Traced, keep: str, seek_steady: bool):
         row, states = program.row, program.states
@@ -61,7 +61,7 @@ class LargeStep:
 
 
 def large_step(structure: Any, shapes: tuple, keep: str, select: Select, seek_steady: bool) -> LargeStep:
-    """The compiled step (see `written.trace`). Raises `UnsupportedError` where it holds what has no machine code."""
+    """The compiled step (see `written.trace`). Raises `UnsupportedError` where a part of it has no machine code."""
     step = _large_step(structure, shapes, keep, select, seek_steady)
     if isinstance(step, UnsupportedError):
         raise UnsupportedError(*step.args)
@@ -72,7 +72,7 @@ def large_step(structure: Any, shapes: tuple, keep: str, select: Select, seek_st
 def _large_step(
     structure: Any, shapes: tuple, keep: str, select: Select, seek_steady: bool
 ) -> LargeStep | UnsupportedError:
-    """The step, or why there is none: neither is worked out twice."""
+    """The step, or the reason why there is none, cached."""
     program = once(attempt, structure, shapes, keep, select)
     try:
         return program if isinstance(program, UnsupportedError) else LargeStep(program, keep, seek_steady)
@@ -81,7 +81,7 @@ def _large_step(
 
 
 def attempt(structure: Any, shapes: tuple, keep: str, select: Select) -> Traced | UnsupportedError:
-    """`init` and a row as programs of arrays, or why there is none."""
+    """`init` and a row as programs of arrays, or the reason why there is none."""
     traced = trace(structure, shapes, keep, select)
     try:
         return traced._replace(start=lower(traced.start), row=lower(traced.row))
@@ -90,11 +90,11 @@ def attempt(structure: Any, shapes: tuple, keep: str, select: Select) -> Traced 
 
 
 def _of(run: int, leaf: np.ndarray, axis: int | None) -> np.ndarray:
-    """What is a run's of an array."""
+    """The part of an array that belongs to a run."""
     return leaf if axis is None else leaf[run]
 
 
 def _memory(size: int) -> np.ndarray:
-    """Bytes that begin where a line of the cache does."""
+    """Memory aligned to a cache line."""
     memory = np.empty(size + LINE, np.uint8)
     return memory[-memory.ctypes.data % LINE :]

@@ -1,4 +1,4 @@
-"""A step of an algorithm lowered to straight lines of scalars, once for each algorithm, shapes and what is kept."""
+"""A step of an algorithm lowered to a straight line of scalars, once for each algorithm, its shapes and selected outputs."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,7 +15,7 @@ from .program.straight_line import Program, lower_jaxpr
 from .step import Row, Select, Stepping, named, step
 
 LONG = 20_000  # outputs in all, seen or not
-OPEN = 200_000  # operations of a step before it is known what of its state is constant
+OPEN = 200_000  # operations of a step before the constants of its state are known
 
 
 class Carried(NamedTuple):
@@ -29,11 +29,11 @@ class Carried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """`start`: (algorithm, prior) to the first state. `row`: those, a state, a sample and an interval to the next state, what
-    is kept, the log-likelihood and the outcome.
+    """`start`: from (algorithm, prior) to the first state. `row`: from those, a state, a sample and an interval to the next
+    state, the selected outputs, the log-likelihood and the outcome.
 
-    The first `fixed` arrays that `row` takes are those of algorithm and prior, then come `states` arrays of the state.
-    `kept`: the shapes of what is kept.
+    The first `fixed` arrays of `row` are those of algorithm and prior, then come `states` arrays of the state.
+    `kept`: the shapes of the selected outputs.
     """
 
     start: Program
@@ -44,7 +44,7 @@ class Written:
 
     @property
     def outputs(self) -> Row:
-        """The scalars of what `row` gives, by name."""
+        """The scalars of the outputs of `row`, by name."""
         return named(self.row.outputs, self.states)
 
     @property
@@ -67,7 +67,7 @@ def write(
 ) -> Written:
     """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be lowered.
 
-    In work that is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
+    Where the work is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
     """
     structure, shapes = example(algorithm, prior, samples, intervals, axes)
     long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
@@ -86,7 +86,7 @@ def example(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, ax
 
 
 def batch(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[int, list, list]:
-    """How many runs, and (leaf, axis of the batch or None) of what is fixed in a run and of its rows."""
+    """The number of runs, and (leaf, axis of the batch or None) of the fixed arrays of a run and of its rows."""
     a, r, p = axes
     fixed = [
         (np.asarray(x), axis) for part, axis in ((algorithm, a), (prior, p)) for x in jax.tree_util.tree_leaves(part)
@@ -119,12 +119,12 @@ def _first(part: Tree, axis: int | None) -> Any:
 def write_shapes(
     structure: Any, shapes: tuple, keep: str, select: Select, zeros: tuple = ()
 ) -> Written | UnsupportedError:
-    """The step, or why there is none: neither is worked out twice."""
+    """The step, or the reason why there is none, cached."""
     return once(attempt, structure, shapes, keep, select, zeros)
 
 
 def attempt(structure: Any, shapes: tuple, keep: str, select: Select, zeros: tuple) -> Written | UnsupportedError:
-    """The step, or why there is none."""
+    """The step, or the reason why there is none."""
     try:
         return _write(structure, shapes, keep, select, zeros)
     except UnsupportedError as reason:
@@ -142,7 +142,7 @@ class Traced(NamedTuple):
 
 
 def trace(structure: Any, shapes: tuple, keep: str, select: Select) -> Traced:
-    """What `init` and a row do."""
+    """The traces of `init` and of a row."""
     examples = [np.zeros(shape, dtype) for shape, dtype in shapes]
     algorithm, prior, sample, interval = jax.tree_util.tree_unflatten(structure, examples)
 
@@ -163,7 +163,7 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Select, zeros: tupl
     fixed, states, start = traced.fixed, traced.states, lower_jaxpr(traced.start)
     always = dict.fromkeys(zeros, 0.0)
     known = _constants(start, fixed)
-    # as short as it can be: where that is too long, nothing more is worked out
+    # the shortest form first: if that is too long, stop here
     row = lower_jaxpr(traced.row, always | known)
     if len(_still_known(known, row, fixed, states)) < len(known):
         known = constant_entries(known, lower_jaxpr(traced.row, always, OPEN), fixed)
@@ -175,7 +175,7 @@ def _write(structure: Any, shapes: tuple, keep: str, select: Select, zeros: tupl
 
 
 def _constants(start: Program, fixed: int) -> dict[tuple[int, int], Any]:
-    """Entries of the state that begin as a constant, as the zeros of a triangular factor."""
+    """Entries of the state that begin as constants, such as the zeros of a triangular factor."""
     return {
         (fixed + array, entry): start.operations[name].value
         for array, names in enumerate(start.outputs)
@@ -185,7 +185,7 @@ def _constants(start: Program, fixed: int) -> dict[tuple[int, int], Any]:
 
 
 def _still_known(known: dict, row: Program, fixed: int, states: int) -> dict[tuple[int, int], Any]:
-    """Those of the known entries that a step leaves as they were: by induction they always are."""
+    """The known entries that a step leaves unchanged: by induction they are constant."""
     nexts = [[row.operations[name] for name in names.ravel()] for names in row.outputs[:states]]
     return {
         (array, entry): value

@@ -21,13 +21,13 @@ from .time_varying import laid_out
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
-FEW = 64  # rows, in which nothing settles for long
-SHARES = 4  # of the runs for each processor, so that none waits long for the others
+FEW = 64  # rows, too few for a steady state to pay
+SHARES = 4  # of the runs per processor, so that none waits long for the others
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
 
 def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, keep: str, select: Select) -> Run:
-    """What `xla.scan` does, to rounding. Raises `UnsupportedError` where the step cannot be lowered."""
+    """Equals `xla.scan` to rounding. Raises `UnsupportedError` where the step cannot be lowered."""
     one = [jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[None], part) for part in (samples, intervals)]
     run = scan_bank(algorithm, prior, *one, axes=(None, 0, None), keep=keep, select=select)
     return jax.tree_util.tree_map(lambda leaf: leaf[0], run)
@@ -36,7 +36,7 @@ def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *,
 def scan_bank(
     algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, axes: tuple, keep: str, select: Select
 ) -> Run:
-    """Many runs at once: of (algorithm, samples and intervals, prior) those with axis 0 have a leading batch axis."""
+    """Many runs at once: those of (algorithm, samples and intervals, prior) with axis 0 have a leading batch axis."""
     algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
     try:
@@ -49,12 +49,12 @@ def scan_bank(
 
 
 class NativeStep:
-    """A compiled step: which scalars are read from where, and where they are written.
+    """A compiled step: the sources of its scalars, and the places they are written to.
 
-    Runs read and write the arrays where they lie, one by one or `lanes` words side by side.
+    Runs read and write the arrays in place, one by one or `lanes` words side by side.
     """
 
-    apart = True  # runs side by side have arrays of their own
+    apart = True  # runs side by side have separate arrays
 
     def __init__(self, written: Written, keep: str, lanes: int, seek_steady: bool):
         self.start, self.keep, self.lanes, self.kept = _Start(written.start), keep, lanes, written.kept
@@ -74,7 +74,7 @@ class NativeStep:
         self.compiled = Compiled(loop, lanes)
 
     def _layout(self, program: Program, inputs: tuple) -> tuple[tuple[RowArray, ...], tuple[RowArray, ...]]:
-        """The arrays that are read and written of a row, as they lie in memory."""
+        """The arrays read and written for a row, with their layout in memory."""
         self.rows = sorted({i for i, _ in entries_read(inputs)[0]})
         read = [_flat(inputs)[i] for i in self.rows]
         types = [program.operations[max(names)].type for names in read]
@@ -93,7 +93,7 @@ class NativeStep:
         return Run(shaped(kept, self.kept), *self.end(carry, size), None)
 
     def begin(self, size: int, fixed: list) -> np.ndarray:
-        """What the runs carry into their first row, in groups side by side: the state, and the totals."""
+        """The carry into the first row of each run, in groups side by side: the state and the totals."""
         carry = np.zeros((size, len(self.alive) + COUNTS))
         carry[:, : len(self.alive)] = self.start.run(size, fixed)[:, self.alive]
         return side_by_side(carry, self.lanes)
@@ -123,7 +123,7 @@ class NativeStep:
 def compiled_step(
     written: Written, keep: str, lanes: int, seek_steady: bool = False, kind: type[NativeStep] = NativeStep
 ) -> Any:
-    """The compiled step: nothing is compiled twice."""
+    """The compiled step, cached."""
     return kind(written, keep, lanes, seek_steady)
 
 
@@ -157,7 +157,7 @@ class _Start:
 
 
 def _kind(dtype: np.dtype) -> str:
-    """How an array lies in memory."""
+    """The type of an array in memory."""
     return {"f": "double", "b": "i8"}.get(np.dtype(dtype).kind, "i64")
 
 
@@ -172,7 +172,7 @@ def _contiguous(leaf: np.ndarray) -> np.ndarray:
 
 
 def columns(leaves: list, places: list, size: int) -> np.ndarray:
-    """The entries that are read of leaves with or without a batch axis: (size, entries)."""
+    """The entries read from leaves with or without a batch axis: (size, entries)."""
     out = np.empty((size, len(places)))
     for column, (i, j) in enumerate(places):
         leaf, axis = leaves[i]

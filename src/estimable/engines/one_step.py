@@ -1,4 +1,4 @@
-"""One step at a time as machine code, for loops in Python: memory and its addresses stay from call to call."""
+"""One step at a time as machine code, for loops in Python: memory and its addresses are reused in every call."""
 
 import ctypes
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from .program.straight_line import Program, lower_jaxpr
 
 
 class Place:
-    """A state in memory: `flat`, of the `form` of the tree that it is; and the steps that lead on, by what they are called."""
+    """A state in memory: `flat`, with the `form` of its tree; and the steps that start here, by name."""
 
     def __init__(self, state: Tree):
         self.form = form_of(state)
@@ -32,37 +32,37 @@ class Place:
 
     @property
     def state(self) -> Any:
-        """The state, as the arrays it is now."""
+        """The current state, as arrays."""
         return reader(self.form)(self.flat.tobytes())
 
 
 class Step:
     """A step from one place to another.
 
-    Write `inputs` (flat arrays) and `run()`: it reads the state `here`, writes that `there` and what is `told` (flat), and
-    returns the code that the function gives. `fixed` may be written too. Raises `ValueError` where both places are one.
+    Write `inputs` (flat arrays) and call `run()`: it reads the state `here`, writes the state `there` and the `report` (flat),
+    and returns the code of the function. `fixed` may be written too. Raises `ValueError` where both places are the same.
     """
 
     def __init__(self, code: "Code", fixed: np.ndarray, here: Place, there: Place):
         if here is there:
-            raise ValueError("a step reads a state while it writes the next one: they lie in different places")
+            raise ValueError("a step reads one state while it writes the next: the two must be in different places")
         self.there, self.fields = there, code.fields
         bounds = np.cumsum([0, *code.inputs])
-        memory, self.told = np.zeros(bounds[-1]), np.zeros(code.told)
+        memory, self.report = np.zeros(bounds[-1]), np.zeros(code.report)
         self.inputs = [memory[a:b] for a, b in pairwise(bounds)]
-        arrays = fixed, here.flat, memory, there.flat, self.told
+        arrays = fixed, here.flat, memory, there.flat, self.report
         places = np.array([array.ctypes.data for array in arrays])
         self._kept = arrays, places, code
         self.run = partial(code.compiled.address, ctypes.c_void_p(places.ctypes.data))
 
 
 class Code:
-    """The machine code of a step, of which form the next state is, and how what is told is read, field by field."""
+    """The machine code of a step, the form of the next state, and the reader of each field of the report."""
 
     def __init__(self, step: "Lowered"):
-        self.next, self.inputs, self.told = step.next, step.inputs, _size(step.told) + 1
-        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(step.told))}
-        self.compiled = OneRow(step.loop, self.told - 1)
+        self.next, self.inputs, self.report = step.next, step.inputs, _size(step.report) + 1
+        self.fields = {name: reader(form, at) for name, form, at in _placed(vars(step.report))}
+        self.compiled = OneRow(step.loop, self.report - 1)
 
 
 def _of_scalars(program: Program, fixed: Tree, state: Tree, following: Tree) -> ScalarLoop:
@@ -75,12 +75,12 @@ def _of_scalars(program: Program, fixed: Tree, state: Tree, following: Tree) -> 
 
 
 def _of_arrays(function: Callable, *parts: Tree) -> ArrayLoop:
-    """The step as operations on arrays, of which those of each part lie one after the other."""
+    """The step as operations on arrays; the arrays of each part are contiguous."""
 
     def run(*memories: Array):
-        following, *told = function(*(_unpacked(part, m) for part, m in zip(parts[:2], memories, strict=False)),
+        following, *report = function(*(_unpacked(part, m) for part, m in zip(parts[:2], memories, strict=False)),
                                     *_unpacked(parts[2], memories[2]))  # fmt: skip
-        return _packed(following), _packed(told)
+        return _packed(following), _packed(report)
 
     return ArrayLoop(lower(jax.make_jaxpr(run)(*(np.zeros(_size(part)) for part in parts))), None, 1, 0, 2)
 
@@ -109,16 +109,16 @@ def _entry(word: Array, dtype: np.dtype) -> Any:
 
 
 class Lowered(NamedTuple):
-    """A step as a program: the forms of the next state and of what is told, and the sizes of the inputs."""
+    """A step as a program: the forms of the next state and of the report, and the sizes of the inputs."""
 
     next: Any
-    told: Any
+    report: Any
     inputs: list[int]
     loop: ScalarLoop | ArrayLoop
 
 
 def code_of(function: Callable, fixed: Tree, state: Tree, *inputs: Tree) -> Code:
-    """The code of `function(fixed, state, *inputs)`, which gives the next state, a record that is told and a code.
+    """The code of `function(fixed, state, *inputs)`, which returns the next state, a report and a code.
 
     Raises `UnsupportedError` where the function has no machine code.
     """
@@ -131,16 +131,16 @@ def code_of(function: Callable, fixed: Tree, state: Tree, *inputs: Tree) -> Code
 
 @lru_cache(256)
 def _code(*arguments: Any) -> Code | UnsupportedError:
-    """The code of a step, or why there is none: neither is worked out twice."""
+    """The code of a step, or the reason why there is none, cached."""
     step = once(attempt, *arguments)
     return step if isinstance(step, UnsupportedError) else Code(step)
 
 
 def attempt(function: Callable, structure: Any, shapes: tuple) -> Lowered | UnsupportedError:
-    """The program of a step, of scalars or else of arrays, or why there is none."""
+    """The program of a step, of scalars or else of arrays, or the reason why there is none."""
     fixed, state, *inputs = jax.tree_util.tree_unflatten(structure, [np.zeros(*shape) for shape in shapes])
-    traced, (after, told, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
-    forms = form_of(after), form_of(told), [_size(part) for part in inputs]
+    traced, (after, report, _) = jax.make_jaxpr(function, return_shape=True)(fixed, state, *inputs)
+    forms = form_of(after), form_of(report), [_size(part) for part in inputs]
     try:
         return Lowered(*forms, _of_scalars(lower_jaxpr(traced), fixed, state, after))
     except UnsupportedError:
@@ -158,14 +158,14 @@ def flat(tree: Tree) -> np.ndarray:
 
 
 def form_of(tree: Tree) -> Any:
-    """A tree with shapes and types in the place of its arrays."""
+    """A tree with shapes and types instead of its arrays."""
     return jax.tree_util.tree_map(
         lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf), getattr(leaf, "dtype", np.asarray(leaf).dtype)), tree
     )
 
 
 def reader(form: Tree, at: int = 0) -> Callable[[bytes], Any]:
-    """A function from memory to arrays of this form, the first of which begins at word `at`."""
+    """A function from memory to arrays of this form; the first begins at word `at`."""
     leaves, structure = jax.tree_util.tree_flatten(form)
     starts = np.cumsum([at, *map(_size, leaves)]).tolist()
     each = [_array_reader(leaf, start) for leaf, start in zip(leaves, starts, strict=False)]
@@ -189,7 +189,7 @@ def _placed(fields: dict[str, Any]) -> list[tuple[str, Any, int]]:
 
 
 def _size(form: Tree) -> int:
-    """How many numbers a tree has."""
+    """The number of entries of a tree."""
     return sum(int(np.prod(np.shape(leaf))) for leaf in jax.tree_util.tree_leaves(form))
 
 

@@ -1,7 +1,7 @@
-"""Lowered steps as JSON and back: nothing that is read can run.
+"""Lowered steps as JSON and back: the format cannot hold executable code.
 
-A value that JSON has no word for is {its kind: what it holds}. A row of records of one class is written column by column,
-which is many times faster to read than one record after another.
+A value without a JSON type is {its kind: its content}. A row of records of one class is written column by column, which is
+many times faster to read than record by record.
 """
 
 import dataclasses
@@ -23,16 +23,16 @@ OF_JAX = {(kind.__module__, kind.__qualname__): kind for kind in _LAX}
 
 
 def dumps(value: Any) -> bytes:
-    """The JSON of a value. Raises `TypeError` where it holds something else than arrays, records and plain values."""
+    """The JSON of a value. Raises `TypeError` where it holds anything but arrays, records and plain values."""
     return json.dumps(_written(value), separators=(",", ":")).encode()
 
 
 def loads(text: bytes) -> Any:
-    """The value. Raises `ValueError` where the text is no such JSON."""
+    """The value. Raises `ValueError` where the text is not such JSON."""
     try:
         return _read(json.loads(text))
     except (ValueError, TypeError, AttributeError, LookupError, ImportError, RecursionError) as reason:
-        raise ValueError("no lowered step") from reason
+        raise ValueError("the text is not a lowered step") from reason
 
 
 def _written(value: Any) -> Any:
@@ -56,7 +56,7 @@ def _written(value: Any) -> Any:
 
 
 def _column(values: tuple) -> Any:
-    """A field of many records: plain values, tuples of them, or whatever else."""
+    """A field of many records: plain values, tuples of them, or other values."""
     if all(type(value) in PLAIN for value in values):
         return ["plain", values]
     if all(type(value) is tuple and all(type(part) in PLAIN for part in value) for value in values):
@@ -113,12 +113,12 @@ def _dtype(dtype: np.dtype) -> str:
 
 
 def _numbers(name: str) -> np.dtype:
-    """The dtype of this name, if it is one of numbers."""
+    """The dtype of this name, if it is numeric."""
     return np.dtype(_dtype(np.dtype(name)))
 
 
 def _is_record(kind: type) -> bool:
-    """Whether its fields are all that there is to it: a record of this package, or one of JAX's."""
+    """Whether its fields determine it: a record of this package, or one of JAX."""
     own = kind.__module__.partition(".")[0] == PACKAGE or (kind.__module__, kind.__qualname__) in OF_JAX
     return own and (dataclasses.is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields")))
 
@@ -139,12 +139,12 @@ def _class(name: str) -> Any:
         return OF_JAX[module, qualified]
     kind = getattr(importlib.import_module(module), qualified) if module.partition(".")[0] == PACKAGE else None
     if not isinstance(kind, type) or not _is_record(kind):
-        raise TypeError(f"{name} is no record")
+        raise TypeError(f"{name} is not a record")
     return kind
 
 
 def _make(kind: Any, fields: Any) -> Any:
-    """A record with these fields, without the checks of its constructor: they hold shapes in the place of numbers."""
+    """A record with these fields, without the checks of its constructor: they hold shapes instead of numbers."""
     if issubclass(kind, tuple):
         return kind(*fields)
     made = object.__new__(kind)

@@ -1,4 +1,4 @@
-"""One row of a run, the same for every engine: correct, keep, predict; and the names of what a row leaves."""
+"""One row of a run, the same for every engine: correct, select, predict; and the names of its outputs."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,11 +7,11 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from ..annotations import AnyRecord, Array, Tree
 
 Part = TypeVar("Part")
-Select = Callable[[Any, str], Tree]  # of an info and of `keep`, what is kept
+Select = Callable[[Any, str], Tree]  # from an info and `keep` to the selected outputs
 
 
 class Samples(AnyRecord, Protocol):
-    """The samples of a run, row by row: which outputs were seen, and whatever else the algorithm takes."""
+    """The samples of a run, row by row: the mask of seen outputs, and all other data that the algorithm takes."""
 
     @property
     def seen(self) -> Array:
@@ -20,10 +20,10 @@ class Samples(AnyRecord, Protocol):
 
 
 class Stepping(AnyRecord, Protocol):
-    """What an engine runs: the steps of an algorithm, or anything with the same three and `at`."""
+    """The object that an engine runs: an algorithm, or anything with the same three steps and `at`."""
 
     def at(self, k: int | Array) -> "Stepping":
-        """The same at row k."""
+        """The same object at row k."""
         ...
 
     def init(self, prior: Tree) -> Any:
@@ -40,7 +40,7 @@ class Stepping(AnyRecord, Protocol):
 
 
 class Row(NamedTuple):
-    """What a row leaves: the state at the next, what is kept of the info, the log-likelihood of the sample, and the outcome."""
+    """The outputs of a row: the next state, the selected part of the info, the log-likelihood of the sample, and the outcome."""
 
     state: Any
     kept: Any
@@ -59,6 +59,6 @@ def step(
 
 
 def named(outputs: Sequence[Part], states: int) -> Row:
-    """The flat outputs of a row, of which the first `states` are those of the state."""
+    """The flat outputs of a row by name; the first `states` belong to the state."""
     *arrays, log_likelihood, outcome = outputs
     return Row(tuple(arrays[:states]), tuple(arrays[states:]), log_likelihood, outcome)

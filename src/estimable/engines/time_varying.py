@@ -1,4 +1,4 @@
-"""What an algorithm looks up by row (the matrices of a model that varies in time), laid out as more data of each row."""
+"""Data that an algorithm looks up by row (the matrices of a time-varying model), laid out as additional data of each row."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -15,9 +15,9 @@ from .step import Samples, Stepping
 
 @frozen
 class ByRow:
-    """An algorithm of which some leaves come with each row, as (sample, leaves) and (interval, leaves).
+    """An algorithm with some leaves supplied by each row, as (sample, leaves) and (interval, leaves).
 
-    `first`: those leaves at the first row, for `init`. `places`: which leaves they are.
+    `first`: those leaves at the first row, for `init`. `places`: their indices.
     """
 
     same: Any
@@ -26,21 +26,21 @@ class ByRow:
     structure: Any = static()
 
     def at(self, k: int | Array) -> "ByRow":
-        """The same: what is looked up comes with the row."""
+        """The same object: the row supplies the looked-up leaves."""
         return self
 
     def now(self, looked_up: Sequence[Array]) -> Any:
-        """The algorithm at the instant of a row."""
+        """The algorithm at a row."""
         same, moving = iter(self.same), iter(looked_up)
         leaves = [next(moving) if moves else next(same) for moves in self.places]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
     def init(self, prior: Tree) -> Any:
-        """What is believed before the first row."""
+        """The state before the first row."""
         return self.now(self.first).init(prior)
 
     def correct(self, state: Tree, row: tuple[Tree, list[Array]]) -> Any:
-        """Learn from one sample, with the leaves of its row."""
+        """Update with one sample and the leaves of its row."""
         return self.now(row[1]).correct(state, row[0])
 
     def predict(self, state: Tree, row: tuple[Tree, list[Array]]) -> Any:
@@ -49,7 +49,7 @@ class ByRow:
 
 
 class _Lookup(NamedTuple):
-    """Which leaves of the algorithm at an instant are looked up, of which leaf the others are, and the function that looks."""
+    """The leaves of the algorithm that are looked up, the sources of the others, and the lookup function."""
 
     places: tuple[bool, ...]
     sources: tuple[int, ...]
@@ -58,7 +58,7 @@ class _Lookup(NamedTuple):
 
 
 def laid_out(algorithm: Stepping, samples: Samples, intervals: Tree, axes: tuple) -> tuple[Any, Any, Any, tuple]:
-    """(algorithm, samples, intervals, axes) in which nothing is looked up by row."""
+    """(algorithm, samples, intervals, axes) without lookups by row."""
     a, r, p = axes
     T = samples.seen.shape[0 if r is None else 1]
     by_row, moving = looked_up(algorithm, T, a)
@@ -74,7 +74,7 @@ def laid_out(algorithm: Stepping, samples: Samples, intervals: Tree, axes: tuple
 
 
 def looked_up(algorithm: Stepping, T: int, axis: int | None = None) -> tuple[Any, list[np.ndarray]]:
-    """The algorithm without what it looks up by row, and that, for T rows; itself and nothing where it looks up nothing.
+    """The algorithm without its looked-up leaves, and those leaves for T rows; itself and no leaves where it looks up nothing.
 
     `axis`: that of a batch of algorithms, or None.
     """
@@ -93,23 +93,23 @@ def looked_up(algorithm: Stepping, T: int, axis: int | None = None) -> tuple[Any
 
 @lru_cache(256)
 def _lookup(structure: Any, shapes: tuple) -> _Lookup | None:
-    """How an algorithm looks up its leaves; None where it does not."""
+    """The lookup of an algorithm; None where there is none."""
     example = [np.zeros(shape, dtype) for shape, dtype in shapes]
-    told = {}
+    seen = {}
 
     def now(leaves: list[Array], k: int | Array):
         algorithm = jax.tree_util.tree_unflatten(structure, leaves).at(k)
-        leaves, told["structure"] = jax.tree_util.tree_flatten(algorithm)
+        leaves, seen["structure"] = jax.tree_util.tree_flatten(algorithm)
         return leaves
 
     jaxpr = jax.make_jaxpr(now)(example, 0).jaxpr
     given = {id(var): i for i, var in enumerate(jaxpr.invars)}
     sources = [given.get(id(var)) for var in jaxpr.outvars]
-    if told["structure"] == structure:
+    if seen["structure"] == structure:
         return None
     places = tuple(i is None for i in sources)
 
     def look(leaves: list[Array], rows: Array):
         return jax.vmap(lambda k: [leaf for leaf, moves in zip(now(leaves, k), places, strict=True) if moves])(rows)
 
-    return _Lookup(places, tuple(i for i in sources if i is not None), told["structure"], look)
+    return _Lookup(places, tuple(i for i in sources if i is not None), seen["structure"], look)

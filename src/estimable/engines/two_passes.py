@@ -1,7 +1,7 @@
-"""Two steps that take turns, as machine code: one goes forwards over a block of rows, one backwards over them for the next.
+"""Two alternating steps as machine code: one runs forwards over a block of rows, one backwards over it for the next block.
 
-What the forward step tells of a row is a row of the backward step, and what the backward step tells of it enters the forward
-step at the row in the same place of the next block. So a loop, whose rows come one at a time, can look back over a block.
+The output of the forward step for a row is a row of the backward step. The output of the backward step for it enters the
+forward step at the same place in the next block. So a loop, whose rows come one at a time, can look back over a block.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from .xla import Run
 
 
 class Way(NamedTuple):
-    """One of the two steps, and what its `init` takes."""
+    """One of the two steps, and the argument of its `init`."""
 
     algorithm: Any
     prior: Any
@@ -38,8 +38,8 @@ def scan_bank(
 ) -> Run:
     """Run a bank whose rows have a leading axis of runs, in blocks of `length`.
 
-    `rows` has a field `begin`, whose numbers are those of the argument in the first block, (length, ..), and then what the
-    backward step told. `select(info, keep)` gives (what is kept, (sample, interval) of the backward step). Raises
+    `rows` has a field `begin`: the numbers of the argument in the first block, (length, ..), and the outputs of the backward
+    step in later ones. `select(info, keep)` returns (the selected outputs, (sample, interval) of the backward step). Raises
     `UnsupportedError` where a step cannot be lowered.
     """
     axes = (None, 0, None)
@@ -69,8 +69,8 @@ def scan_bank(
     return Run(shaped(np.split(each, sizes(kept)[:-1], axis=-1), kept), None, code, failed_at, None)
 
 
-def _as_it_is(told: Any, keep: str) -> Any:
-    return told.kept
+def _as_it_is(info: Any, keep: str) -> Any:
+    return info.kept
 
 
 def _width(shapes: Tree) -> int:
@@ -78,12 +78,12 @@ def _width(shapes: Tree) -> int:
 
 
 def _offsets(shapes: list) -> np.ndarray:
-    """Where each array begins among flat columns."""
+    """The start of each array among flat columns."""
     return np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
 
 
 class _Together(NativeStep):
-    """A step whose runs side by side lie together, `LANES` words to a scalar: one array is read and one is written."""
+    """A step with interleaved runs, `LANES` words per scalar: one array is read and one is written."""
 
     apart = False
 
@@ -94,7 +94,7 @@ class _Together(NativeStep):
 
 
 class _Memory:
-    """Which column of one step is which of the other."""
+    """The columns that the two steps exchange."""
 
     def __init__(self, ahead: _Together, behind: _Together, rows: Tree, leaves: list, kept: int, begin: Tree):
         self.ahead, self.behind = ahead, behind
@@ -103,17 +103,17 @@ class _Memory:
         self.passed = [kept + passed[i] + j for i, j in behind.columns]  # columns of `ahead` that `behind` reads
         begun = [leaf for leaf, _ in words([(np.asarray(leaf), None) for leaf in jax.tree_util.tree_leaves(begin)])]
         first = [path[0].name for path, _ in jax.tree_util.tree_flatten_with_path(rows)[0]].index("begin")
-        told = _offsets([leaf.shape[1:] for leaf in begun])
+        starts = _offsets([leaf.shape[1:] for leaf in begun])
         inside = [(column, i - first, j) for column, (i, j) in enumerate(ahead.columns) if 0 <= i - first < len(begun)]
-        self.into = [column for column, _, _ in inside]  # columns of `ahead` that `behind` tells
-        self.out_of = [told[i] + j for _, i, j in inside]
+        self.into = [column for column, _, _ in inside]  # columns of `ahead` that `behind` supplies
+        self.out_of = [starts[i] + j for _, i, j in inside]
         self.begin = np.stack([begun[i].reshape(len(begun[i]), -1)[:, j] for _, i, j in inside], axis=1)
 
     def run(self, runs: np.ndarray, T: int, length: int, forward: tuple, backward: tuple) -> np.ndarray:
-        """What the forward step wrote of a group of runs, (T, columns, lanes)."""
+        """The outputs of the forward step for a group of runs, (T, columns, lanes)."""
         row, nothing = self._rows(runs, T), np.zeros(1)
         wrote = np.empty((T, self.ahead.at[-1], LANES))
-        told = np.empty((length, self.behind.at[-1], LANES))
+        written = np.empty((length, self.behind.at[-1], LANES))
         row[:length, self.into] = self.begin[:T, :, None]
         for start in range(0, T, length):
             stop = min(start + length, T)
@@ -122,8 +122,8 @@ class _Memory:
                 break
             turned = np.ascontiguousarray(wrote[start:stop][::-1, self.passed])
             still, begin = backward
-            self.behind.compiled(length, still, begin.copy(), nothing, turned, told)
-            row[stop : stop + length, self.into] = told[::-1, self.out_of][: T - stop]
+            self.behind.compiled(length, still, begin.copy(), nothing, turned, written)
+            row[stop : stop + length, self.into] = written[::-1, self.out_of][: T - stop]
         return wrote
 
     def _rows(self, runs: np.ndarray, T: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Steps run as they are written, compiled by XLA: the reference engine."""
+"""Steps compiled by XLA without changes: the reference engine."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -10,13 +10,13 @@ from jax import lax
 from ..annotations import Array, Tree
 from .step import Samples, Select, Stepping, step
 
-LONG = 10_000  # rows from which it pays to write steps out in a row: 20 % faster, for twice the compilation
+LONG = 10_000  # rows from which unrolling pays: 20 % faster, for twice the compilation
 UNROLL = 2
 KEEP = ("all", "means", "last", "likelihood")
 
 
 class Run(NamedTuple):
-    """What a run leaves: kept infos (T rows, the last one, or None), the log-likelihood, the first failure, the state."""
+    """The result of a run: selected infos (T rows, the last one, or None), log-likelihood, first failure and state."""
 
     info: Any
     log_likelihood: Any
@@ -27,7 +27,7 @@ class Run(NamedTuple):
 
 @partial(jax.jit, static_argnames=("keep", "select"))
 def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, keep: str, select: Select) -> Run:
-    """`init`, then `correct` and `predict` over T samples. `select(info, keep)` drops from an info what is not kept."""
+    """`init`, then `correct` and `predict` over T samples. `select(info, keep)` selects the outputs of an info."""
     T = samples.seen.shape[0]
 
     def go(carry: tuple[Tree, Tree], row: tuple[Array, Tree, Tree]):
@@ -54,7 +54,7 @@ def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *,
 def scan_bank(
     algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, axes: tuple, keep: str, select: Select
 ) -> Run:
-    """`scan` mapped over those of (algorithm, samples and intervals, prior) that have axis 0 in `axes`."""
+    """`scan` mapped over those of (algorithm, samples and intervals, prior) with axis 0 in `axes`."""
     a, r, p = axes
 
     def one(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree):

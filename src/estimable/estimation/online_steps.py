@@ -117,7 +117,7 @@ class Quick:
         if code == 0:
             self.here = step.there
             self.corrected = True
-            self.info = InfoInMemory(step.fields, step.told.tobytes())
+            self.info = InfoInMemory(step.fields, step.report.tobytes())
         return code
 
     def predict(self, u: Numbers | None, u_end: Numbers | None, dt: float | None) -> int | None:

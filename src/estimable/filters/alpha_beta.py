@@ -26,7 +26,7 @@ INDEX = "kalata"
 
 @frozen
 class Track:
-    """What a tracker believes, and the seconds since its last sample (or its prior)."""
+    """The belief of a tracker, and the seconds since its last sample (or its prior)."""
 
     belief: Belief
     elapsed: Any
@@ -37,20 +37,20 @@ class AlphaBeta(Algorithm[Track]):
     """A tracker of a position with two or three constant gains, over steps of any length, with the true covariance of its error.
 
     Model: r' = v, v' = a white noise of density σ_a² (with `gamma`: v' = a, a' that noise); y[k] = r + noise. After a step of T
-    seconds since the last sample that was seen, r moves by α e, v by (β / T) e and the acceleration by (γ / T²) e, e = y - r.
+    seconds since the last seen sample, r moves by α e, v by (β / T) e and the acceleration by (γ / T²) e, e = y - r.
 
-    Assumes that a target moves like that; the gains need no variances. At a constant T the error's poles do not depend on T;
-    where T changes by large factors from sample to sample, constant gains may be unstable (Bass's are at 1, 10, 1, 10, .. s):
-    then take alpha="kalata". The covariance needs σ_a² and the noise of the sensor, and is that of these gains.
+    Assumes that the target moves like this; the gains need no variances. At a constant T the error's poles do not depend on T.
+    Where T changes by large factors from sample to sample, constant gains may be unstable (Bass's are at 1, 10, 1, 10, .. s):
+    then use alpha="kalata". The covariance needs σ_a² and the sensor noise, and is that of these gains.
 
-    Settings: `alpha`, `beta`, `gamma` (others divide it by 2), as from `alpha_beta_gains`; or alpha="kalata": α and β anew for
-    each step, of the index Λ = T² σ_w / σ_v, σ_w² = σ_a² / T: it leans on each sample as much as its T deserves. `sigma_a2`;
-    `sigma_s2`: density of a sensor that averages over T, whose samples have variance σ_s² / T (the first row, with no T before
-    it, is then not used). Neither: the means alone. Or `model`: a `StateSpace` of a position and its derivatives, whose Q counts
-    and whose R is the variance of every sample. `output`: the name of the measured channel.
+    Settings: `alpha`, `beta`, `gamma` (others divide it by 2), as from `alpha_beta_gains`; or alpha="kalata": α and β are
+    computed for each step from the index Λ = T² σ_w / σ_v, σ_w² = σ_a² / T, so that each sample is weighted by its T. `sigma_a2`;
+    `sigma_s2`: density of a sensor that averages over T, so that a sample has variance σ_s² / T (the first row, with no T before
+    it, is then not used). Without both, only the means are estimated. Or `model`: a `StateSpace` of a position and its
+    derivatives with the process noise Q; its R is the variance of every sample. `output`: the name of the measured channel.
 
-    A missing sample is as if its row were not there: the next T is longer. The first row, at the time of the prior, moves the
-    position only (an index of T = 0: nothing). A diffuse prior is learnt as `Kalman` learns it: two samples give r and v.
+    A missing sample has the effect of a missing row: the next T is longer. The first row, at the time of the prior, moves the
+    position only (with the index, T = 0, nothing). A diffuse prior is treated as in `Kalman`: two samples determine r and v.
 
     Cost: that of `Kalman` with 2 or 3 states. Reference: R. W. Bass (2005); P. R. Kalata, IEEE TAES 20 (1984) 174.
 
@@ -96,7 +96,7 @@ class AlphaBeta(Algorithm[Track]):
 
     @property
     def has_innovation_covariance(self) -> bool:
-        """Not where the noises were not given."""
+        """False where the noises were not given."""
         return not self.silent
 
     @property
@@ -114,26 +114,26 @@ class AlphaBeta(Algorithm[Track]):
 
     def at(self, k: int | Array) -> Self:
         """The tracker at row k of a record whose steps vary."""
-        return replace(self, kalman=self._beside.at(k))
+        return replace(self, kalman=self._kalman_filter.at(k))
 
     @property
-    def _beside(self) -> Kalman:
+    def _kalman_filter(self) -> Kalman:
         """The Kalman filter of the same model."""
         return Kalman(self._model).sampled(Clock.every(self._model.dt)) if self.kalman is None else self.kalman
 
     def init(self, prior: Prior) -> Track:
-        """What is believed before y[0]."""
-        return Track(self._beside.init(prior), jnp.zeros(()))
+        """The belief before y[0]."""
+        return Track(self._kalman_filter.init(prior), jnp.zeros(()))
 
     def correct(self, state: Track, sample: Sample) -> tuple[Track, Info]:
-        """Learn from one sample."""
-        kalman, T = self._beside, state.elapsed
+        """Update the belief with one sample."""
+        kalman, T = self._kalman_filter, state.elapsed
         later = T > 0
         rate = jnp.where(later, 1 / jnp.where(later, T, 1.0), 0.0)
         seen = sample.seen
         if self.averages:
             assert kalman.ready is not None
-            seen = seen & later  # what has averaged over no time tells nothing
+            seen = seen & later  # an average over no time carries no information
             kalman = replace(kalman, ready=replace(kalman.ready, V=kalman.ready.V * jnp.sqrt(rate)))
         K = self._gains(kalman, T) * jnp.stack([jnp.ones(()), rate, rate**2][: 2 if self.gamma is None else 3])
         belief, info = correct_by(K[:, None], kalman, state.belief, replace(sample, seen=seen))
@@ -156,19 +156,19 @@ class AlphaBeta(Algorithm[Track]):
 
     def predict(self, state: Track, interval: Interval) -> Track:
         """Move to the next sample."""
-        return Track(self._beside.predict(state.belief, interval), state.elapsed + interval.dt)
+        return Track(self._kalman_filter.predict(state.belief, interval), state.elapsed + interval.dt)
 
 
 def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:
-    """Numbers with which the error dies out at a constant step; or the word."""
+    """Check that the gains are stable at a constant step, or the name of the index."""
     if isinstance(tracker.alpha, str):
         faults.choice("alpha", tracker.alpha, (INDEX,))
         for name in ("beta", "gamma"):
             if getattr(tracker, name) is not None:
-                faults.add(f"`{name}` must not be given where alpha = {INDEX!r} makes the gains.")
+                faults.add(f"`{name}` must not be given with alpha = {INDEX!r}, which computes the gains.")
         return
     if tracker.beta is None:
-        faults.add("`beta` must be given beside `alpha`: α-β trackers have two gains, as alpha_beta_gains gives them.")
+        faults.add("`beta` must be given with `alpha`: α-β trackers have two gains, as from alpha_beta_gains.")
         return
     named = {"alpha": tracker.alpha, "beta": tracker.beta, "gamma": tracker.gamma}
     gains = {name: faults.number(name, value, above=0.0) for name, value in named.items() if value is not None}
@@ -178,7 +178,7 @@ def _check_gains(tracker: AlphaBeta, faults: checks.Faults) -> None:
     if len(gains) == 2 and not kernel.stable(*gains.values()):
         faults.add(kernel.UNSTABLE.format(*gains.values()))
     elif (radius := np.abs(kernel.poles(*gains.values())).max()) >= 1:
-        faults.add(f"with these gains the error does not die out: its largest pole has modulus {radius:.6g}, not < 1.")
+        faults.add(f"the error is unstable with these gains: its largest pole has modulus {radius:.6g}, not < 1.")
 
 
 def _noises(
@@ -187,11 +187,13 @@ def _noises(
     """Both densities, or neither."""
     if sigma_a2 is None and sigma_s2 is None:
         if isinstance(alpha, str):
-            faults.add(f"alpha = {alpha!r} needs `sigma_a2` and `sigma_s2`, or a `model`: the gains are made of them.")
+            faults.add(
+                f"alpha = {alpha!r} needs `sigma_a2` and `sigma_s2`, or a `model`: the gains are computed from them."
+            )
         return 0.0, 1.0
     given = {"sigma_a2": sigma_a2, "sigma_s2": sigma_s2}
     for name in (name for name, value in given.items() if value is None):
-        faults.add(f"`{name}` must be given with the other: the covariance needs both.")
+        faults.add(f"`sigma_a2` and `sigma_s2` must be given together: the covariance needs both. `{name}` is missing.")
     return tuple(faults.number(name, value, lower=0.0) for name, value in given.items() if value is not None)  # type: ignore[return-value]
 
 
@@ -204,13 +206,13 @@ def _chain(order: int, σ_a2: float, σ_s2: float, output: str | None) -> StateS
 
 
 def _check_model(model: StateSpace, order: int, alpha: float | str | None, faults: checks.Faults) -> None:
-    """A position, which is measured, and its derivatives."""
+    """Check that the model is a measured position and its derivatives."""
     shift = np.eye(order, k=1)
     A = shift if model.is_continuous else over(shift, np.eye(order), shift, model.dt, hold="zero_order")[0]
     alike = np.shape(model.A) == A.shape and np.shape(model.C) == (1, order)
     if not alike or not (np.allclose(model.A, A, rtol=1e-9, atol=0) and np.array_equal(model.C, np.eye(1, order))):
         faults.add(
-            f"`model` must be of a measured position and its derivatives: for {order} gains A = {A.tolist()}, "
+            f"`model` must describe a measured position and its derivatives: for {order} gains A = {A.tolist()}, "
             f"C = {np.eye(1, order).tolist()}. Got A = {checks.short(np.asarray(model.A).tolist())}."
         )
     if isinstance(alpha, str) and not model.is_continuous:

@@ -19,7 +19,7 @@ from ..results import Sample
 class Belief:
     """Mean (n,), a factor (n, k) of the finite part of the covariance, and the directions (n, r) of infinite variance.
 
-    `size` (n,) is the size of the terms whose sum the mean is: it bounds the rounding of the mean. The directions are
+    `size` (n,) is the size of the terms that sum to the mean: it bounds the rounding of the mean. The directions are
     `diffuse` exp(`log_scale`). After `correct` of a model with cross noise, `drift_mean` and `drift_factor` are those of the
     process noise given the outputs. `before` (n, n) is the factor before `correct`.
     """
@@ -50,14 +50,14 @@ class Belief:
 
 
 def believe(prior: Prior, origin: Array | float = 0.0) -> Belief:
-    """The belief that a prior states, about deviations from `origin`."""
+    """The belief of a prior, about deviations from `origin`."""
     mean = jnp.asarray(prior.mean)
     size = jnp.abs(mean) + jnp.abs(origin)
     return Belief(mean - origin, factor(prior.covariance), diffuse_columns(prior), size, jnp.zeros(()))
 
 
 def side_by_side(a: Belief, b: Belief) -> Belief:
-    """The belief about (x, θ) of two independent ones."""
+    """The joint belief about (x, θ) from two independent beliefs."""
     return Belief(
         jnp.concatenate([a.mean, b.mean]),
         block_diagonal(a.factor, b.factor),
@@ -70,16 +70,18 @@ def side_by_side(a: Belief, b: Belief) -> Belief:
 def correct(
     belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool
 ) -> tuple[Belief, Posterior]:
-    """Condition on the outputs that were seen; `independently` as in `posterior`."""
+    """Condition on the seen outputs; `independently` as in `posterior`."""
     if belief.drift is not None:
-        raise ValueError("correct was called twice without predict: the cross noise S of a sample can be used once.")
+        raise ValueError(
+            "correct was called twice without predict: the cross noise S of a sample can be used only once."
+        )
     post = posterior(belief, measurement, sample, independently=independently)
     before = belief.factor if belief.before is None else belief.before
     return Belief(*post.state, *(post.drift or (None, None)), before), post
 
 
 def posterior(belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool) -> Posterior:
-    """The belief given the outputs that were seen; `independently`: V is known to be diagonal, and Ω is None."""
+    """The belief given the seen outputs; `independently`: V is known to be diagonal, and Ω is None."""
     update = kalman.correct
     if independently and belief.diffuse.shape[1] == 0:
         p, n = measurement.C.shape
@@ -98,7 +100,7 @@ def predict(belief: Belief, transition: Transition, Ω: Array | None) -> Belief:
 
 
 def smoothed(predicted: Belief, evidence: Evidence) -> Belief:
-    """The belief about (x, δ) from that `predicted` for x and the data about both from this and later samples."""
+    """The belief about (x, δ) from the `predicted` belief about x and the data about both from this and later samples."""
     unknown = evidence.H.shape[1] - predicted.mean.shape[0]
     n, zeros = evidence.H.shape[0], jnp.zeros(unknown)
     flat = Belief(zeros, jnp.zeros((unknown, unknown)), jnp.eye(unknown), zeros, jnp.zeros(()))

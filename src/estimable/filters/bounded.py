@@ -1,4 +1,4 @@
-"""A gain that is kept between bounds."""
+"""A gain reported within bounds."""
 
 from typing import Any
 
@@ -16,15 +16,15 @@ from . import wrapped
 class Bounded(Wrapper[Any]):
     """An algorithm whose estimated gain is reported within bounds.
 
-    Model: that of the algorithm. The gain that it reports is clipped to [lower, upper]; nothing else is changed, neither
-    the covariance of the gain nor what the algorithm believes and goes on with.
+    Model: that of the algorithm. The reported gain is clipped to [lower, upper]. Nothing else changes: neither the covariance
+    of the gain nor the internal belief of the algorithm.
 
-    Assumes that the true gain lies between the bounds. Then clipping brings the estimate nearer, whatever the estimate
-    was; otherwise it hides by how much the bounds are missed. The clipped estimate is biased near a bound.
+    Assumes that the true gain lies between the bounds. Then clipping always brings the estimate nearer. Otherwise it hides
+    how far the gain lies outside the bounds. The clipped estimate is biased near a bound.
 
     Settings: `algorithm`, one that estimates a gain; `lower` and `upper`, (p,) or one number.
 
-    Cost: two comparisons a gain.
+    Cost: two comparisons per gain.
 
     Reference: A. G. Sillence (1999) §5.5.
 
@@ -51,6 +51,6 @@ class Bounded(Wrapper[Any]):
         set_field(self, lower=lower, upper=upper)
 
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
-        """Learn from one sample, and report the gain within the bounds."""
+        """Update with one sample, and report the gain within the bounds."""
         state, info = self.algorithm.correct(state, sample)
         return state, replace(info, gain=jnp.minimum(jnp.maximum(info.gain, self.lower), self.upper))

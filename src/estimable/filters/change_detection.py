@@ -1,4 +1,4 @@
-"""That a gain jumped, when, and to what."""
+"""Detection of gain jumps: their time and size."""
 
 from dataclasses import KW_ONLY
 from typing import Any, Self
@@ -21,10 +21,10 @@ from .belief import Belief
 
 @frozen
 class Watch:
-    """The belief that no gain jumped lately, and what each possible jump would have changed.
+    """The belief given no recent jump, and the effect of each possible jump.
 
-    The H = length × p possible jumps stand newest first, gain by gain: `response` (n+p, H), of the mean to a jump of 1;
-    `score` and `information` (H,), of its size; `weight` (H,), the seconds it stands for, 0 where there is none.
+    The H = length × p possible jumps are ordered newest first, gain by gain: `response` (n+p, H), of the mean to a jump of 1;
+    `score` and `information` (H,), of its size; `weight` (H,), the seconds it represents, 0 where there is none.
     `drift_response`, between `correct` and `predict` of a model with cross noise: that of the drift. `row`: of the sample;
     `onset`, `onset_sigma` and `jump` (p,): row of the last change, its standard deviation in rows, and its size.
     """
@@ -43,34 +43,34 @@ class Watch:
 
 @frozen
 class ChangeDetection(Wrapper[Watch]):
-    """A filter of gains that finds out by itself that a gain jumped, when, and to what.
+    """A gain estimator that detects jumps of a gain, with their time and size.
 
-    Model: that of the algorithm, with gains that are constant but for jumps: at any sample one of them may change by
-    N(0, jump). Given the input all is linear, so that the response of every later innovation to every possible jump is a
-    recursion, the size of the jump integrates out, and each onset in the last `length` samples has its exact likelihood ratio
-    against no jump.
+    Model: that of the algorithm, with gains that are constant except for jumps: at any sample one of them may change by
+    N(0, jump). Given the input the model is linear. The response of every later innovation to every possible jump is therefore
+    a recursion, the size of the jump integrates out, and each onset in the last `length` samples has its exact likelihood
+    ratio against no jump.
 
-    Alarm: the ratios, summed over the onsets with the seconds that each stands for, exceed `seconds_between_false_alarms`
-    (Shiryaev-Roberts). While no gain jumps, that sum less the time elapsed has mean zero, so the mean time to a false alarm
-    is at least that number: a bound, not an approximation (measured, two to four times as long). At an alarm the belief
-    becomes the posterior given a jump, averaged over its onset, and the watch starts anew: several jumps may follow one
-    another. Without an alarm nothing is changed, and the estimate is as quiet as that of a constant gain.
+    Alarm: the sum of the ratios over the onsets, weighted by the seconds that each represents, exceeds
+    `seconds_between_false_alarms` (Shiryaev-Roberts). While no gain jumps, that sum minus the elapsed time has mean zero, so the
+    mean time to a false alarm is at least that number: a bound, not an approximation (measured: two to four times as long). At an
+    alarm the belief becomes the posterior given a jump, averaged over its onset, and the detector restarts: several jumps may
+    follow each other. Without an alarm nothing changes, and the estimate is as smooth as that of a constant gain.
 
-    Assumes what `UnknownGain` assumes. A wrong model looks like a jump: process noise Q that stands for what is not
-    modelled lasts, where white noise does not, and `persistence` says for how long. Gains that jump together are found one
-    after the other; a jump between two samples is laid to one of them. A gain that drifts needs a `walk`; where it is fast,
-    use `UnknownGain` with that walk alone.
+    Assumes what `UnknownGain` assumes. A wrong model looks like a jump: process noise Q that represents unmodelled dynamics is
+    correlated in time, unlike white noise, and `persistence` is its duration. Gains that jump together are found one after the
+    other; a jump between two samples is attributed to one of them. A drifting gain needs a `walk`; where it drifts fast, use
+    `UnknownGain` with that walk alone.
 
     Settings: `algorithm`, an `UnknownGain`, or an `ExtendedKalman` or `SecondOrderKalman` with parameters (then the responses
-    are those of its tangents, and ratios and bound approximate), whose own walk and forgetting have no part here; `jump`:
-    variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior); `length`: how many samples
-    an onset may lie back (default 60); `seconds_between_false_alarms` (default 3,600), in the unit of dt; `walk`: variance
-    per second between the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts, by
-    which Q is multiplied (default 15; 1 where Q is white indeed).
+    are those of its tangents, and ratios and bound approximate), whose own walk and forgetting are not used here; `jump`:
+    variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior); `length`: the number of
+    samples that an onset may lie back (default 60); `seconds_between_false_alarms` (default 3,600), in the unit of dt; `walk`:
+    variance per second between the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts;
+    Q is multiplied by it (default 15; 1 where Q is white).
 
-    Says, in `extra`: `statistic` (log of the sum over its threshold; NaN at the first sample), `alarm`, and of the last jump
-    `onset` (the likeliest row; -1 before the first), `onset_sigma` (root mean square distance of the onset from it, in rows,
-    as known at the alarm) and `jump` (p,). `diagnostics.changes` lists them.
+    Reports in `extra`: `statistic` (log of the sum divided by its threshold; NaN at the first sample), `alarm`, and of the last
+    jump `onset` (the likeliest row; -1 before the first), `onset_sigma` (root mean square distance of the onset from it, in
+    rows, as known at the alarm) and `jump` (p,). `diagnostics.changes` lists them.
 
     Cost: three times that of `UnknownGain`, and about p length (2 (n + p)² + 40) multiplications.
 
@@ -109,10 +109,10 @@ class ChangeDetection(Wrapper[Watch]):
         if not isinstance(self.algorithm, JumpingGains):
             faults.add(
                 "`algorithm` must be an UnknownGain, or an ExtendedKalman or SecondOrderKalman with parameters. Got "
-                f"{checks.short(self.algorithm)}. Only a gain that is estimated can be seen to jump."
+                f"{checks.short(self.algorithm)}. A jump can be detected only in a gain that the algorithm estimates."
             )
         elif self.algorithm.gain is None:
-            faults.add("`algorithm` estimates no parameter: give it `parameters`, whose jumps are looked for.")
+            faults.add("`algorithm` estimates no parameter: give it `parameters`, so that their jumps can be detected.")
 
     def _read_jump(self, faults: checks.Faults) -> Any:
         gain = self.algorithm.gain
@@ -123,12 +123,12 @@ class ChangeDetection(Wrapper[Watch]):
         faults.learn("gains", gain.size, f"`gain` is a prior of {checks.counted(gain.size, 'gain')}")
         jump = faults.array("jump", given, "gains")
         if jump is not None and np.any(jump <= 0):
-            told = "The prior of the gain has" if self.jump is None else "Got"
-            faults.add(f"`jump` must be variances of a jump, greater than 0. {told} {checks.short(jump.tolist())}.")
+            source = "The prior of the gain has" if self.jump is None else "Got"
+            faults.add(f"`jump` must be variances of a jump, greater than 0. {source} {checks.short(jump.tolist())}.")
         return jump
 
     def sampled(self, clock: Clock) -> Self:
-        """The same detector, its algorithm sampled."""
+        """The same detector with its algorithm sampled."""
         Q = self.algorithm.model.Q
         lasting = self.persistence.reshape(self.persistence.shape + (1,) * (Q.ndim - self.persistence.ndim))
         return replace(self, algorithm=self.algorithm.constant(self.walk, lasting).sampled(clock))
@@ -139,13 +139,13 @@ class ChangeDetection(Wrapper[Watch]):
 
     @property
     def _ready(self) -> Any:
-        """The algorithm as it runs here: its gain constant, its process noise lasting."""
+        """The algorithm as used here: with a constant gain and process noise that lasts."""
         if self.algorithm.ready is not None:
             return self.algorithm
         return self.sampled(Clock.every(self.algorithm.model.dt)).algorithm
 
     def init(self, prior: Prior) -> Watch:
-        """What is believed before y[0]; no jump can precede it."""
+        """The belief before y[0]; no jump can precede it."""
         belief, p = self._ready.init(prior), self.jump.shape[0]
         none = jnp.zeros(self.length * p)
         response = jnp.zeros((belief.mean.shape[0], self.length * p))
@@ -155,7 +155,7 @@ class ChangeDetection(Wrapper[Watch]):
         )  # fmt: skip
 
     def correct(self, state: Watch, sample: Sample) -> tuple[Watch, Info]:
-        """Learn from one sample, about the state, the gain, and every possible jump."""
+        """Update state, gain and every possible jump with one sample."""
         belief, info = self._ready.correct(state.belief, sample)
         J, J_drift, E, white = self._sensitivities(state.belief, sample)
         score, information = jumps.learn(state.response, state.score, state.information, E, white)
@@ -169,20 +169,20 @@ class ChangeDetection(Wrapper[Watch]):
         return watch, self._tell(watch, info, statistic)
 
     def _sensitivities(self, belief: Belief, sample: Sample):
-        """Derivatives with respect to the predicted mean: of what becomes of it, of the drift, and of the innovations, made
-        white; and these innovations."""
+        """Derivatives with respect to the predicted mean: of the updated mean, of the drift, and of the whitened innovations;
+        and these innovations."""
 
         def after(mean: Array):
             moved, post = self._ready.condition(replace(belief, mean=mean), sample, belief)
-            told = ~jnp.isnan(post.error)
-            white = jnp.where(told, post.error, 0.0) / jnp.sqrt(jnp.where(told, post.variance, 1.0))
+            informed = ~jnp.isnan(post.error)
+            white = jnp.where(informed, post.error, 0.0) / jnp.sqrt(jnp.where(informed, post.variance, 1.0))
             return (moved.mean, moved.drift_mean, white), white
 
         (J, J_drift, E), white = jax.jacfwd(after, has_aux=True)(belief.mean)
         return J, J_drift, E, white
 
     def _restart(self, watch: Watch, verdict: jumps.Verdict, alarm: Array) -> Watch:
-        """At an alarm: the belief averaged over the onsets, and a watch that starts anew."""
+        """At an alarm: the belief averaged over the onsets, and a detector that starts again."""
         belief, n = watch.belief, watch.belief.mean.shape[0]
         response = watch.response
         if watch.drift_response is not None:
@@ -211,15 +211,15 @@ class ChangeDetection(Wrapper[Watch]):
         )  # fmt: skip
 
     def _tell(self, watch: Watch, info: Info, statistic: Array) -> Info:
-        """What the algorithm says of the belief that is held now."""
-        told = self._ready.tell(watch.belief)
+        """The algorithm's report of the current belief."""
+        now = self._ready.tell(watch.belief)
         found = {
             "statistic": statistic, "alarm": statistic > 0,
             "onset": watch.onset, "onset_sigma": watch.onset_sigma, "jump": watch.jump,
         }  # fmt: skip
         return replace(
-            info, mean=told.mean, covariance=told.covariance, gain=told.gain, gain_covariance=told.gain_covariance,
-            extra={**told.extra, **found},
+            info, mean=now.mean, covariance=now.covariance, gain=now.gain, gain_covariance=now.gain_covariance,
+            extra={**now.extra, **found},
         )  # fmt: skip
 
     def predict(self, state: Watch, interval: Interval) -> Watch:

@@ -15,19 +15,19 @@ from .belief import Belief
 
 @frozen
 class ExtendedKalman(JumpingGains[Belief]):
-    """The Kalman filter of the tangents of a nonlinear model, with its parameters estimated where asked.
+    """The Kalman filter of a nonlinear model linearised at the estimate; it can also estimate parameters.
 
-    Model: `NonlinearModel` (or `StateSpace`, of which it is `Kalman`): x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous
+    Model: `NonlinearModel` (or `StateSpace`, where it equals `Kalman`): x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous
     form between samples, y[k] = h(x[k], u[k], θ) + v[k]; outputs missing channel by channel; priors exact, proper or diffuse.
 
-    Assumes that f and h are nearly straight over one standard deviation of the estimate. Where they are not, the mean is
-    biased and the covariance too small, and nothing in the filter says so: `diagnostics.nonlinearity` measures it, and
+    Assumes that f and h are nearly linear over one standard deviation of the estimate. Where they are not, the mean is
+    biased and the covariance too small, and the filter does not report it: `diagnostics.nonlinearity` measures it, and
     `SecondOrderKalman` or `UnscentedKalman` correct it.
 
-    Settings: `model`; `parameters`: a `Prior` of the model's parameters θ, which are then estimated beside the state and
+    Settings: `model`; `parameters`: a `Prior` of the model's parameters θ, which are then estimated together with the state and
     reported as `gain` (None: the model's own values); `walk`: variance per second of each, (k,) or one number, or covariance
-    (k, k); `iterations` of the linearisation of h at a sample, 1: none repeated (the iterated filter, for outputs that are
-    accurate beside the curvature of h).
+    (k, k); `iterations` of the linearisation of h at a sample. 1: no repetition. More: the iterated filter, for outputs that are
+    accurate compared with the curvature of h.
 
     Cost: that of `Kalman`, and n tangents of f and of h.
 

@@ -17,8 +17,8 @@ from .unknown_layout import Layout, pick
 
 @frozen
 class FangState:
-    """The predicted state (n,), the algorithm's own covariance and the true one as factors; between `correct` and
-    `predict` also the input's gain, the innovation and the mask of what was seen."""
+    """The predicted state (n,), the algorithm's covariance and the true covariance as factors; between `correct` and
+    `predict` also the input's gain, the innovation and the mask of seen outputs."""
 
     mean: Any
     own: Any
@@ -41,22 +41,22 @@ def init(prior: Prior, model: SampledModel) -> FangState:
 def correct(state: FangState, model: SampledModel, layout: Layout, sample: Sample) -> tuple[FangState, Info]:
     """The input of this sample."""
     if state.gain is not None:
-        raise ValueError("correct was called twice without predict: Fang's Algorithm 1 uses a sample once.")
+        raise ValueError("correct was called twice without predict: Fang's Algorithm 1 uses a sample only once.")
     c = model.point.outputs + apply(pick(model.D, layout.known), sample.u - pick(model.point.inputs, layout.known))
-    told = kernel.correct(
+    corrected = kernel.correct(
         state.mean, state.own, state.true, model.C, pick(model.D, layout.unknown), c, model.V, sample.y, sample.seen
     )
     info = Info(
         mean=state.mean + model.point.states,
         covariance=gram(state.true),
-        unknown_input=told.input + pick(model.point.inputs, layout.unknown),
-        unknown_input_covariance=gram(told.Z_input),
-        innovation=told.innovation,
+        unknown_input=corrected.input + pick(model.point.inputs, layout.unknown),
+        unknown_input_covariance=gram(corrected.Z_input),
+        innovation=corrected.innovation,
         innovation_covariance=gram(jnp.concatenate([product(model.C, state.true), model.V], axis=1)),
-        outcome=jnp.where(told.deficient, 3, outcome_code(False, state.mean, state.true, state.own)),
+        outcome=jnp.where(corrected.deficient, 3, outcome_code(False, state.mean, state.true, state.own)),
         extra={"own_covariance": gram(state.own)},
     )
-    return replace(state, gain=told.H, innovation=jnp.nan_to_num(told.innovation), seen=sample.seen), info
+    return replace(state, gain=corrected.H, innovation=jnp.nan_to_num(corrected.innovation), seen=sample.seen), info
 
 
 def predict(state: FangState, model: SampledModel, layout: Layout, interval: Interval) -> FangState:

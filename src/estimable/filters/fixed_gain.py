@@ -1,4 +1,4 @@
-"""A filter whose gain is given and stays."""
+"""A filter with a given, constant gain."""
 
 from dataclasses import field
 from typing import Any, Self
@@ -20,19 +20,19 @@ from .kalman_filter import Kalman
 
 @frozen
 class FixedGain(Algorithm[Belief]):
-    """A filter whose gain is given, with the true covariance of its error: not that of the filter it ought to be.
+    """A filter with a given gain, and the true covariance of its error, not that of the optimal filter.
 
     Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. The mean moves by
-    K (y - C x - D u) at each sample, over the outputs that were seen; P = (I - K C) P (I - K C)' + K R K' at a sample.
+    K (y - C x - D u) at each sample, over the seen outputs; P = (I - K C) P (I - K C)' + K R K' at a sample.
 
-    Assumes for the mean A, B, C and D only. For the covariance Q and R must be right too; the gain need not be: a gain that was
-    tuned for other noises, or made robust, says how well it does here. Where the error grows, so does the covariance.
-    `log_likelihood` scores each sample by what was predicted for it; it is that of the record for the Kalman gain only,
-    since the innovations of another gain are correlated in time. A diffuse prior is learnt as `Kalman` learns it, until
-    nothing is diffuse any more: two samples start a tracker of position and velocity.
+    Assumes only A, B, C and D for the mean. The covariance also needs the right Q and R. It holds for any gain: for a gain that
+    was tuned for other noises, or made robust, it shows the accuracy here. Where the error grows, so does the covariance.
+    `log_likelihood` scores each sample by its prediction. It is the likelihood of the record for the Kalman gain only, since the
+    innovations of another gain are correlated in time. A diffuse prior is treated as in `Kalman` until nothing is diffuse any
+    more: two samples start a tracker of position and velocity.
 
     Settings: `model`, a `StateSpace` with R; `filter` (n, p), the gain K: `kalman_gain(model).filter`, that of `trans_kalman`, or
-    any other. It is of a sample, so that a continuous model is discretised before its gain is worked out.
+    any other. It applies to a sample, so a continuous model must be discretised before its gain is computed.
 
     Cost: that of `Kalman`, which gives the innovations, and n p (2 n + p) multiplications.
 
@@ -67,39 +67,43 @@ class FixedGain(Algorithm[Belief]):
 
     def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
-        return replace(self, kalman=self._beside.at(k))
+        return replace(self, kalman=self._kalman_filter.at(k))
 
     @property
-    def _beside(self) -> Kalman:
+    def _kalman_filter(self) -> Kalman:
         """The Kalman filter of the same model."""
         return Kalman(self.model).sampled(Clock.every(self.model.dt)) if self.kalman is None else self.kalman
 
     def init(self, prior: Prior) -> Belief:
-        """What is believed about x[0], before y[0]."""
-        return self._beside.init(prior)
+        """The belief about x[0], before y[0]."""
+        return self._kalman_filter.init(prior)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample."""
-        return correct_by(self.filter, self._beside, state, sample)
+        """Update the belief with one sample."""
+        return correct_by(self.filter, self._kalman_filter, state, sample)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        return self._beside.predict(state, interval)
+        return self._kalman_filter.predict(state, interval)
 
 
 def correct_by(K: Array, kalman: Kalman, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-    """What the gain K (n, p) learns from one sample, beside what `kalman` would."""
+    """The belief after one sample with the gain K (n, p), and its report; `kalman` supplies the innovations."""
     optimal, info = kalman.correct(state, sample)
     after = _moved(jnp.asarray(K), kalman, state, sample, optimal)
-    told = kalman.tell(after)
+    reported = kalman.tell(after)
     code = outcome_code(info.outcome == 2, after.mean, after.factor, after.diffuse)
     return after, replace(
-        info, mean=told.mean, covariance=told.covariance, diffuse_covariance=told.diffuse_covariance, outcome=code
+        info,
+        mean=reported.mean,
+        covariance=reported.covariance,
+        diffuse_covariance=reported.diffuse_covariance,
+        outcome=code,
     )
 
 
 def _moved(K: Array, kalman: Kalman, state: Belief, sample: Sample, optimal: Belief) -> Belief:
-    """The belief after a sample; while something is diffuse, that of the Kalman filter."""
+    """The belief after a sample; that of the Kalman filter while a direction is diffuse."""
     moved, drift = kernel.correct(state.gaussian, K, kalman.measurement(sample), sample.y, sample.seen)
     after = Belief(*moved, *(drift or ()))
     if state.diffuse.shape[1] == 0:

@@ -1,4 +1,4 @@
-"""An algorithm that leaves out samples which its own prediction makes incredible."""
+"""An algorithm that rejects samples implausible under its own prediction."""
 
 from dataclasses import field
 from typing import Any, Self
@@ -17,19 +17,19 @@ from . import wrapped
 
 @frozen
 class Gated(Wrapper[Any]):
-    """An algorithm that takes an output for not seen where the innovation is too large to be believed.
+    """An algorithm that treats an output as missing where its innovation is implausibly large.
 
-    Model: that of the algorithm. Output i is left out where e_i² > q S_ii, q the quantile of χ² with one degree of freedom
-    that a good sample stays below with `probability`. Each output has its own gate, and its neighbours stay; an output that
-    was predicted from nothing (a diffuse prior) passes.
+    Model: that of the algorithm. Output i is rejected where e_i² > q S_ii, with q the χ² quantile (one degree of freedom)
+    that a good sample stays below with `probability`. Each output has its own gate, and the others are still used. An output
+    without a prediction (a diffuse prior) passes.
 
-    Assumes that the innovation covariance is right and good samples Gaussian: then 1 - probability of them are lost. What
-    is left out teaches nothing, so a state that truly jumped away is never found again where the covariance does not grow
-    (no process noise): to follow jumps use `ChangeDetection`, and give Q.
+    Assumes that the innovation covariance is right and good samples are Gaussian: then 1 - probability of them are lost. A
+    rejected sample carries no information, so a state that truly jumped is never found again where the covariance does not
+    grow (no process noise): to follow jumps use `ChangeDetection`, and give Q.
 
     Settings: `algorithm`; `probability`, in (0, 1), that a good sample of an output passes.
 
-    Says, in `extra`: `rejected` (outputs,), what was seen and left out.
+    Reports in `extra`: `rejected` (outputs,), the seen outputs that were left out.
 
     Cost: the correction twice.
 
@@ -52,21 +52,21 @@ class Gated(Wrapper[Any]):
         wrapped.check_algorithm(self.algorithm, faults)
         if not faults.sentences and not self.algorithm.has_innovation_covariance:
             faults.add(
-                "`algorithm` must tell the covariance of its innovations: give AlphaBeta `sigma_a2` and `sigma_s2`."
+                "`algorithm` must report the covariance of its innovations: give AlphaBeta `sigma_a2` and `sigma_s2`."
             )
         probability = faults.number("probability", self.probability, above=0.0)
         if probability is not None and not checks.is_traced(probability) and probability >= 1:
-            hint = ": a gate that every good sample passes leaves nothing out" if probability == 1 else ""
+            hint = ": a gate that every good sample passes rejects nothing" if probability == 1 else ""
             faults.add(f"`probability` must be below 1{hint}. Got {probability:g}.")
         faults.finish()
         set_field(self, probability=probability)
 
     def sampled(self, clock: Clock) -> Self:
-        """The same gate before the algorithm sampled, and the quantile worked out."""
+        """The same gate with its algorithm sampled and its quantile computed."""
         return replace(self, algorithm=self.algorithm.sampled(clock), limit=_quantile(self.probability))
 
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
-        """Learn from what of one sample is credible."""
+        """Update with the plausible outputs of one sample."""
         _, foreseen = self.algorithm.correct(state, sample)
         if foreseen.innovation_covariance is None:
             name = type(self.algorithm.innermost).__name__
@@ -80,5 +80,5 @@ class Gated(Wrapper[Any]):
 
 
 def _quantile(probability: Array | float):
-    """Of χ² with one degree of freedom."""
+    """The quantile of χ² with one degree of freedom."""
     return 2 * erfinv(jnp.asarray(probability)) ** 2

@@ -1,4 +1,4 @@
-"""Process noise from what is not known of an input between two samples (`Interval.u_covariance`, `u_diffusion`)."""
+"""Process noise due to an uncertain input between two samples (`Interval.u_covariance`, `u_diffusion`)."""
 
 import jax.numpy as jnp
 
@@ -11,10 +11,10 @@ from ..results import Interval
 
 
 def with_input_noise(W: Array, model: SampledModel, interval: Interval, gains: Array) -> Array:
-    """W (n, q) with columns added, of the variance that errors of the input give the next state; W where it is known.
+    """W (n, q) with columns added for the effect of input errors on the next state; W itself where the input is known.
 
     B = [B0 B1 ..] side by side acts as B(θ) = Σ θ~_i B_i with θ~ = (1, θ); `gains` (blocks, l) is a factor of E[θ~ θ~'], or 1
-    where no gain is estimated. An error e that is constant over the step adds (B(θ) + B_end(θ)) e. One that wanders adds
+    where no gain is estimated. An error e that is constant over the step adds (B(θ) + B_end(θ)) e. A random walk adds
     Σ_k Ψ_k(θ) e_k, Ψ of `SampledModel.wandering`. Cost: m (1 + n) l times that of B u.
     """
     if interval.u_covariance is None and interval.u_diffusion is None:
@@ -28,7 +28,7 @@ def with_input_noise(W: Array, model: SampledModel, interval: Interval, gains: A
         if model.wandering is None:
             checks.refuse(
                 "`u_diffusion` needs a continuous model (dt = 0) sampled by a clock that `wanders`: a discrete model does not "
-                "say what an input does between its samples."
+                "describe its input between samples."
             )
         sd = jnp.sqrt(jnp.asarray(interval.u_diffusion))
         moves += [(Ψ, sd[j] * jnp.eye(len(sd))[j]) for Ψ in model.wandering for j in range(len(sd))]
@@ -40,5 +40,5 @@ def refuse_unknown_input(interval: Interval) -> None:
     """For steps that need to know the input."""
     if interval.u_covariance is not None or interval.u_diffusion is not None:
         checks.refuse(
-            "this needs an input that is known between samples, and an interval has `u_covariance` or `u_diffusion`."
+            "this needs an input that is known between samples, but an interval has `u_covariance` or `u_diffusion`."
         )

@@ -30,12 +30,12 @@ class Kalman(Smoothable[Belief]):
 
     Assumes that A, B, C, D, G, Q, R, S are right and the noises white and Gaussian. Without normality it is the best
     linear estimator; with wrong Q or R its covariance is wrong, which the innovations show (`estimable.diagnostics`).
-    If the effect of an input is not known, see `UnknownGain`.
+    If the effect of an input is unknown, use `UnknownGain`.
 
     Settings: `model`, a `StateSpace` with R, continuous or discrete; a continuous one is discretised for each distinct
     step of the record.
 
-    Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications a sample; 0.15 us at n = 4, p = 2 as machine code.
+    Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications per sample; 0.15 us at n = 4, p = 2 as machine code.
 
     Reference: T. Kailath, A. H. Sayed, B. Hassibi, Linear Estimation (2000), ch. 12; J. Durbin, S. J. Koopman, Time
     Series Analysis by State Space Methods (2012), ch. 5 for the diffuse start. It is Sillence (1999) (31)-(37) with a
@@ -73,11 +73,11 @@ class Kalman(Smoothable[Belief]):
         return sample(self.model, Clock.every(self.model.dt)) if self.ready is None else self.ready
 
     def init(self, prior: Prior) -> Belief:
-        """What is believed about x[0], before y[0]."""
+        """The belief about x[0], before y[0]."""
         return belief.believe(prior, self._ready.point.states)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample."""
+        """Update the belief with one sample."""
         independently = self._ready.independent
         state, post = belief.correct(state, self.measurement(sample), sample, independently=independently)
         info = replace(
@@ -90,7 +90,7 @@ class Kalman(Smoothable[Belief]):
         return state, info
 
     def tell(self, state: Belief) -> Info:
-        """What a belief says, in the user's units."""
+        """Mean and covariance of a belief, in the user's units."""
         diffuse = gram(state.diffuse) if state.diffuse.shape[1] else None
         return Info(state.mean + self._ready.point.states, state.covariance, diffuse_covariance=diffuse)
 

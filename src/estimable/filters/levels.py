@@ -1,4 +1,4 @@
-"""An unknown input that takes one of finitely many values: decide which, then know it."""
+"""An unknown input with finitely many values: decide which, then use it as known."""
 
 from typing import Any
 
@@ -28,9 +28,9 @@ def read(given: Numbers, faults: checks.Faults) -> Any:
 
 
 def decide(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
-    """The belief with its oldest input at the likeliest level, where the outputs have determined it, and the probability.
+    """The belief with its oldest input at the likeliest level, where the outputs determine it, and the probability.
 
-    Also the log-density of the decided level, which makes the likelihood that of a known input.
+    Also the log-density of the decided level, with which the likelihood is that of a known input.
     """
     n, d = layout.n, layout.d
     at = slice(n, n + d)

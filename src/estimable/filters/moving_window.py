@@ -1,4 +1,4 @@
-"""An algorithm that remembers the last samples only."""
+"""An algorithm that uses the last samples only."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from . import wrapped
 
 @frozen
 class Copies:
-    """`length` copies of what an algorithm believes, the one begun last first; and what the next to begin will believe."""
+    """`length` copies of an algorithm's state, the newest first, and the initial state of the next copy."""
 
     copies: Any
     fresh: Any
@@ -25,21 +25,21 @@ class Copies:
 
 @frozen
 class MovingWindow(Wrapper[Copies]):
-    """An algorithm that is started anew on the last `length` samples, at every sample.
+    """An algorithm that restarts on the last `length` samples, at every sample.
 
-    Model: that of the algorithm. Row k is what the algorithm says at k when it was started at row k - length + 1 from its
-    own prior of gains, and from `state_prior`; before row length - 1, started at row 0 from the prior of the run.
+    Model: that of the algorithm. Row k is the algorithm's result at k when started at row k - length + 1 from its own prior
+    of gains and from `state_prior`; before row length - 1, when started at row 0 from the prior of the run.
 
-    Assumes that the gain is constant over a window. A window forgets a jump completely after `length` samples, and has for
-    ever the noise of so few. The state's prior is diffuse by default: a window that begins with the same wrong state each
-    time, as in the reference, is biased at a low signal-to-noise ratio. `ChangeDetection` is as fresh after a jump, and quiet
-    before it.
+    Assumes that the gain is constant over a window. A window forgets a jump completely after `length` samples; in return its
+    noise is always that of so few samples. The state's prior is diffuse by default: a window that begins with the same wrong
+    state each time, as in the reference, is biased at a low signal-to-noise ratio. `ChangeDetection` reacts to a jump as fast,
+    with less noise before it.
 
     Settings: `algorithm`, any; `length`, in samples; `state_prior`, a `Prior` of the state at the first sample of a full
-    window (default None: diffuse, exactly).
+    window (default None: exactly diffuse).
 
-    Cost: that of the algorithm `length` times; over a record that of about five filters, whatever the length, for `Kalman`
-    and `UnknownGain` of a constant model with up to three states and gains, and outputs, uncorrelated noises and no forgetting.
+    Cost: that of the algorithm `length` times. Over a record it is about five filters for any length, for `Kalman` and
+    `UnknownGain` of a constant model with up to three states and gains, and outputs, uncorrelated noises and no forgetting.
 
     Reference: A. G. Sillence (1999) §5.4.
 
@@ -78,13 +78,13 @@ class MovingWindow(Wrapper[Copies]):
             )
 
     def check_record(self, rows: int, faults: checks.Faults) -> None:
-        """A window is not longer than the record."""
+        """Check that the record is at least as long as a window."""
         self.algorithm.check_record(rows, faults)
         if rows < self.length:
-            faults.add(f"the window has {self.length} samples, and the record only {rows}: no window is ever full.")
+            faults.add(f"the window has {self.length} samples, but the record only {rows}: no window is ever full.")
 
     def init(self, prior: Prior) -> Copies:
-        """What the copies believe before y[0]: the one that will fill the first whole window, and those before it."""
+        """The states of the copies before y[0]: the one that will fill the first full window, and those before it."""
         fresh, first = map(self.algorithm.init, self.priors(prior))
 
         def side_by_side(new: Array, old: Array):
@@ -93,7 +93,7 @@ class MovingWindow(Wrapper[Copies]):
         return Copies(jax.tree_util.tree_map(side_by_side, fresh, first), fresh)
 
     def priors(self, prior: Prior) -> tuple[Prior, Prior]:
-        """Of the state of a full window, and of the run, with equally many diffuse directions; they may have a batch axis."""
+        """The priors of a full window and of the run, with equally many diffuse directions; they may have a batch axis."""
         own = self.state_prior
         if own is None:
             nothing, ones = 0.0 * prior.covariance, (1,) * (prior.covariance.ndim - 2)
@@ -104,12 +104,12 @@ class MovingWindow(Wrapper[Copies]):
         return _with_columns(own, columns), _with_columns(prior, columns)
 
     def correct(self, state: Copies, sample: Sample) -> tuple[Copies, Info]:
-        """Learn from one sample, in every copy; the oldest reports."""
+        """Update every copy with one sample; the oldest reports."""
         copies, infos = jax.vmap(self.algorithm.correct, in_axes=(0, None))(state.copies, sample)
         return replace(state, copies=copies), jax.tree_util.tree_map(lambda leaf: leaf[-1], infos)
 
     def predict(self, state: Copies, interval: Interval) -> Copies:
-        """Move to the next sample, at which a copy begins and the oldest ends."""
+        """Move to the next sample: a copy begins and the oldest ends."""
         moved = jax.vmap(self.algorithm.predict, in_axes=(0, None))(state.copies, interval)
         copies = jax.tree_util.tree_map(
             lambda new, old: jnp.concatenate([jnp.asarray(new)[None], old[:-1]]), state.fresh, moved
@@ -118,12 +118,12 @@ class MovingWindow(Wrapper[Copies]):
 
 
 def _columns(prior: Prior) -> int:
-    """How many directions nothing is known of."""
+    """The number of diffuse directions."""
     return 0 if prior.diffuse is None else prior.diffuse.shape[-1]
 
 
 def _with_columns(prior: Prior, columns: int) -> Prior:
-    """The same prior with as many diffuse directions, the added ones of length zero: of which all is known."""
+    """The same prior with that many diffuse directions; the added ones have length zero, and so no effect."""
     missing = columns - _columns(prior)
     if missing == 0:
         return prior

@@ -31,7 +31,7 @@ def check(algorithm: Any) -> None:
     if not isinstance(model, NonlinearModel | StateSpace):
         faults.add(f"`model` must be a NonlinearModel or a StateSpace. Got {checks.short(model)}.")
     elif isinstance(model, StateSpace) and model.S is not None:
-        faults.add("the model has cross noise S, which the nonlinear filters do not use: take Kalman(model).")
+        faults.add("the model has cross noise S, which the nonlinear filters do not support: use Kalman(model).")
     if parameters is not None and faults.instance("parameters", parameters, Prior) and not faults.sentences:
         names = getattr(model, "parameter_names", ())
         if parameters.size != len(names):
@@ -45,7 +45,7 @@ def check(algorithm: Any) -> None:
 
 
 def read_walk(self: Any, given: Numbers, faults: checks.Faults) -> Any:
-    """A walk of the parameters as a covariance per second, (k, k): of one variance, k of them, or the covariance."""
+    """A walk of the parameters as a covariance per second, (k, k), from one variance, k of them, or a covariance."""
     k = 0 if self.parameters is None else getattr(self.parameters, "size", 0)
     if checks.is_traced(given) or np.shape(given) == (k, k):
         return given if checks.is_traced(given) else faults.covariance("walk", given, "k k")
@@ -57,19 +57,19 @@ def read_walk(self: Any, given: Numbers, faults: checks.Faults) -> Any:
 
 
 def gain(self: Any) -> Prior | None:
-    """The prior of the parameters that are estimated, which are reported as gains."""
+    """The prior of the estimated parameters, which are reported as gains."""
     return self.parameters
 
 
 def names(self: Any) -> Names:
-    """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+    """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
     model = self.model
     parameters = () if self.parameters is None else model.parameter_names
     return Names(model.states, model.inputs, model.outputs, parameters)
 
 
 def sampled(self: Any, clock: Clock) -> Any:
-    """The same filter with its model made ready for the steps of `clock`, and its noises factored."""
+    """The same filter with its model prepared for the steps of `clock`, and its noises factored."""
     ready = plant(self.model, clock)
     return replace(self, ready=ready, walk_factor=factors(self.walk), model=None)
 
@@ -81,12 +81,12 @@ def at(self: Any, k: int | Array) -> Any:
 
 
 def ready_of(algorithm: Any) -> Any:
-    """The filter made ready; a step called by hand on one that was not uses the model's own step."""
+    """The prepared filter. Without `sampled`, a step called by hand uses the model's own step."""
     return algorithm if algorithm.ready is not None else sampled(algorithm, Clock.every(algorithm.model.dt))
 
 
 def init(self: Any, prior: Prior) -> Belief:
-    """What is believed about (x[0], θ) before y[0]."""
+    """The belief about (x[0], θ) before y[0]."""
     if self.curved:
         refuse_diffuse(self, prior)
     belief = believe(prior, ready_of(self).ready.origin)
@@ -94,17 +94,17 @@ def init(self: Any, prior: Prior) -> Belief:
 
 
 def refuse_diffuse(algorithm: Any, prior: Prior) -> None:
-    """Moments of the second order need a variance."""
+    """Raise an error for a diffuse prior: second-order moments need a variance."""
     for what, given in (("prior", prior), ("parameters", algorithm.parameters)):
         if given is not None and given.diffuse is not None:
             checks.refuse(
-                f"`{what}` must not have diffuse directions for {type(algorithm).__name__}: a curved function of something "
-                "with infinite variance has no mean. Give a large variance that means something, or use ExtendedKalman."
+                f"`{what}` must not have diffuse directions for {type(algorithm).__name__}: a nonlinear function of a quantity "
+                "with infinite variance has no mean. Give a large but realistic variance, or use ExtendedKalman."
             )
 
 
 def split(z: Array, n: int, θ: Array):
-    """x and θ of z, where θ is estimated, or the model's own."""
+    """x and θ of z. Where θ is not estimated, it is the model's own."""
     return z[:n], (z[n:] if z.shape[0] > n else θ)
 
 
@@ -114,12 +114,12 @@ def output_of(ready: Functions | Matrices, sample: Sample) -> Callable:
 
 
 def move_of(ready: Functions | Matrices, interval: Interval) -> Callable:
-    """z -> z at the next sample without noise; parameters stay."""
+    """z -> z at the next sample without noise; parameters are constant."""
     return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
 
 
 def tell(self: Any, state: Belief) -> Info:
-    """What a belief about (x, θ) says, in the user's units."""
+    """Mean and covariance of a belief about (x, θ), in the user's units."""
     ready = ready_of(self).ready
     n, covariance = ready.n, state.covariance
     has_parameters = state.mean.shape[0] > n
@@ -134,27 +134,27 @@ def tell(self: Any, state: Belief) -> Info:
 
 
 def tell_sample(algorithm: Any, state: Belief, post: Posterior, bias: Array | None) -> Info:
-    """What is said after a sample; what is not finite has its own sentence here."""
-    told, code = tell(algorithm, state), outcome_code(post.contradicted, state.mean, state.factor, state.diffuse)
+    """The report after a sample, with an outcome code for non-finite values."""
+    reported, code = tell(algorithm, state), outcome_code(post.contradicted, state.mean, state.factor, state.diffuse)
     return replace(
-        told,
+        reported,
         innovation=post.innovation,
         innovation_covariance=post.innovation_covariance,
         log_likelihood=post.log_likelihood,
         outcome=jnp.where(code == 1, 4, code),
-        extra=({} if bias is None else {"output_bias": bias}) | told.extra,
+        extra=({} if bias is None else {"output_bias": bias}) | reported.extra,
     )
 
 
 def noise_of(line: expansion.Expansion, V: Array, truncated: bool):
-    """The factor of what the straight line leaves of y: V V' + E E', or V V' - b b' where fourth moments are neglected."""
+    """The factor of the residual of y after the linear fit: V V' + E E', or V V' - b b' where fourth moments are neglected."""
     if truncated:
         return lessened(V, line.bias)
     return triangularise(jnp.concatenate([V, line.rest], axis=1)) if line.rest.shape[1] else V
 
 
 def lessened(L: Array, b: Array):
-    """The factor of L L' - b b'; NaN where that is no covariance."""
+    """The factor of L L' - b b'; NaN where that is not positive semidefinite."""
     P = gram(L) - b[:, None] * b[None, :]
     Z = factor(P)
     misses = jnp.max(jnp.abs(gram(Z) - P)) > 1e-9 * jnp.max(jnp.abs(gram(L)) + jnp.abs(P))
@@ -162,30 +162,30 @@ def lessened(L: Array, b: Array):
 
 
 def correct(self: Any, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-    """Condition on y with h expanded about the belief, and again about what came out, `iterations` times in all.
+    """Condition on y with h expanded about the belief, and again about the result, `iterations` times in all.
 
-    Each pass conditions the same prior belief on a better straight line through h: the iterated extended filter
+    Each pass conditions the same prior belief on a better linearisation of h: the iterated extended filter
     (Jazwinski §8.3) where the expansion is of the first order, posterior linearisation (García-Fernández et al., IEEE TSP
     63 (2015) 5561-5573) where it is of the second.
     """
-    line, told = _condition(self, state, sample, state.mean, state.factor)
-    post = told
+    line, first = _condition(self, state, sample, state.mean, state.factor)
+    post = first
     for _ in range(self.iterations - 1):
         post = _condition(self, state, sample, post.state.m, post.state.Z)[1]
     after = Belief(*post.state)
-    told = told._replace(contradicted=post.contradicted)  # the innovation and its likelihood are the prediction's
-    return after, tell_sample(self, after, told, line.bias if self.curved else None)
+    first = first._replace(contradicted=post.contradicted)  # innovation and likelihood refer to the prediction
+    return after, tell_sample(self, after, first, line.bias if self.curved else None)
 
 
 def condition(self: Any, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Any]:
-    """The belief about (x, θ) after one sample by the straight line through h at `about` (None: the belief itself)."""
+    """The belief about (x, θ) after one sample, with h linearised at `about` (None: the belief itself)."""
     about = state if about is None else about
     post = _condition(self, state, sample, about.mean, about.factor)[1]
     return Belief(*post.state), post
 
 
 def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array):
-    """The belief b conditioned on y by the straight line through h at a mean and a factor of its covariance."""
+    """The belief b conditioned on y, with h linearised at a mean and a factor of its covariance."""
     ready = ready_of(algorithm).ready
     line = algorithm.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
@@ -199,7 +199,7 @@ def constant(self: Any, walk: Array, persistence: Array) -> Any:
 
 
 def walk_columns(algorithm: Any, interval: Interval) -> Any:
-    """The factor of what the parameters walk by in a step, (n + k, k)."""
+    """The factor of the random walk of the parameters in a step, (n + k, k)."""
     return block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
 
 
@@ -226,7 +226,7 @@ def predict(self: Any, state: Belief, interval: Interval) -> Belief:
 
 
 def _with_noise_input(ready: Functions, b: Belief, L: Array, interval: Interval, f: Callable, expand: Callable):
-    """f(z) + W(z) e expanded over (z, e): a noise input that depends on the state adds what it varies by."""
+    """f(z) + W(z) e expanded over (z, e), for a noise input that depends on the state."""
     size, q = b.mean.shape[0], ready.white.shape[0]
     line = expand(noisy(ready, b, f, interval), jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q)))
     return line, line.slope[:, :size], line.slope[:, size:]
@@ -244,13 +244,13 @@ def noisy(ready: Functions | Matrices, b: Belief, f: Callable, interval: Interva
 
 
 def padded(W: Array, belief: Belief):
-    """Noise of the states, with none on the parameters."""
+    """The noise of the states, with zero rows for the parameters."""
     rest = belief.mean.shape[0] - W.shape[0]
     return jnp.concatenate([W, jnp.zeros((rest, W.shape[1]))]) if rest else W
 
 
 def augmented(ready: Functions, b: Belief, interval: Interval) -> tuple[Callable, Callable]:
-    """f(z, t) and W(z, t) of z = (x, θ), of which θ stays."""
+    """f(z, t) and W(z, t) of z = (x, θ), with constant θ."""
     n, derivative = ready.n, ready.derivative(interval)
 
     def f(z: Array, t: Array | float):
@@ -261,7 +261,7 @@ def augmented(ready: Functions, b: Belief, interval: Interval) -> tuple[Callable
 
 
 def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
-    """The belief carried through time by the equations of its moments."""
+    """The belief propagated by its moment equations."""
     ready, order = algorithm.ready, 2 if algorithm.curved else 1
     size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
     start = flow.Moments(b.mean, jnp.concatenate([L, b.diffuse], axis=1), jnp.zeros((size, size)))
@@ -273,9 +273,9 @@ def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief
 
 
 def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
-    """The belief carried to the next sample by the expansion of the map from one sample to the next, as of a discrete model.
+    """The belief propagated by expanding the map from one sample to the next, as for a discrete model.
 
-    The noise that comes in meanwhile is carried by the tangents along the mean.
+    The process noise between the samples is propagated by the tangents along the mean.
     """
     ready, size = algorithm.ready, b.mean.shape[0]
     f, W = augmented(ready, b, interval)

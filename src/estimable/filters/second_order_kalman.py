@@ -18,22 +18,23 @@ BETWEEN = ("moments", "map")
 
 @frozen
 class SecondOrderKalman(JumpingGains[Belief]):
-    """The Gaussian second-order filter: mean and covariance of f and h to their second derivatives, found automatically.
+    """The Gaussian second-order filter: mean and covariance of f and h up to their second derivatives, found automatically.
 
     Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
     (Bass-Norum-Schwartz, Jazwinski): ŷ_i = h_i + ½ tr(h_i'' P), S_ij = h_i' P h_j + ½ tr(h_i'' P h_j'' P) + R_ij, and the
-    same of f. It is exact to the first two moments where f and h are quadratic.
+    same for f. The first two moments are exact where f and h are quadratic.
 
-    Assumes that the belief is nearly Gaussian and the third derivatives are small over it. A belief with two peaks is
-    given one, with the right variance. No diffuse prior: a curved function of an infinite variance has no mean.
+    Assumes that the belief is nearly Gaussian and that third derivatives are small over it. A belief with two peaks is
+    represented by one peak with the right variance. No diffuse prior: a nonlinear function of a quantity with infinite variance
+    has no mean.
 
     Settings: `model`, `parameters`, `walk`, `iterations` as in `ExtendedKalman` (beyond 1: h is expanded about the posterior,
     with its covariance); `moments`: "gaussian"; "bias_only" (the second-order mean with the first-order covariance);
-    "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; it can stop being a covariance, and the run
-    then ends with outcome 4); `between` samples of a continuous model: "moments" (the equations of Bass, Norum & Schwartz,
-    whose covariance is carried by the tangents), or "map": the map from one sample to the next is expanded as that of a
-    discrete model is, its curvature counted in the covariance too. That is better where samples are few, at the cost of
-    second derivatives through all `substeps`.
+    "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; S can become indefinite, and the run then ends
+    with outcome 4); `between` samples of a continuous model: "moments" (the equations of Bass, Norum & Schwartz, with the
+    covariance propagated by the tangents), or "map": the map from one sample to the next is expanded like that of a discrete
+    model, and the covariance includes its curvature. "map" is better where samples are sparse, at the cost of second
+    derivatives through all `substeps`.
 
     Cost: that of `ExtendedKalman`, and n (n + 1) / 2 second derivatives of f and of h, with n counting estimated parameters.
 
@@ -69,7 +70,7 @@ class SecondOrderKalman(JumpingGains[Belief]):
             and not getattr(self.model, "substeps", 1)
         ):
             faults.add(
-                'between = "map" differentiates the path from one sample to the next: give the model `substeps`.'
+                'between = "map" differentiates the trajectory from one sample to the next: give the model `substeps`.'
             )
         faults.finish()
         nonlinear.check(self)
@@ -81,12 +82,12 @@ class SecondOrderKalman(JumpingGains[Belief]):
 
     @property
     def expand(self):
-        """How f and h are expanded."""
+        """The expansion of f and h."""
         return second_order if self.moments == "gaussian" else bias_only
 
     @property
     def names(self) -> Names:
-        """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+        """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
         return nonlinear.names(self)
 
     gain = property(nonlinear.gain)

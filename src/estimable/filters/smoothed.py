@@ -1,4 +1,4 @@
-"""A gain that is averaged over time."""
+"""A gain averaged over time."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from . import wrapped
 
 @frozen
 class Average:
-    """What the wrapped algorithm believes, and the gain (p,) averaged so far."""
+    """The state of the wrapped algorithm, and the gain (p,) averaged so far."""
 
     state: Any
     gain: Any
@@ -24,16 +24,16 @@ class Average:
 class Smoothed(Wrapper[Average]):
     """An algorithm whose estimated gain is averaged exponentially over time.
 
-    Model: that of the algorithm. Reported is K~[k] = a K~[k-1] + (1 - a) K^[k], a = `weight`, from the mean of the gain's
-    prior on; nothing else is changed, neither the covariance of the gain nor what the algorithm goes on with.
+    Model: that of the algorithm. The reported gain is K~[k] = a K~[k-1] + (1 - a) K^[k], a = `weight`, starting at the mean of
+    the gain's prior. Nothing else changes: neither the covariance of the gain nor the internal belief of the algorithm.
 
-    Assumes that the gain changes slowly beside 1 / (1 - a) samples. The average lags behind a jump by as much: after it,
-    it still has a**k of the old value k samples later. Around an estimate whose errors are already correlated over many
-    samples, as those of a recursive filter are, it adds the lag and takes little noise away.
+    Assumes that the gain changes slowly compared with 1 / (1 - a) samples. The average lags behind a jump by as much: k samples
+    after it, a**k of the old value remains. For an estimate whose errors are already correlated over many samples, such as
+    that of a recursive filter, it adds the lag and removes little noise.
 
     Settings: `algorithm`, one that estimates a gain; `weight` a in [0, 1), (p,) or one number; 0.9 in the reference.
 
-    Cost: two multiplications a gain.
+    Cost: two multiplications per gain.
 
     Reference: A. G. Sillence (1999) (85).
 
@@ -58,11 +58,11 @@ class Smoothed(Wrapper[Average]):
         set_field(self, weight=weight)
 
     def init(self, prior: Prior) -> Average:
-        """What the algorithm believes before y[0], and the prior mean of the gain."""
+        """The algorithm's state before y[0], and the prior mean of the gain."""
         return Average(self.algorithm.init(prior), jnp.asarray(self.algorithm.innermost.gain.mean))
 
     def correct(self, state: Average, sample: Sample) -> tuple[Average, Info]:
-        """Learn from one sample, and report the average of the gain."""
+        """Update with one sample, and report the averaged gain."""
         inner, info = self.algorithm.correct(state.state, sample)
         gain = self.weight * state.gain + (1 - self.weight) * info.gain
         return Average(inner, gain), replace(info, gain=gain)

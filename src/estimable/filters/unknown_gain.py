@@ -26,22 +26,22 @@ from .input_noise import refuse_unknown_input, with_input_noise
 
 @frozen
 class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
-    """The exact joint posterior of the state and of the gain through which the measured input acts.
+    """The exact joint posterior of the state and of the gain of the measured input.
 
     Model: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with B(θ) = fixed + Σ θ_i directions_i
-    and D(θ) = D + Σ θ_i feedthrough_i. θ (p,) is constant, walks at random, or is forgotten.
+    and D(θ) = D + Σ θ_i feedthrough_i. θ (p,) is constant, a random walk, or subject to forgetting.
 
     Assumes that the input is measured without error (it may come from feedback). Given the input the model is linear in
     (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right, and both depend on the
-    input. Noise on u, or a gain on the process noise, breaks that. Without excitation the variance of θ stays, or grows
-    under a walk: the estimate then says that it does not know. A gain that jumps is followed by a walk; for when it
-    jumped, a window or a change detector is better.
+    input. Noise on u, or a gain on the process noise, violates this. Without excitation the variance of θ is constant, or
+    grows under a walk, and so shows that the gain is undetermined. A walk follows a gain that jumps; to find the time of the
+    jump, a window or a change detector is better.
 
-    Settings: `model`; `gain`, the `Prior` of θ; `directions`: None or "one" (one θ on all of B), "per_input" (one θ an
-    actuator), "every_entry" (θ is B, row by row), or (p, n, m); `fixed` (n, m), the part of B known to act besides
+    Settings: `model`; `gain`, the `Prior` of θ; `directions`: None or "one" (one θ on all of B), "per_input" (one θ per
+    actuator), "every_entry" (θ is B, row by row), or (p, n, m); `fixed` (n, m), the additional known part of B
     (default zero); `feedthrough`: None (D is known), "scaled" (θ acts on D as on B; for "one" and "per_input") or
     (p, outputs, m); `walk`: variance per second of each θ, (p,) or one number, or covariance (p, p) per second: θ is
-    constant over a step and walks at its end;
+    constant over a step and moves at its end;
     `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D, D = diag(I, λ^-1/2 I).
 
     Cost: that of `Kalman` with n + p states.
@@ -76,8 +76,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         walk = self.read_walk(self.walk, faults)
         if self.model.B_end is not None and (fixed is not None or not gain_blocks.is_word(directions)):
             faults.add(
-                "the model was discretised for an input that moves between samples (it has `B_end`), where `fixed` and "
-                "`directions` as matrices have no meaning: give the continuous model (dt = 0)."
+                "the model was discretised for an input that moves between samples (it has `B_end`). `fixed` and `directions` "
+                "as matrices have no meaning for it: give the continuous model (dt = 0)."
             )
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
         faults.finish()
@@ -86,7 +86,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     def _check_gain(self, directions: Numbers | str | None, faults: checks.Faults) -> None:
         p = faults.sizes.get("p", self.gain.size)
         if self.gain.size != p:
-            hint = ' For one gain an input: directions="per_input".' if directions is None else ""
+            hint = ' For one gain per input: directions="per_input".' if directions is None else ""
             gains = checks.counted(p, "gain")
             faults.add(f"`gain` must be a prior of {gains}: {faults.sources['p']}. Got {self.gain.size}.{hint}")
 
@@ -112,7 +112,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         return Names(model.states, model.inputs, model.outputs, gains)
 
     def sampled(self, clock: Clock) -> Self:
-        """The same filter with its model discretised, each block of B(θ) alike, and its noises factored."""
+        """The same filter with its model and each block of B(θ) discretised, and its noises factored."""
         return replace(self, ready=sample(self._in_blocks(), clock), walk_factor=factors(self.walk), model=None)
 
     def _in_blocks(self) -> StateSpace:
@@ -131,12 +131,12 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         return self.sampled(Clock.every(self.model.dt)) if self.ready is None else self
 
     def init(self, prior: Prior) -> Belief:
-        """What is believed about (x[0], θ) before y[0]: the state by `prior`, the gain by this filter's own."""
+        """The belief about (x[0], θ) before y[0]: the state from `prior`, the gain from this filter's own prior."""
         state = belief.believe(prior, self._ready.ready.point.states)
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample."""
+        """Update the belief with one sample."""
         state, post = self.condition(state, sample)
         info = replace(
             self.tell(state),
@@ -153,12 +153,12 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         return replace(self, walk=walk, forgetting=0 * self.forgetting + 1, model=model)
 
     def condition(self, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Posterior]:
-        """The belief about (x, θ) after one sample, and all that the sample told; straight, whatever it is expanded about."""
+        """The belief about (x, θ) after one sample, and the whole update. `about` has no effect, as the model is linear."""
         independently = self._ready.ready.independent
         return belief.correct(state, self._measurement(sample), sample, independently=independently)
 
     def tell(self, state: Belief) -> Info:
-        """What a belief about (x, θ) says, in the user's units."""
+        """Mean and covariance of a belief about (x, θ), in the user's units."""
         n = state.mean.shape[0] - self.gain.mean.shape[0]
         covariance, extra, diffuse = state.covariance, {}, None
         extra["state_gain_covariance"] = covariance[:n, n:]
@@ -180,7 +180,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         return self._forget(belief.predict(state, transition, self._cross_noise(self._ready.ready)))
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
-        """This row of the model of (x, θ), for the smoother; of forgetting there is none."""
+        """This row of the model of (x, θ), for the smoother; not defined with forgetting."""
         refuse_unknown_input(interval)  # its effect depends on the gain
         return Instant(self._transition(interval), self._measurement(sample))
 
@@ -192,7 +192,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         return Measurement(H, model.point.outputs + d[:, 0], model.V, self._cross_noise(model))
 
     def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
-        """The next (x, θ); `state` is the belief about θ where inputs are not known."""
+        """The step to the next (x, θ); `state` is the belief about θ where inputs are uncertain."""
         model, p = self._ready.ready, self.gain.mean.shape[0]
         b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
         if model.B_end is not None:

@@ -1,4 +1,4 @@
-"""The state and the inputs that nobody measured, estimated together."""
+"""The state and the unmeasured inputs, estimated together."""
 
 from dataclasses import KW_ONLY, field
 from typing import Any, Self
@@ -28,33 +28,33 @@ from .unknown_layout import METHODS, Layout, lay_out, pick
 
 @frozen
 class UnknownInput(Smoothable[Any]):
-    """The state, and the inputs that nobody measured, as far as the outputs tell of them.
+    """The state and the unmeasured inputs, as far as the outputs determine them.
 
-    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying; of u the inputs named
-    in `unknown` are not known, the others are in the record, by name. Cross noise S, outputs missing channel by channel,
-    and exact, proper or diffuse priors, as in `Kalman`.
+    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying. The inputs named in
+    `unknown` are not known; the others are in the record, by name. Cross noise S, outputs missing channel by channel, and
+    exact, proper or diffuse priors, as in `Kalman`.
 
-    Assumes that the model is right but for those inputs, of which nothing is assumed: not their size, their spectrum, or
+    Assumes that the model is right except for those inputs, about which nothing is assumed: not their size, their spectrum, or
     whether they depend on the state. With fewer outputs than unknown inputs, or an invariant zero not inside the unit
-    circle, they cannot be told (`unknown_input_existence`), and are refused. If something is known of the input, say it:
-    `variance`, `walk` or `levels` give smaller errors, and need no such condition. A fault of the model passes for input.
+    circle, the outputs do not determine them (`unknown_input_existence`), and a run is an error. If the input is partly known,
+    give `variance`, `walk` or `levels`: the errors are smaller, and no such condition is needed. A model error looks like input.
 
     Settings: `unknown`: names of inputs, or their columns. `method`: "auto" conditions exactly: it is Gillijns & De Moor's
-    filter with feedthrough (D of full column rank), without (D = 0), or what lies between; the result says which and why.
-    "feedthrough", "no_feedthrough", "partial" and "delayed" ask for one of these by name, "exact" for the same without
-    asking whether it exists; "fang" for Fang's Algorithm 1, whose gains are almost as good. `variance`: of each unknown
-    input about the operating point, white in time (a number, (d,) or (d, d)); None: infinite. `walk`: variance per second
-    with which it moves (the same shapes); 0 is a constant. Between 0 and infinity either is one number from known to
-    unknown. `levels`: the values that the input can take, (q,) or (q, d): after each sample the likeliest is decided, and
-    taken as known. `delay`: how many samples later an input is told (None: as many as it takes where nothing is missing).
+    filter with feedthrough (D of full column rank), without (D = 0), or a case between; the result reports which and why.
+    "feedthrough", "no_feedthrough", "partial" and "delayed" request one of these by name; "exact" the same without the
+    check that it exists; "fang" Fang's Algorithm 1, with almost optimal gains. `variance`: of each unknown input about the
+    operating point, white in time (a number, (d,) or (d, d)); None: infinite. `walk`: its variance per second as a random walk
+    (the same shapes); 0 is a constant. Both range from 0 (known) to infinity (unknown). `levels`: the values that the input
+    can take, (q,) or (q, d): after each sample the likeliest is decided, and then used as known. `delay`: the number of samples
+    after which an input is reported (None: as many as it takes where nothing is missing).
 
     Row k of a result uses the samples 0..k; its `unknown_input` is that of row k - `names.input_delay`. (Fang: row k of
-    `mean` is predicted from 0..k-1.) What is not determined yet is infinite in `diffuse_covariance` and in
-    `extra["unknown_input_diffuse_covariance"]`. `innovation` is of each output given those before it in the same sample,
-    NaN where it told of an unknown input only: the others judge the model.
+    `mean` is predicted from 0..k-1.) Undetermined directions are infinite in `diffuse_covariance` and in
+    `extra["unknown_input_diffuse_covariance"]`. `innovation` is of each output given those before it in the same sample, NaN
+    where the output only determined an unknown input: the others judge the model.
 
-    Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper; otherwise
-    what is undetermined is carried along, n + d (delay + 1) directions: 4 times with one unknown input, 5 with two.
+    Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper. Otherwise
+    n + d (delay + 1) undetermined directions are carried: 4 times with one unknown input, 5 times with two.
 
     Reference: S. Gillijns, B. De Moor, Automatica 43 (2007) 111-116 and 934-937; H. Fang (2009), ch. 2, Algorithm 1.
 
@@ -88,7 +88,9 @@ class UnknownInput(Smoothable[Any]):
         variance, walk = (_covariance(name, getattr(self, name), faults) for name in ("variance", "walk"))
         values = self.levels if self.levels is None else levels.read(self.levels, faults)
         if self.method == "fang" and not (variance is walk is values is None and self.delay in (None, 0)):
-            faults.add('`method` = "fang" takes no `variance`, `walk`, `levels` or `delay`: leave `method` out.')
+            faults.add(
+                '`method` = "fang" takes no `variance`, `walk`, `levels` or `delay`: leave `method` out to use them.'
+            )
         faults.finish()
         names = tuple(self.model.inputs[i] for i in columns)
         set_field(self, unknown=names, variance=variance, walk=walk, levels=values)
@@ -112,13 +114,13 @@ class UnknownInput(Smoothable[Any]):
 
     @property
     def where_all_is_seen(self) -> Self:
-        """The filter, once sampled, for a record whose every output is seen, and a proper prior: the same, and faster."""
+        """The sampled filter for a record without missing outputs and a proper prior: the same result, faster."""
         constant = self.ready is not None and not self.ready.varying
         return replace(self, layout=self.layout.complete) if constant and self.layout is not None else self
 
     @property
     def result_names(self) -> dict[str, Any]:
-        """What a result says of its rows, once the model is sampled: which input, which samples, and by which method."""
+        """What the rows of a result refer to, once the model is sampled: which input, which samples, and which method."""
         return {} if self.layout is None else {"input_delay": self.layout.delay, "note": self.layout.note}
 
     def at(self, k: int | Array) -> Self:
@@ -131,7 +133,7 @@ class UnknownInput(Smoothable[Any]):
         return self.sampled(Clock.every(self.model.dt)) if self.ready is None else self
 
     def init(self, prior: Prior) -> Any:
-        """What is believed about x[0], and of the unknown inputs, before y[0]."""
+        """The belief about x[0] and the unknown inputs, before y[0]."""
         ready = self._ready
         if ready.layout.method == "fang":
             return fang_steps.init(prior, ready.ready)
@@ -139,16 +141,18 @@ class UnknownInput(Smoothable[Any]):
         return _with_inputs(x, ready)
 
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
-        """Learn from one sample."""
+        """Update the belief with one sample."""
         ready = self._ready
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang_steps.correct(state, model, layout, sample)
         measurement = _measurement(model, layout, sample.u)
         s, post = belief.correct(state, measurement, sample, independently=model.independent)
-        told, log_likelihood = {}, post.log_likelihood
+        decided, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
-            s, told, gained = levels.decide(s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout)
+            s, decided, gained = levels.decide(
+                s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout
+            )
             log_likelihood = log_likelihood + gained
         innovation, innovation_covariance = post.innovation, post.innovation_covariance
         if layout.freedom == "none":
@@ -160,11 +164,11 @@ class UnknownInput(Smoothable[Any]):
             innovation_covariance=innovation_covariance,
             log_likelihood=log_likelihood,
             outcome=outcome_code(post.contradicted, s.mean, s.factor, s.diffuse),
-            extra=info.extra | told,
+            extra=info.extra | decided,
         )
 
     def tell(self, state: Belief) -> Info:
-        """What a belief says of the state and of the oldest input in it, in the user's units."""
+        """Mean and covariance of the state and of the oldest input in a belief, in the user's units."""
         ready = self._ready
         layout, point, n = ready.layout, ready.ready.point, ready.layout.n
         at, extra, diffuse = slice(n, n + layout.d), {}, None
@@ -196,7 +200,7 @@ class UnknownInput(Smoothable[Any]):
         return replace(belief.predict(finite, transition, _grown(model.Ω, layout)), diffuse=X, log_scale=log_scale)
 
     def _transition(self, interval: Interval) -> tuple[Transition, Any]:
-        """s+ = F s + c + E δ + W e', and E: δ is the new input, part of W where it is noise or walks."""
+        """s+ = F s + c + E δ + W e', and E: δ is the new input, part of W where it is noise or a random walk."""
         layout, model = self.layout, self.ready
         n, d, older = layout.n, layout.d, layout.slots - 1
         B, B_end = pick(model.B, layout.unknown), pick(model.B_end, layout.unknown)
@@ -214,10 +218,12 @@ class UnknownInput(Smoothable[Any]):
 
     @property
     def for_smoothing(self) -> Self:
-        """The same filter telling of the input of each row in that row. Raises `InputError` where it cannot be smoothed."""
+        """The same filter with the input of each row reported in that row. Raises `InputError` where it cannot be smoothed."""
         if self.method == "fang" or self.levels is not None:
             which = 'method = "fang"' if self.method == "fang" else "levels"
-            checks.refuse(f"smooth needs a linear Gaussian model throughout, and {which} is none: leave it out.")
+            checks.refuse(
+                f"smooth needs a linear Gaussian model throughout, and {which} is not linear Gaussian: leave it out."
+            )
         again = replace(self, delay=0, layout=None)
         return again if self.model.is_continuous else replace(again, layout=lay_out(again, self.model))
 
@@ -244,7 +250,7 @@ def _covariance(name: str, value: Numbers, faults: checks.Faults) -> Any:
 
 
 def _with_inputs(x: Belief, ready: UnknownInput) -> Belief:
-    """The belief about x and its unknown inputs: nothing known of them, their prior variance, or a walk's start."""
+    """The belief about x and its unknown inputs: diffuse, their prior variance, or the start of a walk."""
     layout: Any = ready.layout
     n, d, slots = layout.n, layout.d, layout.slots
     size = d * slots
@@ -286,13 +292,13 @@ def _grown(Ω: Array | None, layout: Layout) -> Any:
 
 
 def _with_input_noise(model: SampledModel, layout: Layout, interval: Interval) -> Any:
-    """The factor of what the next state has of noise, that of the known inputs with it."""
+    """The factor of the noise of the next state, with that of the known inputs."""
     known = replace(model, **{name: pick(getattr(model, name), layout.known) for name in ("B", "B_end", "wandering")})
     return with_input_noise(model.W, known, interval, jnp.ones((1, 1)))
 
 
 def _drive(model: SampledModel, layout: Layout, interval: Interval) -> Any:
-    """What of the next state the known inputs make."""
+    """The part of the next state due to the known inputs."""
     c = apply(pick(model.B, layout.known), interval.u - pick(model.point.inputs, layout.known))
     if model.B_end is not None:
         c = c + apply(pick(model.B_end, layout.known), interval.u_end - pick(model.point.inputs, layout.known))

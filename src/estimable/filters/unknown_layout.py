@@ -1,4 +1,4 @@
-"""Which filter of an unknown input the ranks of a model make, and how its state is laid out."""
+"""The unknown-input filter that the ranks of a model allow, and the layout of its state."""
 
 from typing import Any, NamedTuple
 
@@ -21,9 +21,9 @@ METHODS = ("auto", *CASES, "exact", "fang")
 class Layout(NamedTuple):
     """The state (x, d[-slots + 1], .., d[0]): n states and `slots` times d unknown inputs, the oldest first.
 
-    `now`: the newest input is that of this instant (it enters y or x at once), not of the one before. `freedom`: what is
-    known of the input: "none", "variance" or "walk". `known`, `unknown`: columns of the model's inputs. `leftover`: whether
-    something may stay undetermined from one sample to the next.
+    `now`: the newest input is that of this instant (it enters y or x at once), not of the one before. `freedom`: the prior
+    of the input: "none", "variance" or "walk". `known`, `unknown`: columns of the model's inputs. `leftover`: whether a
+    direction may remain undetermined from one sample to the next.
     """
 
     n: int
@@ -40,9 +40,9 @@ class Layout(NamedTuple):
 
     @property
     def complete(self) -> "Layout":
-        """The layout where every output is seen and the prior is proper: each input is told as soon as it can be."""
-        told = self.slots == 1 and self.method == ("feedthrough" if self.now else "no_feedthrough")
-        return self._replace(leftover=not (told and self.freedom == "none"))
+        """The layout where every output is seen and the prior is proper: each input is determined as soon as possible."""
+        at_once = self.slots == 1 and self.method == ("feedthrough" if self.now else "no_feedthrough")
+        return self._replace(leftover=not (at_once and self.freedom == "none"))
 
     @property
     def size(self) -> int:
@@ -58,7 +58,7 @@ def pick(M: Array | None, columns: tuple[int, ...]) -> Any:
 def lay_out(algorithm: Any, model: StateSpace, clock: Clock | None = None) -> Layout:
     """The layout for a model sampled at the steps of `clock` (None: a discrete one).
 
-    Raises `InputError` where the unknown inputs cannot be told, or not by the method asked for, with the number.
+    Raises `InputError` with the ranks where the unknown inputs cannot be estimated, or not by the requested method.
     """
     unknown = tuple(model.inputs.index(name) for name in algorithm.unknown)
     known = tuple(i for i in range(model.m) if i not in unknown)
@@ -76,7 +76,7 @@ def lay_out(algorithm: Any, model: StateSpace, clock: Clock | None = None) -> La
 def _choose(
     algorithm, model: StateSpace, clock: Clock | None, unknown: tuple[int, ...], freedom: str, first_order: bool
 ) -> tuple[str, int, str]:
-    """Method, delay, and the sentence that says which and why."""
+    """Method, delay, and a note that says which and why."""
     asked = algorithm.method
     if freedom != "none":
         said = {"variance": "a prior variance", "walk": "a random walk"}[freedom]
@@ -107,12 +107,12 @@ def _choose(
     return verdict.method or "exact", delay, note
 
 
-def _chosen(given: int | None, told: int) -> int:
-    return told if given is None else given
+def _chosen(given: int | None, shortest: int) -> int:
+    return shortest if given is None else given
 
 
 def _verdict(model: StateSpace, clock: Clock | None, unknown: tuple[int, ...]) -> UnknownInputExistence | None:
-    """What can be told of the inputs by the model at the steps of the clock; None where it is not known yet, or traced."""
+    """Whether the model determines the inputs at the steps of the clock; None where the steps are unknown yet, or traced."""
     if checks.is_traced(model.A, model.B, model.C, model.D):
         return None
     while model.A.ndim - ("A" in model.varying) > 2:
@@ -130,15 +130,15 @@ def _verdict(model: StateSpace, clock: Clock | None, unknown: tuple[int, ...]) -
 
 
 def _short_step(model: StateSpace) -> float:
-    """A step over which a continuous model moves by a hundredth."""
+    """A step over which a continuous model changes by a hundredth."""
     return 0.01 / max(float(np.abs(model.A).max()), 1e-100) if model.A.any() else 0.01
 
 
 def _check_exists(verdict: UnknownInputExistence, asked: str) -> None:
     if not verdict.exists:
         checks.refuse(
-            f"the unknown inputs cannot be estimated: {verdict.sentence}. Say what is known of them (`variance`, `walk`), "
-            'add an output, or run a short record all the same with method="exact".'
+            f"the unknown inputs cannot be estimated: {verdict.sentence}. Give a prior for them (`variance` or `walk`), "
+            'add an output, or run a short record anyway with method="exact".'
         )
     if asked not in ("auto", verdict.method):
         checks.refuse(
@@ -150,11 +150,11 @@ def _check_exists(verdict: UnknownInputExistence, asked: str) -> None:
 def _check_fang(verdict: UnknownInputExistence, model: StateSpace, first_order: bool) -> None:
     faults = checks.Faults()
     if first_order:
-        faults.add('`method` = "fang" needs an input that is held over a sample (hold = "zero_order").')
+        faults.add('`method` = "fang" needs an input that is constant over a sample (hold = "zero_order").')
     elif verdict.delay != 0:
         faults.add(
             f"Fang's Algorithm 1 needs D of full column rank: the columns of the unknown inputs have rank {verdict.rank_D}. "
-            'method="auto" does without.'
+            'method="auto" does not need it.'
         )
     elif len(verdict.unstable_zeros):
         faults.add(f"the unknown inputs cannot be estimated: {verdict.sentence}.")

@@ -25,19 +25,19 @@ from .input_noise import refuse_unknown_input
 
 @frozen
 class UnscentedKalman(GainAlgorithm[Belief]):
-    """Mean and covariance of f and h through 2 n + 1 points, without derivatives; κ = 0 is the cubature filter.
+    """Mean and covariance of f and h from 2 n + 1 points, without derivatives; κ = 0 is the cubature filter.
 
-    Model: that of `ExtendedKalman`. Continuous models: each point is carried by the differential equation, and the noise
-    that comes in between samples by its tangent along the mean.
+    Model: that of `ExtendedKalman`. For continuous models the differential equation moves each point, and its tangent along
+    the mean propagates the noise between samples.
 
-    Assumes that the belief is nearly Gaussian. Exact to the second moment where f and h are linear, and in the mean where
-    they are quadratic; covariances of quadratic functions of several correlated states are approximate, which
-    `SecondOrderKalman` has exactly. It needs no derivative, so f and h may have corners. No diffuse prior.
+    Assumes that the belief is nearly Gaussian. The first two moments are exact where f and h are linear, and the mean where
+    they are quadratic. Covariances of quadratic functions of several correlated states are approximate; `SecondOrderKalman`
+    has them exactly. It needs no derivative, so f and h may have corners. No diffuse prior.
 
     Settings: `model`, `parameters`, `walk` as in `ExtendedKalman`; `kappa` >= 0, which places the points at sqrt(n + κ)
     standard deviations; None: max(0, 3 - n), where they match the fourth moments of a Gaussian for n <= 3; 0: cubature.
 
-    Cost: 2 n + 1 evaluations of f and of h in the place of the tangents of `ExtendedKalman`.
+    Cost: 2 n + 1 evaluations of f and of h instead of the tangents of `ExtendedKalman`.
 
     Reference: S. J. Julier, J. K. Uhlmann, Proc. IEEE 92 (2004) 401-422, (12)-(15); I. Arasaratnam, S. Haykin, IEEE TAC 54
     (2009) 1254-1269, (38)-(49).
@@ -45,7 +45,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
     >>> import jax.numpy as jnp
     >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: jnp.abs(x), Q=[[0.0]], R=[[0.1]], dt=1)
     >>> result = estimate(UnscentedKalman(model), Record([1.0], dt=1), prior=Prior([0.0], [[1.0]]))
-    >>> float(result.innovation[0, 0].round(6))  # 1 - sqrt(3) / 3: the mean of |x| is .8, and the points say .58
+    >>> float(result.innovation[0, 0].round(6))  # 1 - sqrt(3) / 3: the mean of |x| is .8, that of the points .58
     0.42265
     """
 
@@ -68,7 +68,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
 
     @property
     def names(self) -> Names:
-        """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
+        """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
         return nonlinear.names(self)
 
     gain = property(nonlinear.gain)
@@ -78,7 +78,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         return max(0.0, 3.0 - n) if self.kappa is None else self.kappa
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
-        """Learn from one sample: condition ξ of x = m + L ξ, which needs no inverse of L."""
+        """Update the belief with one sample: condition ξ of x = m + L ξ, which needs no inverse of L."""
         ready, b = nonlinear.ready_of(self).ready, state
         size, L = b.mean.shape[0], triangularise(b.factor)
         line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(size))
@@ -106,7 +106,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
 
     def _with_noise_input(self, ready: Functions, b: Belief, L: Array, interval: Interval):
-        """Points in (z, e): the noise input is asked at each."""
+        """Points in (z, e): the noise input is evaluated at each."""
         size, q = b.mean.shape[0], ready.white.shape[0]
         g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
         at, spread = jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q))
@@ -114,7 +114,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         return line.mean, [line.slope, line.rest]
 
     def _flowed(self, ready: Functions, b: Belief, L: Array, interval: Interval):
-        """Each point carried by the differential equation; one call of the integrator for all."""
+        """Each point moved by the differential equation; one call of the integrator for all."""
         size = b.mean.shape[0]
         f, W = nonlinear.augmented(ready, b, interval)
         noise = flow.moment_derivative(f, W, 1)

@@ -1,4 +1,4 @@
-"""What the wrappers ask of what they wrap."""
+"""The checks that wrappers make of the algorithm inside."""
 
 from typing import Any
 
@@ -9,12 +9,12 @@ from ..protocols import Algorithm
 
 
 def check_algorithm(algorithm: Algorithm[Any], faults: checks.Faults) -> None:
-    """An algorithm, made of a model; not a class."""
+    """Check that it is an algorithm made of a model, not a class."""
     if isinstance(algorithm, type) and issubclass(algorithm, Algorithm):
         faults.add(f"`algorithm` must be made of a model: write {algorithm.__name__}(model), not {algorithm.__name__}.")
     elif not isinstance(algorithm, Algorithm):
         faults.add(
-            "`algorithm` must be an algorithm, such as Kalman(model), or one of your own that derives from estimable.Algorithm. "
+            "`algorithm` must be an algorithm, such as Kalman(model), or your own class derived from estimable.Algorithm. "
             f"Got {type(algorithm).__name__}."
         )
     else:
@@ -40,18 +40,18 @@ def _check_steps(algorithm: Algorithm[Any], faults: checks.Faults) -> None:
 
 
 def check_gain(algorithm: Algorithm[Any], wrapper: str, faults: checks.Faults) -> None:
-    """What is wrapped estimates a gain."""
+    """Check that the algorithm inside estimates a gain."""
     check_algorithm(algorithm, faults)
     faults.finish()
     if not algorithm.names.gains:
         faults.add(
-            f"`algorithm` must estimate a gain, on which {wrapper} acts: {type(algorithm.innermost).__name__} has none. "
+            f"`algorithm` must estimate a gain for {wrapper} to act on: {type(algorithm.innermost).__name__} has none. "
             "Wrap an UnknownGain."
         )
 
 
 def per_gain(name: str, value: Numbers, algorithm: Algorithm[Any], faults: checks.Faults) -> Any:
-    """`value` for each gain, (p,), from one number or as many as there are gains."""
+    """`value` for each gain, (p,), from one number or one number per gain."""
     p = len(algorithm.names.gains)
     faults.learn("gains", p, f"the algorithm has {checks.counted(p, 'gain')}")
     return faults.array(name, [value] * p if isinstance(value, int | float) else value, "gains")

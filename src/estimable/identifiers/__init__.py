@@ -1,1 +1,1 @@
-"""Parameter estimators, one a file: `fit(record) -> Fit` for those that take a record at once, steps for the recursive."""
+"""Parameter estimators, one per file: batch methods have `fit(records) -> Fit`, recursive methods have steps."""

@@ -1,4 +1,4 @@
-"""Parameters of a nonlinear model on line, started from a linear model of the record (RANSID)."""
+"""On-line estimation of the parameters of a nonlinear model, started from a linear model of the record (RANSID)."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
@@ -27,28 +27,27 @@ REFINEMENTS = ("none", "likelihood")
 class AdaptiveIdentification(FilterIdentifier):
     """The parameters of a nonlinear model by a second-order filter, started from a linear model of the record.
 
-    Model: `NonlinearModel` with parameters θ. A linear model is realised from the record about its means; θ starts where the
-    model's tangent, at rest under the mean input, responds as that linear model does; `SecondOrderKalman` then estimates θ
-    beside the state, sample by sample, with covariances. Parameters may walk, and jump where `jump` is given.
+    Model: `NonlinearModel` with parameters θ. A linear model is realised from the record about its means. θ starts where the
+    model's tangent, at equilibrium under the mean input, responds as that linear model does. `SecondOrderKalman` then estimates
+    θ together with the state, sample by sample, with covariances. Parameters may walk, and jump where `jump` is given.
 
-    Assumes a right model, and a start from which the filter finds its way: where the record stays about one point of rest,
-    that of the linear model is; for one that does not, say start = "none" and give `parameters`. Q and R must be right, as for
-    any filter: too small a Q leaves a covariance that is too small.
+    Assumes a right model, and a start from which the filter converges. The linear model gives one where the record stays near
+    one equilibrium; for other records set start = "none" and give `parameters`. Q and R must be right, as for any filter: with
+    too small a Q the covariance is too small.
 
-    Settings: `model`; `state_prior` of x[0]; `parameters`: `Prior` of θ (None: the linear model alone says where θ starts,
-    and must tell of each); `start`: the linear model, "ho-kalman", "subspace", or "none"; `length` of the impulse response
-    of the first (None: its own default; it must have died out by then); `accuracy`: what the linear response is taken to be
-    good to, as a fraction of its largest entry, which sets how sure the filter is at first; `walk`: variance per second of
+    Settings: `model`; `state_prior` of x[0]; `parameters`: `Prior` of θ (None: θ starts from the linear model alone, which must
+    determine every parameter); `start`: the linear model, "ho-kalman", "subspace", or "none"; `length` of the impulse response
+    of the first (None: its own default; the response must have died out by then); `accuracy`: the assumed error of the linear
+    response, as a fraction of its largest entry, which sets the initial covariance of the filter; `walk`: variance per second of
     each parameter; `moments` of `SecondOrderKalman`; `jump`: variance of a jump of each parameter, (k,) or one number (None:
-    they do not jump), with `onsets` (its `length`), `seconds_between_false_alarms` and `persistence` as in `ChangeDetection`;
-    `refinement`: "likelihood" goes on from the filter's answer to the constant parameters under which the records are most
-    likely.
+    no jumps), with `onsets` (its `length`), `seconds_between_false_alarms` and `persistence` as in `ChangeDetection`;
+    `refinement`: "likelihood" continues from the filter's estimate to the constant parameters of maximum likelihood.
 
-    `fit.path` is the filter's estimate, row by row (`diagnostics.changes(fit.path)` lists jumps); `fit.extra` holds the
-    `start`, its covariance, and the `linear` model. Of several records the filter takes one after the other, each from
+    `fit.path` is the filter's estimate, row by row (`diagnostics.changes(fit.path)` lists jumps). `fit.extra` holds the
+    `start`, its covariance, and the `linear` model. The filter processes several records one after the other, each from
     `state_prior`.
 
-    Cost: that of the linear model and of one run of the filter; of the likelihood, some tens of gradients of it.
+    Cost: the linear model and one run of the filter. The likelihood adds some tens of gradients.
 
     Reference: R. W. Bass (2005), RANSID; B. L. Ho, R. E. Kálmán (1966); A. H. Jazwinski (1970), §9.3.
 
@@ -87,7 +86,9 @@ class AdaptiveIdentification(FilterIdentifier):
             faults.whole("length", self.length, 2)
         accuracy = faults.number("accuracy", self.accuracy, above=0.0, upper=1.0)
         if self.start == "none" and self.parameters is None:
-            faults.add('`parameters` must be a Prior where start = "none": nothing else says where they start.')
+            faults.add(
+                '`parameters` must be a Prior where start = "none": no linear model provides their initial values.'
+            )
         if isinstance(self.model, NonlinearModel) and not self.model.parameter_names:
             faults.add("`model` has no parameters to identify: give it `parameters={name: value}`.")
         faults.finish()
@@ -105,7 +106,7 @@ class AdaptiveIdentification(FilterIdentifier):
             prior = getattr(self, name)
             if prior is not None and prior.diffuse is not None:
                 faults.add(
-                    f"`{name}` must not have diffuse directions: a curved function of an infinite variance has no mean."
+                    f"`{name}` must not have diffuse directions: a nonlinear function of an infinite variance has no mean."
                 )
         faults.finish()
 
@@ -115,7 +116,7 @@ class AdaptiveIdentification(FilterIdentifier):
         return self.jump is not None or bool(np.any(np.asarray(self.walk)))
 
     def begin(self, records: Sequence[Record]) -> Start:
-        """Where the parameters start, and what the linear model of the records says; the records have the model's channels."""
+        """The start of the parameters, from the linear model of the records; the records have the model's channels."""
         if self.start == "none":
             assert self.parameters is not None
             return Start(self.parameters, None)
@@ -138,5 +139,5 @@ class AdaptiveIdentification(FilterIdentifier):
         )  # fmt: skip
 
     def known(self, parameters: Array) -> SecondOrderKalman:
-        """The filter of the state alone, with parameters (k,) that are known."""
+        """The filter of the state alone, with known parameters (k,)."""
         return SecondOrderKalman(replace(self.model, parameters=parameters), moments=self.moments)

@@ -1,10 +1,10 @@
-"""What an identifier knows of a record before it has seen one: its channels, and no model."""
+"""The channels of a record: all that an identifier has before its data, instead of a model."""
 
 from typing import NamedTuple
 
 
 class Channels(NamedTuple):
-    """Names of the channels, and whether u[k] can enter y[k]; read by the drivers in the place of a model."""
+    """Names of the channels, and whether u[k] can enter y[k]; the drivers read them instead of a model."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -28,5 +28,5 @@ class Channels(NamedTuple):
         return len(self.outputs)
 
     def feeds_through(self, inputs: list[int]) -> bool:
-        """Whether u[k] can enter y[k], whichever columns are asked for."""
+        """Whether u[k] can enter y[k], the same for all columns."""
         return self.direct

@@ -20,7 +20,7 @@ from .standing import validation_of
 
 
 class JointEquations(NamedTuple):
-    """Every equation of all records: Φ (N, d), the same for all outputs, Y (N, p); NaN where something is not known."""
+    """Every equation of all records: Φ (N, d), the same for all outputs, Y (N, p); NaN where a value is missing."""
 
     Φ: np.ndarray
     Y: np.ndarray
@@ -33,15 +33,14 @@ class CoupledLeastSquares(Identifier):
     Model: y[k] + Σ_{l=1..na} A_l y[k-l] = Σ_{l=0..nb} B_l u[k-delay-l] + c + e[k], A_l (p, p), e white with covariance Σ (p, p):
     `fit.model`, a `StateSpace` in innovations form with p max(na, nb + delay) states.
 
-    Assumes orders that are right and noise that is white on the equations. `LeastSquares` gives each output polynomials of its
-    own (diagonal A_l): fewer parameters, and less is said of noise that the outputs share. Feedback does no harm.
+    Assumes right orders and white noise on the equations. `LeastSquares` gives each output its own polynomials (diagonal A_l):
+    it has fewer parameters, but no model of noise that the outputs share. Feedback does no harm.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output.
 
-    An equation in which an input, a past output of any kind or its own output is not known is left out. `fit.parameters` are
-    output by output: a of each output, then b input by input, then c. Their covariance is Σ ⊗ (Φ'Φ)^-1 where nothing is
-    missing.
+    An equation with a missing input, past output or own output is left out. `fit.parameters` are ordered output by output: a of
+    each output, then b input by input, then c. Their covariance is Σ ⊗ (Φ'Φ)^-1 where nothing is missing.
 
     Cost: O(T (p na + m nb)²).
 
@@ -64,20 +63,20 @@ class CoupledLeastSquares(Identifier):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)
 
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit to records of equal channels and step. Raises `InputError` where an output is in no complete equation."""
+        """The fit to records of equal channels and step. Raises `InputError` where an output has no complete equation."""
         rows, first = self._rows(records), records[0]
         found = self._regressions(rows, first)
         θ = np.stack([one.θ for one in found])
         Σ = _noise(rows, θ)
         covariance = _covariance(rows, found, Σ)
-        free = _diagonal([one.untold for one in found])
+        free = _diagonal([one.undetermined for one in found])
         names = self._names(first)
         M = _diagonal([one.information / max(r, 1e-300) for one, r in zip(found, np.diagonal(Σ), strict=True)])
-        told = excitation_check(M, names, free)
+        excitation = excitation_check(M, names, free)
         model = self._model(first, θ, Σ)
         extra = {} if free.shape[1] else {"tangents": self._tangents(first, θ, Σ, covariance)}
         return Fit(
-            model, θ.ravel(), covariance, names, validation_of(model, records, [told]), None, None,
+            model, θ.ravel(), covariance, names, validation_of(model, records, [excitation]), None, None,
             free if free.shape[1] else None, method=type(self).__name__, extra=extra,
         )  # fmt: skip
 
@@ -96,7 +95,7 @@ class CoupledLeastSquares(Identifier):
             if not complete.any():
                 needed = max(self.na, self.nb + self.delay) + 1
                 faults.add(
-                    f"output {name} has no equation in which everything is known: it needs {needed} rows without "
+                    f"output {name} has no equation without missing values: it needs {needed} rows without "
                     "a gap in any output and input. Lower the orders, or use LeastSquares."
                 )
             found.append(regress(rows.Φ[complete], y[complete]))
@@ -140,7 +139,7 @@ class CoupledLeastSquares(Identifier):
         )  # fmt: skip
 
     def _tangents(self, first: Record, θ: np.ndarray, Σ: np.ndarray, covariance: np.ndarray) -> Dynamics:
-        """Half the differences a standard deviation either way: exact, as the matrices are of second degree in θ."""
+        """Central differences of one standard deviation: exact, as the matrices are of second degree in θ."""
         moves = []
         for column in root(covariance).T:
             up, down = (self._dynamics(θ + side * column.reshape(θ.shape), len(first.inputs)) for side in (1, -1))
@@ -149,7 +148,7 @@ class CoupledLeastSquares(Identifier):
 
 
 def _noise(rows: JointEquations, θ: np.ndarray) -> np.ndarray:
-    """The covariance of the residuals, over the equations in which all is known; of each output alone where there are none."""
+    """The covariance of the residuals, over complete equations; of each output alone where there are none."""
     e = rows.Y - rows.Φ @ θ.T
     complete = e[~np.isnan(e).any(axis=1)]
     spare = len(complete) - θ.shape[1]
@@ -159,7 +158,7 @@ def _noise(rows: JointEquations, θ: np.ndarray) -> np.ndarray:
 
 
 def _covariance(rows: JointEquations, found: Sequence[Regression], Σ: np.ndarray) -> np.ndarray:
-    """Σ_ij (Φ_i'Φ_i)^+ Φ_i'Φ_j (Φ_j'Φ_j)^+ of each pair of outputs, Φ_i'Φ_j over the equations of both."""
+    """Σ_ij (Φ_i'Φ_i)^+ Φ_i'Φ_j (Φ_j'Φ_j)^+ for each pair of outputs, Φ_i'Φ_j over the equations of both."""
     d = rows.Φ.shape[1]
     known = np.logical_and(~np.isnan(rows.Y), ~np.isnan(rows.Φ).any(axis=1, keepdims=True))
     total = np.zeros((len(found) * d, len(found) * d))

@@ -18,24 +18,24 @@ from .markov_parameters import WEIGHTINGS, MarkovParameters
 from .realised import check_moving, check_records, impulse_names, whole
 from .standing import validation_of
 
-LENGTH = 20  # Markov parameters where nothing is said, or two for each state and two more
+LENGTH = 20  # default number of Markov parameters; or two for each state and two more
 STEP = 1e-3  # of a standard deviation: step of the numerical derivative
 
 
 @frozen
 class HoKalman(Identifier):
-    """A state-space model of a given order from Markov parameters: those of a record, or given.
+    """A state-space model of a given order from Markov parameters, estimated from a record or given.
 
     Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], balanced: `fit.model`, without process noise.
 
-    Assumes what `MarkovParameters` assumes: a stable plant whose response has died out after `length` steps, a long record.
-    `realise` needs no more than 2 n Markov parameters, and is exact where they are. `Subspace` is better on short records.
+    Assumes what `MarkovParameters` assumes: a stable plant whose response dies out within `length` steps, and a long record.
+    `realise` needs only 2 n Markov parameters, and is exact where they are. `Subspace` is better on short records.
 
     Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20, or 2 n + 2); `weighting` of their fit:
     "ordinary", "best" or "observer" (OKID).
 
-    `fit.parameters` are the model's own M_0 .. M_2n, which fix it whatever its states; their covariance follows from that of the
-    parameters fitted, to first order. `fit.extra["singular_values"]` of the Hankel matrix tell the order: look for the gap.
+    `fit.parameters` are the model's own M_0 .. M_2n, which determine it for any choice of states. Their covariance follows from
+    that of the fitted parameters, to first order. A gap in `fit.extra["singular_values"]` of the Hankel matrix shows the order.
 
     Cost: that of `MarkovParameters`, and a singular value decomposition of half the length for each parameter.
 
@@ -65,7 +65,7 @@ class HoKalman(Identifier):
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
     ) -> StateSpace:
-        """The model of M_0, M_1, .. (length+1, p, m), or (length+1,) of one input and output; `dt` in seconds.
+        """The model of M_0, M_1, .. (length+1, p, m), or (length+1,) for one input and output; `dt` in seconds.
 
         Raises `InputError` where there are too few for the order.
         """
@@ -99,7 +99,7 @@ class HoKalman(Identifier):
         fitted = MarkovParameters(length, weighting=self.weighting).fit(records)
         if fitted.covariance is None:
             checks.refuse(
-                "these records do not fix an observer of that many terms: lower `length`, or gather more samples."
+                "these records do not determine an observer with that many terms: lower `length`, or record more samples."
             )
         M = fitted.model.b.transpose(2, 0, 1)
         found = ho_kalman(M, self.order)
@@ -119,7 +119,7 @@ class HoKalman(Identifier):
         )  # fmt: skip
 
     def _tangents(self, M: np.ndarray, L: np.ndarray, base: Dynamics) -> Dynamics:
-        """What moves of M (L+1, p, m) by the columns of L (d, r) make of the model in its own states (central differences)."""
+        """Changes of the model, in its own states, when M (L+1, p, m) moves by the columns of L (d, r) (central differences)."""
         moves, shape = [], (*M.shape[1:], len(M))
         for column in STEP * L.T:
             move = column.reshape(shape).transpose(2, 0, 1)

@@ -1,4 +1,4 @@
-"""The parameters of an ARX equation by instrumental variables, whatever the noise."""
+"""The parameters of an ARX equation by instrumental variables, for any noise."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
@@ -20,7 +20,7 @@ from .least_squares import LeastSquares, OutputEquations
 from .realised import check_records
 from .standing import validation_of
 
-ROUNDS = 4  # of the auxiliary model, the weights and the parameters in turn
+ROUNDS = 4  # alternating auxiliary model, weights and parameters
 LAGS = 20  # beyond na + nb, up to which the weighted noise is taken to be correlated
 
 
@@ -35,21 +35,21 @@ class Weighed(NamedTuple):
 
 @frozen
 class InstrumentalVariables(Identifier):
-    """The parameters of an ARX equation by instrumental variables: consistent whatever the noise, without a search.
+    """The parameters of an ARX equation by instrumental variables: consistent for any noise, without a search.
 
-    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + v_i[k], v stationary, of any colour; each output has its own.
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + v_i[k], v stationary, of any colour; each output has its own equation.
 
-    Assumes inputs that do not depend on the noise (no feedback), a stable plant, and orders of A and B that are right. Of the
-    noise nothing is assumed, and no model of it is made: `fit.model` says its variance on the equation. Where its kind is
-    known, `OutputErrorML` or `PredictionError` are more accurate.
+    Assumes inputs that do not depend on the noise (no feedback), a stable plant, and right orders of A and B. The noise is
+    arbitrary and not modelled: `fit.model` holds its variance on the equation. Where its kind is known, `OutputErrorML` or
+    `PredictionError` are more accurate.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output.
 
-    Instruments Z are the outputs of the last model without noise; Z and the equations are weighted as for white noise on the
-    outputs, for which they are the best (refined instrumental variables). An equation in which an output is not known is
-    left out. The covariance is (Z'Φ)^-1 S (Φ'Z)^-1, S = Σ_kl z_k r_|k-l| z_l' with the autocovariance r of the weighted
-    residuals up to lag 20 + na + nb: right whatever the colour of the noise, as the record grows.
+    The instruments Z are the noise-free outputs of the last model. Z and the equations are weighted as for white noise on the
+    outputs, for which they are optimal (refined instrumental variables). An equation with a missing output is left out. The
+    covariance is (Z'Φ)^-1 S (Φ'Z)^-1, S = Σ_kl z_k r_|k-l| z_l' with the autocovariance r of the weighted residuals up to lag
+    20 + na + nb: asymptotically right for any colour of the noise.
 
     Cost: O(T d q), q = 20 + na + nb, four times.
 
@@ -88,12 +88,12 @@ class InstrumentalVariables(Identifier):
         θ = np.stack([one.θ for one in found])
         model = self._model(first, θ, [one.variance for one in found])
         names = arx_names(self.na, self.nb, first.inputs, first.outputs, self.offset)
-        told = excitation_check(np.asarray(block_diag(*(one.information for one in found))), names)
+        excitation = excitation_check(np.asarray(block_diag(*(one.information for one in found))), names)
         Σ = np.asarray(block_diag(*(one.covariance for one in found)))
-        return Fit(model, θ.ravel(), Σ, names, validation_of(model, records, [told]), method=type(self).__name__)
+        return Fit(model, θ.ravel(), Σ, names, validation_of(model, records, [excitation]), method=type(self).__name__)
 
     def parameters(self, records: Sequence[Record], rows: Sequence[OutputEquations]) -> list[Weighed]:
-        """Auxiliary model, weights and parameters in turn."""
+        """Alternating auxiliary model, weights and parameters."""
         θ = np.stack([regress(one.Φ, one.y).θ for one in rows])
         found: list[Weighed] = []
         for _ in range(ROUNDS):
@@ -110,7 +110,7 @@ class InstrumentalVariables(Identifier):
         )  # fmt: skip
 
     def _instruments(self, records: Sequence[Record], θ: np.ndarray) -> list[OutputEquations]:
-        """The equations of outputs without noise, from a model made stable."""
+        """The equations of noise-free outputs, from a stabilised model."""
         model = self._model(records[0], θ, [0.0] * len(θ))
         a = np.stack([np.asarray(stabilise(row)) if self.na else row for row in model.a])
         level = 0.0 if model.offset is None else model.offset / (1 + a.sum(axis=1))

@@ -1,4 +1,4 @@
-"""Outputs, parameters and inputs of unknown fate of an output-error model, as one Gaussian belief."""
+"""Outputs, parameters and inputs of unknown arrival of an output-error model, as one Gaussian belief."""
 
 from dataclasses import KW_ONLY
 from typing import Any
@@ -19,12 +19,12 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import recursive
 from .channels import Channels
 
-WILD = 100.0  # times the largest that was seen of an output or expected of its inputs: how uncertain it may be
+WILD = 100.0  # times the largest value seen of an output or expected from its inputs: its largest standard deviation
 
 
 @frozen
 class JointBelief:
-    """What is held, output by output: past outputs x° (p, nx), inputs of unknown fate (p, nv), θ (p, d), and a factor of the
+    """The belief, output by output: past outputs x° (p, nx), inputs of unknown arrival (p, nv), θ (p, d), and a factor of the
     covariance of all three (p, n, n).
 
     `lags` (m, q) are the known inputs before this sample, `largest` (p,) the largest output so far.
@@ -40,27 +40,27 @@ class JointBelief:
 
 @frozen
 class JointOutputError(Anticipating[JointBelief]):
-    """The parameters of an output-error model and its outputs, as one belief: for data with gaps, fast starts and jumps.
+    """The joint belief about parameters and outputs of an output-error model: for data with gaps, fast starts and jumps.
 
     Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
-    is their product, whose mean and variance are exact. So an estimate that is still wild is known to be wild, in
-    every direction, and nothing locks; no fading, no change of gradient.
+    is their product, whose mean and variance are exact. The uncertainty of a poor early estimate is therefore represented in
+    every direction, and the estimate cannot lock. It needs no fading and no change of gradient.
 
-    Assumes a stable plant at rest before the first sample, orders and noise variance that are right, v white. The belief is
-    taken as Gaussian after every sample. With a noise variance that is too small it raises false alarms.
+    Assumes a stable plant at rest before the first sample, right orders and noise variance, and white v. The belief is
+    taken as Gaussian after every sample. Too small a noise variance raises false alarms.
 
     Settings: `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs` as in `RecursiveOutputError`. `alarm`: an
     innovation of more than this many standard deviations (default 5) means that the plant jumped: then `jump` times the
-    prior's covariance is added to that of θ (default .1), and the past outputs are doubted by as much as the innovation.
-    For inputs whose fate nobody tells (UDP-like): `arrival`, the rate at which they arrive, one number or (m,) (default None:
-    every fate is known); then u is what was sent, it is estimated what came of it, and `lost` says what the actuator does
-    without ("zero" or "hold"). Of a fate that is known (`arrived` 0 or 1) nothing is guessed.
+    prior's covariance is added to that of θ (default .1), and the variance of past outputs is raised by the innovation squared.
+    For inputs of unknown arrival (UDP-like): `arrival`, the rate at which they arrive, one number or (m,) (default None:
+    every arrival is known). Then u is the sent input, the applied input is estimated, and `lost` says what the actuator does
+    without an input ("zero" or "hold"). A known arrival (`arrived` 0 or 1) is used as it is.
 
     `Info.mean` is θ, `Info.extra["output"]` estimates x°[k] from y[0..k], `extra["completed"]` is y where it was seen, else
-    what was predicted; `extra["alarm"]` (p,). With `arrival`, `extra["applied"]` (p, m) is what the actuators probably did, as
-    each output tells it.
+    its prediction; `extra["alarm"]` (p,). With `arrival`, `extra["applied"]` (p, m) is the estimate of the applied inputs from
+    each output.
 
-    Cost: about n² (2 n + d) multiplications a sample and output, n = na + d (+ m (nb + delay + 1) with `arrival`).
+    Cost: about n² (2 n + d) multiplications per sample and output, n = na + d (+ m (nb + delay + 1) with `arrival`).
 
     Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses:
     H. Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
@@ -105,21 +105,21 @@ class JointOutputError(Anticipating[JointBelief]):
 
     @property
     def model(self) -> Channels:
-        """The channels: all that is known of the model before there are data."""
+        """The channels: all that is known about the model before there are data."""
         return recursive.channels(self)._replace(direct=self.delay == 0 or self.arrival is not None)
 
     @property
     def takes_unknown_arrivals(self) -> bool:
-        """Whether inputs may come whose arrival is unknown."""
+        """Whether the arrival of inputs may be unknown."""
         return self.arrival is not None
 
     @property
     def _sizes(self) -> tuple[int, int]:
-        """How many outputs, and inputs of unknown fate, the belief holds."""
+        """The numbers of outputs and of inputs of unknown arrival in the belief."""
         return max(self.na, 1), 0 if self.arrival is None else self.model.m * (self.nb + self.delay + 1)
 
     def init(self, prior: None) -> JointBelief:
-        """What is believed before the first sample; the plant is at rest."""
+        """The belief before the first sample; the plant is at rest."""
         mean, P = recursive.believed(self)
         p, d = mean.shape
         nx, nv = self._sizes
@@ -131,7 +131,7 @@ class JointOutputError(Anticipating[JointBelief]):
         )  # fmt: skip
 
     def rested(self, state: JointBelief) -> JointBelief:
-        """What is believed when another record begins: the same of θ, and a plant at rest."""
+        """The belief when another record begins: the same about θ, and a plant at rest."""
         nx, nv = self._sizes
         Θ = state.factor[:, nx + nv :]
         factors = jax.vmap(lambda one: triangularise(jnp.concatenate([jnp.zeros((nx + nv, one.shape[1])), one])))(Θ)
@@ -141,11 +141,11 @@ class JointOutputError(Anticipating[JointBelief]):
         )  # fmt: skip
 
     def ahead(self, state: JointBelief) -> Info:
-        """What is believed before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
+        """The belief before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
         nx, nv = self._sizes
         Θ = jax.vmap(gram)(state.factor[:, nx + nv :])
         lags = state.lags
-        if nv:  # as the outputs tell it together: each has its own belief
+        if nv:  # the mean over the outputs: each has its own belief
             lags = jnp.mean(state.inputs, axis=0).reshape(self.model.m, -1)[:, : self.nb + self.delay]
         return Info(
             mean=state.parameters.ravel(), covariance=recursive.block_diagonal(Θ),
@@ -153,23 +153,23 @@ class JointOutputError(Anticipating[JointBelief]):
         )  # fmt: skip
 
     def correct(self, state: JointBelief, sample: Sample) -> tuple[JointBelief, Info]:
-        """Learn from one sample."""
+        """Update the belief with one sample."""
         _, P0 = recursive.believed(self)
         window = recursive.window(state.lags, sample.u, self.delay)
-        fates = self._fates(sample)
+        arrivals = self._arrivals(sample)
         jumped = jnp.sqrt(self.jump) * jax.vmap(factor)(P0)
 
         def one(belief: JointBelief, y: Array, seen: Array, r: Array, J: Array):
-            return self._learn(belief, window, fates, y, seen, r, J)
+            return self._learn(belief, window, arrivals, y, seen, r, J)
 
-        after, told = jax.vmap(one)(
+        after, steps = jax.vmap(one)(
             replace(state, lags=None), jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance),
             jumped,
         )  # fmt: skip
-        return replace(after, lags=state.lags), _informed(self, after, told, sample)
+        return replace(after, lags=state.lags), _informed(self, after, steps, sample)
 
-    def _fates(self, sample: Sample) -> tuple[Array, Array] | None:
-        """What was sent, and the probability that it came, (m,) each; None where every fate is known."""
+    def _arrivals(self, sample: Sample) -> tuple[Array, Array] | None:
+        """The sent input and the probability that it arrived, (m,) each; None where every arrival is known."""
         if self.arrival is None:
             return None
         rate = jnp.broadcast_to(jnp.asarray(self.arrival), jnp.shape(sample.u))
@@ -182,18 +182,18 @@ class JointOutputError(Anticipating[JointBelief]):
         self,
         belief: JointBelief,
         window: Array,
-        fates: tuple[Array, Array] | None,
+        arrivals: tuple[Array, Array] | None,
         y: Array,
         seen: Array,
         r: Array,
         J: Array,
     ) -> tuple[JointBelief, Any]:
-        """One output: the belief after its datum, and what was told of it."""
+        """One output: the belief after its datum, and the report of it."""
         nx, nv = self._sizes
         v, Z = belief.inputs, belief.factor
         X, V, Θ = Z[:nx], Z[nx : nx + nv], Z[nx + nv :]
-        if fates is not None:
-            v, V, noise = self._sent(v, V, *fates)
+        if arrivals is not None:
+            v, V, noise = self._sent(v, V, *arrivals)
             X, Θ = (jnp.concatenate([M, jnp.zeros((M.shape[0], noise.shape[1]))], axis=1) for M in (X, Θ))
             V = jnp.concatenate([V, noise], axis=1)
             window = recursive.delayed(v, self.model.m, self.delay)
@@ -219,7 +219,7 @@ class JointOutputError(Anticipating[JointBelief]):
         return after, (e, S, jnp.where(seen, y, x), alarmed)
 
     def _moments(self, θ: Array, φ: Array, Θ: Array, X: Array, V: Array):
-        """Those of the product θ'φ; known inputs have no variance."""
+        """The moments of the product θ'φ; known inputs have no variance."""
         if V.shape[0]:
             inputs = recursive.delayed(V, self.model.m, self.delay)
             return kernel.product_moments(θ, φ, Θ, jnp.concatenate([-X[: self.na], inputs]))
@@ -228,24 +228,24 @@ class JointOutputError(Anticipating[JointBelief]):
         return x + jnp.sum(θ[self.na :] * u), linear + jnp.sum(u[:, None] * b, axis=0), rest
 
     def _sent(self, v: Array, V: Array, u: Array, probability: Array):
-        """The inputs with what was sent just now, channel by channel, and the factor of what is not known of it."""
+        """The inputs with the one just sent, channel by channel, and the factor of its uncertainty."""
         m = self.model.m
         size = v.shape[0] // m
         means, rows, noises = [], [], []
         for j in range(m):
             held = (v[j * size], V[j * size]) if self.lost == "hold" else (0.0 * v[0], 0.0 * V[0])
             mean, row, variance = kernel.come(u[j], *held, probability[j])
-            kept = slice(j * size, (j + 1) * size - 1)
-            means += [mean[None], v[kept]]
-            rows += [row[None], V[kept]]
+            stored = slice(j * size, (j + 1) * size - 1)
+            means += [mean[None], v[stored]]
+            rows += [row[None], V[stored]]
             noise = jnp.where(jnp.arange(m) == j, jnp.sqrt(variance), 0.0)
             noises += [noise[None], jnp.zeros((size - 1, m))]
         return jnp.concatenate(means), jnp.concatenate(rows), jnp.concatenate(noises)
 
     def predict(self, state: JointBelief, interval: Interval) -> JointBelief:
-        """Move to the next sample: the input joins those that are kept."""
-        kept = self.nb + self.delay
-        shifted = jnp.concatenate([jnp.asarray(interval.u)[:, None], state.lags], axis=1)[:, :kept]
+        """Move to the next sample: the input joins the stored ones."""
+        stored = self.nb + self.delay
+        shifted = jnp.concatenate([jnp.asarray(interval.u)[:, None], state.lags], axis=1)[:, :stored]
         return replace(state, lags=shifted)
 
 
@@ -258,21 +258,21 @@ def _widened(X: Array, V: Array, Θ: Array, doubt: Array, J: Array):
 
 
 def _driven(θ: Array, φ: Array, Θ: Array, na: int):
-    """The root mean square of what the inputs alone make of an output."""
+    """The root mean square of the part of an output due to the inputs."""
     b, u = θ[na:], φ[na:]
     return jnp.sqrt(jnp.sum(b * u) ** 2 + jnp.sum(jnp.sum(u[:, None] * Θ[na:], axis=0) ** 2))
 
 
 def _tamed(x: Array, linear: Array, rest: Array, most: Array | float):
-    """An output of which nothing is known any more, as uncertain as `most`."""
+    """An output whose standard deviation is limited to `most`."""
     sigma = jnp.sqrt(jnp.sum(linear * linear) + rest)
     scale = jnp.where(sigma > most, most / jnp.where(sigma > 0, sigma, 1.0), 1.0)
     return scale * x, scale * linear, scale * scale * rest
 
 
-def _informed(method: JointOutputError, state: JointBelief, told: tuple, sample: Sample) -> Info:
-    """What is said of all outputs together: independent noises leave their errors independent."""
-    e, S, completed, alarmed = told
+def _informed(method: JointOutputError, state: JointBelief, steps: tuple, sample: Sample) -> Info:
+    """The report of all outputs together: their noises, and so their errors, are independent."""
+    e, S, completed, alarmed = steps
     p = state.parameters.shape[0]
     nx, nv = method._sizes
     seen = jnp.asarray(sample.seen)
@@ -289,10 +289,10 @@ def _informed(method: JointOutputError, state: JointBelief, told: tuple, sample:
 
 
 def _read_arrival(value: Numbers, faults: checks.Faults) -> Any:
-    """Arrival rates, one number or (m,), more than 0 and at most 1."""
+    """Arrival rates, one number or (m,), greater than 0 and at most 1."""
     if checks.is_traced(value):
         return jnp.atleast_1d(jnp.asarray(value))
     read = faults.array("arrival", np.atleast_1d(value), "channels")
     if read is not None and np.any((read <= 0) | (read > 1)):
-        faults.add(f"`arrival` must be rates, more than 0 and at most 1. Got {checks.short(value)}.")
+        faults.add(f"`arrival` must be rates, greater than 0 and at most 1. Got {checks.short(value)}.")
     return read

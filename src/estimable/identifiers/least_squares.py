@@ -20,7 +20,7 @@ from .standing import validation_of
 class OutputEquations(NamedTuple):
     """The equations of one output: Φ (N, d), y (N,), and `at` (N,), in steps from row 0 of the first record.
 
-    Between records lie as many steps as a row reaches back, so that nothing in two of them is less apart.
+    Records are separated by as many steps as a row reaches back, so that no two of their rows appear correlated.
     """
 
     Φ: np.ndarray
@@ -32,19 +32,18 @@ class OutputEquations(NamedTuple):
 class LeastSquares(Identifier):
     """The parameters of an ARX model by least squares, from one record or several with gaps.
 
-    Model: `ARX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k], e white; each output with polynomials of its own.
+    Model: `ARX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k], e white; each output has its own polynomials.
 
-    Assumes orders that are right, and noise that is white on the equation. With white noise on the outputs instead (the usual
-    case of a sensor) the estimate is biased, however long the record: then `OutputErrorML` is better. It is linear, needs no
-    start, and takes plants in motion, unstable plants and noise of which `OutputErrorML` knows nothing.
+    Assumes right orders and white noise on the equation. With white noise on the outputs instead (the usual case of a sensor)
+    the estimate is biased even for long records: then `OutputErrorML` is better. It is linear, needs no start, and handles
+    plants in motion, unstable plants and process noise, which `OutputErrorML` does not.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output (signals in absolute units need it; nothing is subtracted).
 
-    An equation in which an output or an input is not known is left out, for that output only; so are the first max(na, nb +
-    delay) of each record. The covariance is σ² (Φ'Φ)^-1, σ² = e'e / (N - d). What the records tell nothing of is in
-    `fit.undetermined`, and the covariance is of the rest. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step
-    predictions.
+    An equation with a missing output or input is left out, for that output only; so are the first max(na, nb + delay) of each
+    record. The covariance is σ² (Φ'Φ)^-1, σ² = e'e / (N - d). Directions without information are in `fit.undetermined`, and
+    the covariance is of the rest. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
 
     Cost: O(T d²): 2 ms at T = 1000, d = 4.
 
@@ -73,7 +72,7 @@ class LeastSquares(Identifier):
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step.
 
-        Raises `InputError` where an output is in no complete equation.
+        Raises `InputError` where an output has no complete equation.
         """
         return self._assembled(records, self._regressions(records))
 
@@ -102,7 +101,7 @@ class LeastSquares(Identifier):
         return OutputEquations(Φ[complete], y[complete], at[complete])
 
     def _equations(self, record: Record, i: int) -> OutputEquations:
-        """Every equation of output i in one record; NaN where something in it is not known."""
+        """Every equation of output i in one record; NaN where a value is missing."""
         y, lags = record.y[:, i], range(self.delay, self.delay + self.nb + 1)
         columns = [-lagged(y, range(1, self.na + 1)), *(lagged(u, lags) for u in record.applied().T)]
         return OutputEquations(
@@ -110,13 +109,13 @@ class LeastSquares(Identifier):
         )
 
     def _check(self, rows: Sequence[OutputEquations], first: Record) -> None:
-        """Every output must have an equation."""
+        """Check that every output has an equation."""
         faults = checks.Faults()
         for name, one in zip(first.outputs, rows, strict=True):
             if not len(one.y):
                 needed = max(self.na, self.nb + self.delay) + 1
                 faults.add(
-                    f"output {name} has no equation in which everything is known: it needs {needed} rows without a gap in {name} "
+                    f"output {name} has no equation without missing values: it needs {needed} rows without a gap in {name} "
                     "and the inputs. Lower the orders, or use OutputErrorML, which needs none."
                 )
         faults.finish()
@@ -136,17 +135,17 @@ class LeastSquares(Identifier):
         first, model = records[0], self._model(records[0], found)
         Σ = np.asarray(block_diag(*(one.variance * one.inverse for one in found)))
         M = np.asarray(block_diag(*(one.information / max(one.variance, 1e-300) for one in found)))
-        free = np.asarray(block_diag(*(one.untold for one in found)))
+        free = np.asarray(block_diag(*(one.undetermined for one in found)))
         names = arx_names(self.na, self.nb, first.inputs, first.outputs, self.offset)
-        told = excitation_check(M, names, free)
+        excitation = excitation_check(M, names, free)
         likelihood = sum(_log_likelihood(one) for one in found)
         return Fit(
-            model, model.parameters, Σ, names, validation_of(model, records, [told]), None, likelihood,
+            model, model.parameters, Σ, names, validation_of(model, records, [excitation]), None, likelihood,
             free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 
 
 def _log_likelihood(found: Regression) -> float:
-    """Of the equations, given what was before them."""
+    """The log-likelihood of the equations, given the samples before them."""
     r = max(found.variance, 1e-300)
     return -0.5 * (len(found.e) * np.log(2 * np.pi * r) + float(found.e @ found.e) / r)

@@ -1,4 +1,4 @@
-"""Where the parameters of a nonlinear model start: its tangent at rest should respond as a linear model of the record does."""
+"""The start of the parameters of a nonlinear model: its tangent at equilibrium responds like a linear model of the record."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -17,13 +17,13 @@ from ..models.state_space import StateSpace
 from ..results import Check
 
 LAGS = 30  # at which the responses are compared, spread evenly in their logarithm
-GONE = 0.05  # of a response: what comes after is not compared
-UNTOLD = 1e-8  # smallest eigenvalue of the scaled information of the parameters that tells something
-REST = 1e-6  # of the size of a state: by how much it may move in a second (or a step) at rest
+GONE = 0.05  # of a response: lags after this are not compared
+UNDETERMINED = 1e-8  # eigenvalue of the scaled information of the parameters, below which a direction is undetermined
+REST = 1e-6  # of the size of a state: its largest change in a second (or a step) at equilibrium
 
 
 class Start(NamedTuple):
-    """What the parameters start from (a `Prior`), the `linear` model it was read off, and what was looked at."""
+    """The start of the parameters (a `Prior`), the `linear` model behind it, and the checks made."""
 
     parameters: Prior
     linear: StateSpace | None
@@ -31,19 +31,19 @@ class Start(NamedTuple):
 
 
 def levels(records: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the inputs and outputs over all that is known."""
+    """Means of the inputs and outputs over the known samples."""
     u, y = (np.concatenate([get(one) for one in records]) for get in (lambda r: r.applied(), lambda r: r.y))
     return tuple(np.nansum(one, axis=0) / np.maximum((~np.isnan(one)).sum(axis=0), 1) for one in (u, y))  # type: ignore
 
 
 def deviation(record: Record, about: tuple[np.ndarray, np.ndarray]) -> Record:
-    """The record about its levels, with the inputs that were applied."""
+    """The record about its levels, with the applied inputs."""
     u, y = record.applied() - about[0], record.y - about[1]
     return Record(y, u, dt=record.dt, inputs=record.inputs, outputs=record.outputs)
 
 
 def at_rest(model: NonlinearModel, x: np.ndarray, u: np.ndarray, θ: np.ndarray) -> tuple[np.ndarray, float]:
-    """The state nearest to x where the model moves least under a constant input, and how much it moves there, relatively."""
+    """The state nearest to x where the model moves least under a constant input, and its relative motion there."""
     from scipy.optimize import least_squares
 
     size, free = np.maximum(np.abs(x), 1.0), 0.0 if model.is_continuous else 1.0
@@ -62,14 +62,12 @@ def _value(f: Callable, x: np.ndarray, u: np.ndarray, θ: np.ndarray) -> Any:
 
 
 def response(model: StateSpace, lags: np.ndarray, dt: float, hold: str) -> np.ndarray:
-    """The impulse response at the lags, output by output, input by input, of the model sampled as the record was."""
+    """The impulse response at the lags, output by output, input by input, of the model sampled like the record."""
     A, B, C, D = model.A, model.B, model.C, model.D
     if model.is_continuous:
         sampled = model.discretise(dt, hold=hold)
         A, B = sampled.A, sampled.B
-        if (
-            sampled.B_end is not None
-        ):  # u[k+1] enters x[k+1]: with ξ = x - B_end u, it is u[k] that enters ξ[k+1] and y[k]
+        if sampled.B_end is not None:  # u[k+1] enters x[k+1]: with ξ = x - B_end u, u[k] enters ξ[k+1] and y[k]
             B, D = B + A @ sampled.B_end, D + C @ sampled.B_end
     return markov(A, B, C, D, int(lags[-1]))[lags].transpose(1, 2, 0)
 
@@ -86,13 +84,13 @@ def matched(
     model: NonlinearModel, linear: StateSpace, rest: np.ndarray, record: Record, prior: Prior | None, accuracy: float,
     u: np.ndarray,
 ) -> Start:  # fmt: skip
-    """The parameters with which the model's tangent at rest responds as `linear` does, to `accuracy` of its largest entries."""
+    """The parameters with which the tangent at equilibrium responds like `linear`, to `accuracy` of its largest entries."""
     from scipy.optimize import least_squares
 
     lags = compared_lags(linear, len(record))
     wanted = response(linear, lags, float(record.dt or 0.0), record.hold)
     size = np.maximum(np.abs(wanted).max(axis=2, keepdims=True), 1e-3 * np.abs(wanted).max())
-    σ = accuracy * size * np.sqrt(len(lags))  # its errors are of a kind at all lags: they tell together what one would
+    σ = accuracy * size * np.sqrt(len(lags))  # errors are similar at all lags: together they count as one
     centre = model.parameters if prior is None else prior.mean
     scale = np.maximum(np.abs(centre), 1.0) if prior is None else np.sqrt(np.diagonal(prior.covariance))
     free = np.flatnonzero(scale > 0)
@@ -115,8 +113,8 @@ def matched(
     mean[free] += scale[free] * found.x
     covariance[np.ix_(free, free)] = _inverse(J, scale[free], names)
     misfit = float(np.sqrt(np.mean((residual(found.x)[: wanted.size].reshape(wanted.shape) * σ / size) ** 2)))
-    told = (_response_check(misfit, accuracy), _rest_check(where["moves"], model.is_continuous))
-    return Start(Prior(mean, covariance), linear, told)
+    start_checks = (_response_check(misfit, accuracy), _rest_check(where["moves"], model.is_continuous))
+    return Start(Prior(mean, covariance), linear, start_checks)
 
 
 def _white(P: np.ndarray) -> np.ndarray:
@@ -125,39 +123,39 @@ def _white(P: np.ndarray) -> np.ndarray:
 
 
 def _inverse(J: np.ndarray, scale: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """The covariance of what was matched; refused where the response says nothing of a parameter."""
+    """The covariance of the matched parameters; an error where the response does not determine one."""
     values, vectors = np.linalg.eigh((J * scale).T @ (J * scale))
-    if len(values) and values[0] <= UNTOLD * max(values[-1], 1.0):
+    if len(values) and values[0] <= UNDETERMINED * max(values[-1], 1.0):
         weights = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
         words = " ".join(f"{w:+.2f} {name}" for w, name in zip(weights, names, strict=True) if abs(w) > 0.05).lstrip(
             "+"
         )
         raise AssumptionError(
-            f"the linear model of the record says nothing of {words}: at rest the model's response does not depend on it. Give "
-            "`parameters`, a Prior of what is known of them."
+            f"the linear model of the record does not determine {words}: at equilibrium the model's response does not depend "
+            "on it. Give `parameters`, a Prior of their values."
         )
     return (vectors * scale[:, None]) @ np.diag(1 / values) @ (vectors * scale[:, None]).T
 
 
 def _response_check(misfit: float, accuracy: float) -> Check:
-    said = f"Start: the responses of the model's tangent and of the linear model differ by {100 * misfit:.0f} % of their size"
+    found = f"Start: the responses of the model's tangent and of the linear model differ by {100 * misfit:.0f} % of their size"
     if misfit <= 2 * accuracy:
-        return Check("start", True, misfit, 2 * accuracy, f"{said}.")
-    advice = "the model has not the record's dynamics, or the record leaves its neighbourhood"
-    return Check("start", False, misfit, 2 * accuracy, f'{said}: {advice}. Give `parameters`, or start = "none".')
+        return Check("start", True, misfit, 2 * accuracy, f"{found}.")
+    advice = (
+        "the model does not have the dynamics of the record, or the record leaves the neighbourhood of the equilibrium"
+    )
+    return Check("start", False, misfit, 2 * accuracy, f'{found}: {advice}. Give `parameters`, or start = "none".')
 
 
 def _rest_check(moves: float, continuous: bool) -> Check:
     unit = "second" if continuous else "step"
-    said = f"Rest: under the mean input the model moves by {moves:.1g} of its state a {unit} where it moves least"
+    found = f"Rest: under the mean input the model moves by at least {moves:.1g} of its state per {unit}"
     advice = "" if moves <= REST else ": the tangent there is not about an equilibrium"
-    return Check("rest", moves <= REST, moves, REST, f"{said}{advice}.")
+    return Check("rest", moves <= REST, moves, REST, f"{found}{advice}.")
 
 
 def order_check(order: int, n: int) -> Check:
-    """Whether the record shows no more modes than the model has states."""
-    said = f"Order: a linear model of the record needs {checks.counted(order, 'state')} (BIC), and this one has {n}"
-    advice = (
-        "" if order <= n else ": something that moves is not in it, or the record is curved, which more states imitate"
-    )
-    return Check("order", order <= n, float(order), float(n), f"{said}{advice}.")
+    """Check that the record shows no more modes than the model has states."""
+    found = f"Order: a linear model of the record needs {checks.counted(order, 'state')} (BIC), and this one has {n}"
+    advice = "" if order <= n else ": it lacks some dynamics, or extra states imitate a nonlinearity of the record"
+    return Check("order", order <= n, float(order), float(n), f"{found}{advice}.")

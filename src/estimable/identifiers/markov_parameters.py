@@ -1,4 +1,4 @@
-"""The impulse response of a system by least squares, ordinary or best."""
+"""The impulse response of a system by ordinary or generalised least squares."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
@@ -23,7 +23,7 @@ from .realised import impulse_names, whole
 from .standing import validation_of
 
 WEIGHTINGS = ("ordinary", "best", "observer")
-ROUNDS = 3  # of estimating the noise from the residuals, and the response again
+ROUNDS = 3  # alternating the noise, from the residuals, and the response
 
 
 @frozen
@@ -32,20 +32,20 @@ class MarkovParameters(Identifier):
 
     Model: y[k] = Σ_{j=0..length} M_j u[k-j] + c + v[k]: `fit.model` is an `ARX` with na = 0. M_0 = D, M_j = C A^(j-1) B.
 
-    Assumes a response that has died out after `length` steps (what is left is taken for noise), an input that moves at as many
-    frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). Nothing is assumed of the order.
-    `HoKalman` makes a small model of it; where an order is known, `Subspace` and `OutputErrorML` need far fewer data.
+    Assumes a response that dies out within `length` steps (the rest is taken as noise), an input that excites as many
+    frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). The order may be any. `HoKalman`
+    reduces it to a small model; where an order is known, `Subspace` and `OutputErrorML` need far fewer data.
 
     Settings: `length`; `weighting`: "ordinary"; "best": generalised least squares with the covariance of stationary noise
-    (BLUE), banded; `noise_covariance` of v for it: its autocovariance r_0, r_1, .. in squared units, (q+1,), or (p, q+1), which
-    process and output noise imply (None: estimated from the residuals up to lag `length`, three times over); `offset`:
+    (BLUE), banded; `noise_covariance` of v for it: its autocovariance r_0, r_1, .. in squared units, (q+1,), or (p, q+1), as
+    implied by process and output noise (None: estimated from the residuals up to lag `length`, in three rounds); `offset`:
     whether a constant c is fitted. "observer" (OKID): the impulse response of an ARX model with full matrices
-    (`CoupledLeastSquares`) of `observer` terms (None: half of `length`), the Markov parameters of a deadbeat observer: it needs
-    no response that dies out, takes lightly damped and unstable plants and noise that goes through them, and its covariance
-    follows to first order.
+    (`CoupledLeastSquares`) of `observer` terms (None: half of `length`), the Markov parameters of a deadbeat observer. The
+    response need not die out: lightly damped and unstable plants with process noise are possible. Its covariance follows to
+    first order.
 
-    Rows in which anything is missing are left out, for that output only; so are the first `length` of each record. The
-    covariance is σ² (Φ'Φ)^-1, or (Φ' R^-1 Φ)^-1; the ordinary one is too small or too large where the noise is not white.
+    Rows with a missing value are left out, for that output only; so are the first `length` of each record. The covariance is
+    σ² (Φ'Φ)^-1, or (Φ' R^-1 Φ)^-1; the ordinary one is too small or too large where the noise is not white.
 
     Cost: O(T d²), d = m (length + 1); "best" O(T q²) more.
 
@@ -73,9 +73,7 @@ class MarkovParameters(Identifier):
         if r is not None:
             r = faults.array("noise_covariance", np.atleast_2d(np.asarray(r, float)), "p lags")
             if self.weighting != "best":
-                faults.add(
-                    '`noise_covariance` belongs to weighting = "best": ordinary least squares has no use for it.'
-                )
+                faults.add('`noise_covariance` belongs to weighting = "best": ordinary least squares does not use it.')
             if r is not None and np.any(r[:, 0] <= 0):
                 faults.add(f"`noise_covariance` must begin with variances greater than 0. Got {r[:, 0].tolist()}.")
         whole("observer", self.observer, 1, faults)
@@ -104,19 +102,20 @@ class MarkovParameters(Identifier):
         )  # fmt: skip
         spread = [fit.inverse * (fit.variance if self.weighting == "ordinary" else 1.0) for fit in found]
         free, M = (
-            np.asarray(block_diag(*parts)) for parts in zip(*((f.untold, f.information) for f in found), strict=True)
+            np.asarray(block_diag(*parts))
+            for parts in zip(*((f.undetermined, f.information) for f in found), strict=True)
         )
         names = impulse_names(self.length, first.inputs, first.outputs)
         if self.offset:
             names = tuple(n for i, y in enumerate(first.outputs) for n in (*names[i * d : (i + 1) * d], f"c_{y}"))
-        told = excitation_check(M, names, free)
+        excitation = excitation_check(M, names, free)
         return Fit(
-            model, θ.ravel(), np.asarray(block_diag(*spread)), names, validation_of(model, records, [told]),
+            model, θ.ravel(), np.asarray(block_diag(*spread)), names, validation_of(model, records, [excitation]),
             undetermined=free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 
     def _observed(self, records: Sequence[Record]) -> Fit:
-        """OKID: the impulse response of an ARX model with full matrices, and what its covariance makes of it."""
+        """OKID: the impulse response of an ARX model with full matrices, and the covariance that follows."""
         first, terms = records[0], self.observer or max(self.length // 2, 1)
         fitted = CoupledLeastSquares(terms, terms, offset=self.offset).fit(records)
         found = spread_of(fitted)
@@ -130,10 +129,10 @@ class MarkovParameters(Identifier):
             outputs=first.outputs,
         )  # fmt: skip
         names, Σ = impulse_names(self.length, first.inputs, first.outputs), columns.T @ columns
-        told = [check for check in fitted.validation.checks if check.name == "excitation"]
+        checked = [check for check in fitted.validation.checks if check.name == "excitation"]
         return Fit(
-            model, b.ravel(), Σ if found.known else None, names, validation_of(model, records, told), method=type(self).__name__,
-            extra={"tangents": _response_tangents(model, dM)} if found.known else None,
+            model, b.ravel(), Σ if found.known else None, names, validation_of(model, records, checked),
+            method=type(self).__name__, extra={"tangents": _response_tangents(model, dM)} if found.known else None,
         )  # fmt: skip
 
     def _check(self, p: int) -> None:
@@ -144,7 +143,7 @@ class MarkovParameters(Identifier):
             )
 
     def _regressed(self, rows: OutputEquations, i: int) -> Regression:
-        """One output; what is weighted has noise of variance 1."""
+        """The regression of one output; weighted equations have noise of variance 1."""
         found = regress(rows.Φ, rows.y)
         if self.weighting == "ordinary":
             return found
@@ -167,7 +166,7 @@ class MarkovParameters(Identifier):
 
 
 def _response_tangents(model: ARX, dM: np.ndarray) -> Dynamics:
-    """Moves (r, ..) of the matrices of a model that is nothing but its impulse response."""
+    """Moves (r, ..) of the matrices of a model given by its impulse response."""
     still = model.to_state_space()
     A, _, C, _ = (np.asarray(getattr(still, name)) for name in "ABCD")
     r, m = len(dM), dM.shape[-1]

@@ -18,8 +18,8 @@ from .least_squares import LeastSquares, OutputEquations
 from .realised import check_records
 from .standing import validation_of
 
-ROUNDS = 200  # of weights and parameters in turn, at most
-CONVERGED = 1e-10  # relative change of the parameters that ends them
+ROUNDS = 200  # alternating weights and parameters, at most
+CONVERGED = 1e-10  # relative change of the parameters that ends the rounds
 
 
 class Weighted(NamedTuple):
@@ -36,17 +36,17 @@ class MinimumVariance(Identifier):
 
     Model: `OutputError`: A(z) y = B(z) u + A(z) v, so that the equation's noise has the banded covariance σ² T(a) T(a)'.
 
-    Assumes orders that are right, a plant that is stable, and v white. The weights need the unknown a: iterating them is the
-    method of Steiglitz and McBride, consistent for white v only, and one round is biased because the regressors are noisy. With
+    Assumes right orders, a stable plant, and white v. The weights need the unknown a: iterating them is the method of
+    Steiglitz and McBride, consistent for white v only. One round is biased because the regressors are noisy. With
     another noise, or many gaps, `OutputErrorML` is better: it is consistent, and efficient where v is white.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps.
 
-    An equation in which an output is not known is left out, and the covariance of the others is exact. The covariance of θ is
-    σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, Φ the weighted regressors and Ψ the same without noise: (Φ'Φ)^-1, that of weighted least
-    squares with regressors that are known, is too small. Exact as the record grows.
+    An equation with a missing output is left out, and the covariance of the others is exact. The covariance of θ is
+    σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, Φ the weighted regressors and Ψ the same without noise, asymptotically exact. (Φ'Φ)^-1, that of
+    weighted least squares with known regressors, is too small.
 
-    Cost: O(T d²) a round, some 10 rounds; banded, never T x T.
+    Cost: O(T d²) per round, some 10 rounds; banded, never T x T.
 
     Reference: J. Sillence (1999) ch. 2; K. Steiglitz, L. McBride (1965); P. Stoica, T. Söderström (1981).
 
@@ -69,7 +69,7 @@ class MinimumVariance(Identifier):
         faults.finish()
 
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit to records of equal channels and step. Raises `InputError` where the weights do not settle."""
+        """The fit to records of equal channels and step. Raises `InputError` where the weights do not converge."""
         from scipy.linalg import block_diag
 
         first, faults = records[0], checks.Faults()
@@ -81,7 +81,7 @@ class MinimumVariance(Identifier):
         for name, one in zip(first.outputs, found, strict=True):
             if one.change > np.sqrt(CONVERGED):
                 faults.add(
-                    f"output {name}: the weights do not settle: after {ROUNDS} rounds the parameters still change by "
+                    f"output {name}: the weights do not converge: after {ROUNDS} rounds the parameters still change by "
                     f"{one.change:.1g} of their size. Lower the orders, or use OutputErrorML."
                 )
         faults.finish()
@@ -97,7 +97,7 @@ class MinimumVariance(Identifier):
         )  # fmt: skip
 
     def _iterated(self, rows: OutputEquations) -> Weighted:
-        """Weights and parameters in turn."""
+        """Alternating weights and parameters."""
         θ, change, variance = regress(rows.Φ, rows.y).θ, np.inf, 0.0
         for _ in range(ROUNDS):
             W = self._weigh(θ, rows.at, np.column_stack([rows.Φ, rows.y]))
@@ -109,12 +109,12 @@ class MinimumVariance(Identifier):
         return Weighted(θ, variance, change)
 
     def _weigh(self, θ: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Rows with the covariance T(a) T(a)' taken out: r_j = Σ a_i a_(i+j)."""
+        """Rows whitened by the covariance T(a) T(a)': r_j = Σ a_i a_(i+j)."""
         a = np.append(1.0, θ[: self.na])
         return whitened(np.correlate(a, a, mode="full")[self.na :], at, X)
 
     def _covariance(self, rows: OutputEquations, still: OutputEquations, found: Weighted) -> np.ndarray:
-        """Of one output; `still`: the same equations at more rows, of outputs without noise."""
+        """The covariance of one output; `still`: the same equations at more rows, of outputs without noise."""
         Φ = self._weigh(found.θ, rows.at, rows.Φ)
         Ψ = self._weigh(found.θ, rows.at, still.Φ[np.isin(still.at, rows.at)])
         inverse = regress(Ψ, Ψ[:, 0]).inverse

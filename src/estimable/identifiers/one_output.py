@@ -15,11 +15,11 @@ CONVERGED = (
     1e-13  # relative change of the parameters, of the sum of squares, and angle to the gradient, that end a search
 )
 LEAST = 1e-32  # of the mean square of an output: the square of the rounding unit
-FAR = 1e100  # what a residual that overflowed counts: a search steps back from it
+FAR = 1e100  # value of a residual that overflows: a search steps back from it
 
 
 class Orders(NamedTuple):
-    """Degrees of A and B, the delay, and how many impulses z stand for what happened before row 0 of a record."""
+    """Degrees of A and B, the delay, and the number of impulses z that represent the past before row 0 of a record."""
 
     na: int
     nb: int
@@ -38,7 +38,7 @@ class OneOutput(NamedTuple):
 
 
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
-    """The best of the searches from `starts` (d,), and from an impulse response fitted linearly."""
+    """The best of the searches from `starts` (d,) and from a linearly fitted impulse response."""
     first = impulse_start.start(orders.na, orders.nb, orders.delay, data)
     ends = [_search(orders, data, θ) for θ in (first, *starts) if θ is not None]
     best = min(ends, key=lambda end: end[1])[0]
@@ -53,7 +53,7 @@ def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.n
     θ[: orders.na] = np.asarray(stabilise(θ[: orders.na])) if orders.na else θ[: orders.na]
     start = np.concatenate([θ, np.zeros(orders.past * len(data))])
     seen = sum(int(datum.seen.sum()) for datum in data)
-    rows = max(len(start) - seen, 0)  # MINPACK wants as many data as unknowns: rows of zero tell nothing
+    rows = max(len(start) - seen, 0)  # MINPACK needs as many data as unknowns: zero rows add no information
 
     def residual(x: np.ndarray):
         return np.append(_residuals(orders, data, x), np.zeros(rows))
@@ -111,18 +111,18 @@ def _slopes(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
 def _assembled(orders: Orders, data: Sequence[Datum], x: np.ndarray, noise_variance: float | None) -> OneOutput:
     e, J = _residuals(orders, data, x), _slopes(orders, data, x)
     d = len(x) - orders.past * len(data)
-    told = len(x) - undetermined(J.T @ J).shape[1]
-    spare = max(len(e) - told, 1)
+    determined = len(x) - undetermined(J.T @ J).shape[1]
+    spare = max(len(e) - determined, 1)
     r = float(e @ e / spare) if noise_variance is None else noise_variance
     size = max((float(np.mean(datum.y[datum.seen] ** 2)) for datum in data if datum.seen.any()), default=0.0)
-    r = max(r, LEAST * size, 1e-200)  # data without noise: what rounding leaves
+    r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
     log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r)
     residuals = tuple(datum.y - out for datum, out in zip(data, _responses(orders, data, x), strict=True))
     return OneOutput(x[:d], r, marginal(J.T @ J / r, d), residuals, log_likelihood)
 
 
 def marginal(M: np.ndarray, d: int) -> np.ndarray:
-    """The information of the first d unknowns when the others are estimated too: M11 - M12 M22^+ M21."""
+    """The information about the first d unknowns when the others are estimated too: M11 - M12 M22^+ M21."""
     if len(M) == d:
         return M
     scale = scale_of(M)

@@ -22,30 +22,29 @@ from .uncertain_inputs import expected, fit_uncertain
 from .validation import validated
 
 INITIAL = ("rest", "free")
-LEAST_NOISE = 1e-10  # of the mean square of an output: what the recursion takes data without noise to have
+LEAST_NOISE = 1e-10  # of the mean square of an output: noise variance that the recursion assumes for noise-free data
 
 
 @frozen
 class OutputErrorML(StartedIdentifier):
     """The parameters of an output-error model by maximum likelihood, from one record or several with gaps.
 
-    Model: `OutputError`, each output with polynomials of its own; outputs seen or not, inputs as they were applied. Inputs
-    that are not known, because nobody logged them or nobody tells whether they arrived (UDP-like), count with their means and
-    variances.
+    Model: `OutputError`, each output with its own polynomials; outputs may be missing, inputs are those applied. Unknown
+    inputs, not logged or of unknown arrival (UDP-like), enter with their means and variances.
 
-    Assumes orders that are right and v white and Gaussian (otherwise it is nonlinear least squares: still consistent, and its
-    covariance right to first order if v is white). The plant may be in motion when a record begins (`initial="free"`). For
-    data as they come, see `RecursiveOutputError`, which is nearly as good.
+    Assumes right orders and white Gaussian v (otherwise it is nonlinear least squares: still consistent, and its covariance
+    right to first order if v is white). The plant may be in motion when a record begins (`initial="free"`). For on-line data,
+    `RecursiveOutputError` is nearly as good.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
-    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest", or "free": what happened before row 0 is
-    estimated too, max(na, nb + delay) numbers an output and record. `arrival`: the rate at which inputs of unknown fate arrive
-    (default None: every fate is known); inputs not logged (NaN) are taken to be like those that were.
+    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest", or "free": the past before row 0 is
+    estimated too, max(na, nb + delay) numbers per output and record. `arrival`: the rate at which inputs of unknown arrival
+    arrive (default None: every arrival is known); inputs not logged (NaN) are assumed to be like the logged ones.
 
-    The likelihood is that of the outputs seen. It is maximised by Levenberg and Marquardt's method (MINPACK, in SciPy) with exact
-    derivatives, from several starts: a long impulse response fitted linearly, and, in `identify`, the recursion's answer.
-    The covariance is the inverse of the information. What the records tell nothing of is in `fit.undetermined`,
-    and the covariance is of the rest.
+    The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with exact
+    derivatives, from several starts: a linearly fitted long impulse response, and, in `identify`, the estimate of the recursion.
+    The covariance is the inverse of the information. Directions without information are in `fit.undetermined`, and the
+    covariance is of the rest.
 
     Cost: about 20 passes over the record, O(T d) each: 10 ms at T = 1000.
 
@@ -85,7 +84,7 @@ class OutputErrorML(StartedIdentifier):
         set_field(self, noise_variance=noise, arrival=arrival)
 
     def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
-        """The recursion whose answer is a second start; None where inputs are not known, which it does not take."""
+        """The recursion whose estimate is a second start; None where inputs are unknown, which it does not support."""
         if _uncertain(records):
             return None
         noise = self.noise_variance
@@ -98,7 +97,7 @@ class OutputErrorML(StartedIdentifier):
     def fit(self, records: Sequence[Record], start: Array | None = None) -> Fit:
         """The fit to records of equal channels and step; `start` (d,) is one more start.
 
-        Raises `InputError` where nothing says what an input may have been, or an output was never seen.
+        Raises `InputError` where an input has no known values or arrival rate, or an output was never seen.
         """
         self.check(records)
         inputs = expected(records, self.arrival) if _uncertain(records) else None
@@ -116,11 +115,11 @@ class OutputErrorML(StartedIdentifier):
         return self._assembled(records, ends)
 
     def check(self, records: Sequence[Record]) -> None:
-        """Every output seen at least once, a noise variance for each."""
+        """Check that every output was seen at least once and has a noise variance."""
         faults, first = checks.Faults(), records[0]
         if self.noise_variance is not None and len(self.noise_variance) != len(first.outputs):
             outputs = checks.counted(len(first.outputs), "output")
-            faults.add(f"`noise_variance` must be one for each of {outputs}. Got {len(self.noise_variance)}.")
+            faults.add(f"`noise_variance` must hold one for each of {outputs}. Got {len(self.noise_variance)}.")
         seen = np.concatenate([record.seen for record in records])
         never = [name for i, name in enumerate(first.outputs) if not seen[:, i].any()]
         if never:
@@ -145,16 +144,16 @@ class OutputErrorML(StartedIdentifier):
 
 
 def _uncertain(records: Sequence[Record]) -> bool:
-    """Whether some input is not known: not logged, or nobody knows whether it arrived."""
+    """Whether some input is unknown: not logged, or of unknown arrival."""
     return any(np.isnan(record.applied()).any() for record in records)
 
 
 def covariance(M: np.ndarray) -> np.ndarray:
-    """The inverse of the information, of what it tells of; zero along the rest."""
+    """The inverse of the information along the determined directions; zero along the rest."""
     scale = scale_of(M)
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
-    told = values > UNTOLD * values.max(initial=0.0)
-    return (vectors[:, told] / values[told]) @ vectors[:, told].T * np.outer(scale, scale)
+    determined = values > UNTOLD * values.max(initial=0.0)
+    return (vectors[:, determined] / values[determined]) @ vectors[:, determined].T * np.outer(scale, scale)
 
 
 def block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
@@ -165,7 +164,7 @@ def block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
 
 
 def by_output(records: Sequence[Record]) -> list[list[Datum]]:
-    """The records of each output."""
+    """The data of each output, record by record."""
     inputs = [np.asarray(record.applied()) for record in records]
     return [
         [Datum(u, record.y[:, i], record.seen[:, i]) for u, record in zip(inputs, records, strict=True)]

@@ -20,7 +20,7 @@ from .realised import check_records
 from .standing import validation_of
 
 DOMAINS = ("discrete", "continuous")
-FAINT = 1e-6  # of the largest input phasor: an input that does not move at that frequency
+FAINT = 1e-6  # of the largest input phasor: below it the input has no such frequency
 COHERENT = 0.8  # part of the variation of an output that the sinusoids should explain
 
 
@@ -33,7 +33,7 @@ class SecondOrder(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """What the records tell of H at frequencies ω (K,): values and their covariance (2K, 2K); residuals' variance; coherence."""
+    """H at frequencies ω (K,), estimated from the records: values and their covariance (2K, 2K); residual variance; coherence."""
 
     ω: np.ndarray
     H: np.ndarray
@@ -51,15 +51,15 @@ class Phasor(Identifier):
     + Σ a_i z^-i) at z = exp(jω dt), exact for inputs held over each sample; or "continuous", H = Σ b_i s^(n-i) / (s^n + Σ a_i
     s^(n-i)), for inputs that are sinusoids between the samples too. (Sillence's a_i are minus ours.)
 
-    Assumes a linear plant that has settled (see `settle`), one input, v white, and an order that is right: with too low an order
-    the fit is of the frequencies given only, with too high a one the surplus poles and zeros are noise.
+    Assumes a linear plant in steady state (see `settle`), one input, white v, and the right order. With too low an order the
+    model fits the given frequencies only; with too high an order the surplus poles and zeros are noise.
 
     Settings: `order` n; `frequencies` in hertz, at least n, between 0 and half the sampling rate; `settle`: seconds cut off the
     start of each record.
 
-    Rows in which the output is not seen are left out. More than n frequencies are weighted by their covariances. `fit.extra`
-    holds "frequencies", "in_phase" and "quadrature" (K, p) and "coherence" (p,): the part of the output's variation that is at
-    these frequencies; what lacks is noise, a transient, or a plant that is not linear.
+    Rows with a missing output are left out. More than n frequencies are weighted by their covariances. `fit.extra` holds
+    "frequencies", "in_phase" and "quadrature" (K, p) and "coherence" (p,): the part of the output's variation at these
+    frequencies. The rest is noise, a transient, or a nonlinearity of the plant.
 
     Cost: O(T K²).
 
@@ -109,7 +109,7 @@ class Phasor(Identifier):
         return SecondOrder(ω_n / (2 * np.pi), ζ)
 
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit to records of equal channels and step; each may have any of the frequencies."""
+        """The fit to records of equal channels and step; each record may have any of the frequencies."""
         self._check(records)
         first = records[0]
         dt = float(first.dt or 0.0)
@@ -123,7 +123,7 @@ class Phasor(Identifier):
         check_records(records, faults)
         if len(first.inputs) != 1:
             faults.add(
-                f"Phasor takes one input, and the records have {len(first.inputs)}: identify them one at a time."
+                f"Phasor takes one input, but the records have {len(first.inputs)}: identify them one at a time."
             )
         highest = 0.5 / float(first.dt or 1.0)
         if np.any(self.frequencies >= highest):
@@ -133,7 +133,7 @@ class Phasor(Identifier):
             left = len(record) - round(self.settle / float(record.dt or 1.0))
             if left < needed:
                 faults.add(
-                    f"record {i} has {max(left, 0)} rows after {self.settle:g} s: {needed} needed. Lower `settle`."
+                    f"record {i} has {max(left, 0)} rows after {self.settle:g} s, but {needed} are needed. Lower `settle`."
                 )
         faults.finish()
 
@@ -166,7 +166,7 @@ class Phasor(Identifier):
         moving = len(np.unique(ω))
         if moving < self.order:
             checks.refuse(
-                f"order {self.order} needs as many frequencies at which the input moves. Got {moving}: lower the order, or add "
+                f"order {self.order} needs {self.order} frequencies in the input. Got {moving}: lower the order, or add "
                 "sinusoids."
             )
 
@@ -235,9 +235,9 @@ def _with_input_now(model: StateSpace) -> StateSpace:
 
 
 def _coherence(name: str, value: float) -> Check:
-    """Whether the output moves at the frequencies of the input only, in words."""
-    said = f"Coherence: {value:.1%} of the variation of {name} is at the frequencies given"
+    """Check that the output moves at the frequencies of the input only."""
+    found = f"Coherence: {value:.1%} of the variation of {name} is at the given frequencies"
     if value >= COHERENT:
-        return Check("coherence", True, value, COHERENT, f"{said}.")
-    advice = "the rest is noise, a transient (raise `settle`) or a plant that is not linear"
-    return Check("coherence", False, value, COHERENT, f"{said}: {advice}.")
+        return Check("coherence", True, value, COHERENT, f"{found}.")
+    advice = "the rest is noise, a transient (raise `settle`) or a nonlinearity of the plant"
+    return Check("coherence", False, value, COHERENT, f"{found}: {advice}.")

@@ -26,7 +26,7 @@ from .output_error_ml import block_diagonal, by_output, covariance
 from .realised import check_records
 from .standing import validation_of
 
-LONG = 3  # times na + nc: order of the ARX model whose residuals stand for e at the start
+LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
 CONVERGED = 1e-10  # relative change of parameters and sum of squares, and angle to the gradient, that end a search
 
 
@@ -44,18 +44,19 @@ class Ended(NamedTuple):
 class PredictionError(Identifier):
     """The parameters of an ARMAX model by the prediction-error method, from one record or several with gaps.
 
-    Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output with polynomials of its own.
+    Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output has its own polynomials.
 
-    Assumes orders that are right, e white (Gaussian, for the likelihood; otherwise still consistent where nothing is missing),
-    and a plant that may be in motion: what happened before row 0 of each record is fitted too. Feedback does no harm.
-    `OutputErrorML` is better for white noise on the outputs; nc = 0 is `LeastSquares`, without its start-up rows lost.
+    Assumes right orders and white e (Gaussian for the likelihood; otherwise still consistent where nothing is missing). The
+    plant may be in motion: the past before row 0 of each record is fitted too. Feedback does no harm. `OutputErrorML` is
+    better for white noise on the outputs; nc = 0 is `LeastSquares` without the loss of its start-up rows.
 
     Settings: `na`, `nb`, `nc`: degrees of A, B and C (Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here); `delay` in
     steps.
 
-    The sum of squares is minimised by Levenberg and Marquardt's method (MINPACK, in SciPy), from C = 1 and from the residuals of
-    a long ARX model (Hannan and Rissanen). Where outputs are missing the errors are those of the Kalman filter, each over its
-    standard deviation, and derivatives are numerical. The covariance is σ² (ψ'ψ)^-1, with what came before row 0 taken out.
+    The sum of squares is minimised by the Levenberg-Marquardt method (MINPACK, in SciPy), from C = 1 and from the residuals of
+    a long ARX model (Hannan and Rissanen). Where outputs are missing, the errors are those of the Kalman filter, each divided
+    by its standard deviation, and derivatives are numerical. The covariance is σ² (ψ'ψ)^-1, with the past before row 0
+    marginalised.
 
     Cost: about 15 passes, O(T d) each: 20 ms at T = 1000; with gaps 15 T (d + n) steps of a filter: seconds.
 
@@ -82,7 +83,7 @@ class PredictionError(Identifier):
 
     @property
     def past(self) -> int:
-        """How many numbers a record stand for what happened before it."""
+        """The number of values that represent the past before a record."""
         return max(self.na, self.nb + self.delay, self.nc)
 
     def fit(self, records: Sequence[Record]) -> Fit:
@@ -94,8 +95,8 @@ class PredictionError(Identifier):
             seen = sum(int(record.seen[:, i].sum()) for record in records)
             if seen <= d + self.past * len(records):
                 faults.add(
-                    f"output {name} was seen {checks.counted(seen, 'time')}: {d + self.past * len(records) + 1} needed for "
-                    f"{checks.counted(d, 'parameter')} and what came before row 0. Lower the orders."
+                    f"output {name} was seen {checks.counted(seen, 'time')}: {d + self.past * len(records) + 1} are needed for "
+                    f"{checks.counted(d, 'parameter')} and the past before row 0. Lower the orders."
                 )
         faults.finish()
         ends = [self.search(data) for data in by_output(records)]
@@ -115,7 +116,7 @@ class PredictionError(Identifier):
         return np.concatenate([θ[: len(θ) - self.nc], stable, np.zeros(self.past * len(data))])
 
     def _starts(self, data: Sequence[Datum]) -> list[np.ndarray]:
-        """Least squares with C = 1; and, on the longest record, with the residuals of a long ARX model in the place of e."""
+        """Least squares with C = 1; and, on the longest record, with the residuals of a long ARX model instead of e."""
         records = [Record(one.y, one.u, dt=1) for one in data]
         ordinary = LeastSquares(self.na, self.nb, delay=self.delay)
         rows = ordinary.complete_rows(records)[0]
@@ -152,7 +153,7 @@ class PredictionError(Identifier):
         )  # fmt: skip
 
     def _errors(self, data: Sequence[Datum], x: np.ndarray) -> tuple[np.ndarray, float]:
-        """The errors of what was seen, scaled so that their sum of squares gives the likelihood, and Σ log V."""
+        """The errors of the seen outputs, scaled so that their sum of squares gives the likelihood, and Σ log V."""
         found, logs = [], []
         for i, one in enumerate(data):
             a, b, c, z = self._parts(x, one.u.shape[1], i)
@@ -200,10 +201,10 @@ class PredictionError(Identifier):
             [marginal(end.J.T @ end.J / max(r, 1e-300), d) for end, r in zip(ends, variances, strict=True)]
         )
         free = undetermined(M)
-        told = excitation_check(M, model.parameter_names, free)
+        excitation = excitation_check(M, model.parameter_names, free)
         likelihood = sum(map(_log_likelihood, ends))
         return Fit(
-            model, model.parameters, covariance(M), model.parameter_names, validation_of(model, records, [told]), None,
+            model, model.parameters, covariance(M), model.parameter_names, validation_of(model, records, [excitation]), None,
             likelihood, free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 
@@ -217,7 +218,7 @@ def _system(a: np.ndarray, b: np.ndarray, c: np.ndarray, delay: int) -> System:
 
 
 def _state(z: np.ndarray, n: int) -> np.ndarray:
-    """The state at row 0 whose output is what the impulses z make."""
+    """The state at row 0 whose output equals the response to the impulses z."""
     return np.pad(z, (0, max(n, 1) - len(z)))
 
 

@@ -1,4 +1,4 @@
-"""What the identifiers of state-space models share: checks of records, the innovations form, and what a fit says of it."""
+"""Shared by the identifiers of state-space models: checks of records, the innovations form, and its impulse response."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,12 @@ from ..models.state_space import StateSpace
 
 
 def check_records(records: Sequence[Record], faults: checks.Faults) -> None:
-    """Every input known, every output seen at least once."""
+    """Check that every input is known and every output was seen at least once."""
     for i, record in enumerate(records):
         unknown = np.isnan(record.applied())
         if unknown.any():
             faults.add(
-                f"record {i}: an input is not known at index {checks.first_index(unknown)}. Cut the record there, or use "
+                f"record {i}: an input is unknown at index {checks.first_index(unknown)}. Cut the record there, or use "
                 "LeastSquares, which leaves out the rows that need it."
             )
     seen = np.concatenate([record.seen for record in records])
@@ -28,15 +28,19 @@ def check_records(records: Sequence[Record], faults: checks.Faults) -> None:
 
 
 def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:
-    """Inputs must move, and not together."""
+    """Check that inputs move, and are linearly independent."""
     u = np.concatenate([record.applied() - record.applied().mean(axis=0) for record in records])
     still = [name for name, moved in zip(records[0].inputs, np.abs(u).max(axis=0), strict=True) if moved == 0]
     if still:
-        faults.add(f"input {checks.listed(still)} never moves: its effect cannot be told from a level. Leave it out.")
+        faults.add(
+            f"input {checks.listed(still)} never moves: its effect cannot be distinguished from an offset. Leave it out."
+        )
         return
     size = np.linalg.svd(u / np.linalg.norm(u, axis=0), compute_uv=False)
     if size[-1] < 1e-8 * size[0]:
-        faults.add(f"inputs {checks.listed(records[0].inputs)} move together: one is a sum of others. Leave it out.")
+        faults.add(
+            f"inputs {checks.listed(records[0].inputs)} are linearly dependent: one is a sum of others. Leave it out."
+        )
 
 
 def innovations_model(matrices: Sequence[np.ndarray], noise: np.ndarray, record: Record) -> StateSpace:
@@ -49,7 +53,7 @@ def innovations_model(matrices: Sequence[np.ndarray], noise: np.ndarray, record:
 
 
 def stationary_gain(A: np.ndarray, C: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """K (n, p) and the covariance of e; zero and that of v where the noise leaves no stationary filter."""
+    """K (n, p) and the covariance of e; zero and the covariance of v where the noise allows no stationary filter."""
     n, size = len(A), max(float(np.diagonal(noise).max()), np.finfo(float).tiny)
     noise = noise / size
     Q, S, R = noise[:n, :n], noise[:n, n:], noise[n:, n:]
@@ -62,7 +66,7 @@ def stationary_gain(A: np.ndarray, C: np.ndarray, noise: np.ndarray) -> tuple[np
 
 
 def impulse(model: StateSpace, length: int) -> np.ndarray:
-    """M_0 .. M_length of a model, output by output, input by input: what does not depend on the choice of states."""
+    """M_0 .. M_length of a model, output by output, input by input: they do not depend on the choice of states."""
     return markov(model.A, model.B, model.C, model.D, length).transpose(1, 2, 0).ravel()
 
 
@@ -77,6 +81,6 @@ def impulse_names(length: int, inputs: Sequence[str], outputs: Sequence[str]) ->
 
 
 def whole(name: str, value: int | None, lower: int, faults: checks.Faults) -> None:
-    """A whole number, or None: chosen."""
+    """An integer, or None for the default."""
     if value is not None:
         faults.whole(name, value, lower)

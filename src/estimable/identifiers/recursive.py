@@ -1,4 +1,4 @@
-"""What recursive identifiers of output-error models share: orders, channels, and what is believed of θ at first."""
+"""Shared by the recursive identifiers of output-error models: orders, channels, and the prior belief about θ."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -28,23 +28,23 @@ def read(method: Any, faults: checks.Faults) -> dict[str, Any]:
         faults.learn("p", len(outputs), f"`outputs` holds {checks.counted(len(outputs), 'name')}")
     noise = _read_noise(method.noise_variance, faults)
     if method.prior is not None and faults.instance("prior", method.prior, Prior) and method.prior.diffuse is not None:
-        faults.add("`prior` must not have diffuse directions: leave it out where nothing is known of the parameters.")
+        faults.add("`prior` must not have diffuse directions: leave it out where the parameters are unknown.")
     return {"noise_variance": noise, "inputs": inputs, "outputs": outputs}
 
 
 def check_prior(method: Any) -> None:
-    """The prior must be of θ; an `InputError` where it is not."""
+    """Check that the prior describes θ; raises `InputError`."""
     wanted = len(method.names.states)
     if method.prior is None or np.shape(method.prior.mean)[-1] == wanted:
         return
     known = channels(method)
     of = f"{checks.counted(known.p, 'output')} and {checks.counted(known.m, 'input')}"
     numbers = f"na = {method.na}, nb = {method.nb} with {of} have {checks.counted(wanted, 'parameter')}"
-    checks.refuse(f"`prior` must be of θ: {numbers}. Got {np.shape(method.prior.mean)[-1]}.")
+    checks.refuse(f"`prior` must describe θ: {numbers}. Got {np.shape(method.prior.mean)[-1]}.")
 
 
 def channels(method: Any) -> Channels:
-    """The channels: those that are named, else one input, and an output for each noise variance."""
+    """The channels: those named, else one input, and an output for each noise variance."""
     default = tuple(f"y{i + 1}" for i in range(np.shape(method.noise_variance)[-1]))
     return Channels(method.inputs or ("u1",), method.outputs or default, method.delay == 0)
 
@@ -56,7 +56,7 @@ def names(method: Any) -> Names:
 
 
 def for_channels(self: Identified, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Identified:
-    """The same identifier with the names of a record, where it has none of its own. Raises `InputError`."""
+    """The same identifier with the names of a record, where it has no names. Raises `InputError`."""
     settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
     outputs, noise = self.outputs or outputs, np.ravel(self.noise_variance)
     noise = np.broadcast_to(noise, (len(outputs),)) if len(noise) == 1 else noise
@@ -73,7 +73,7 @@ def fitted(self: Any, parameters: Array, dt: float) -> OutputError:
 
 
 def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:
-    """Mean (p, d) and covariance (p, d, d) of the prior; of a, where `bounded`, no more than that A is stable."""
+    """Mean (p, d) and covariance (p, d, d) of the prior. Where `bounded`, the variance of a is limited by the stability of A."""
     known = channels(method)
     d = method.na + known.m * (method.nb + 1)
     bounds = np.array([comb(method.na, i + 1) for i in range(method.na)] + [np.inf] * (d - method.na), float)
@@ -93,18 +93,18 @@ def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:
 
 
 def window(lags: Array, u: Array, delay: int) -> Any:
-    """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb], from those before (m, nb + delay) and u[k] (m,)."""
+    """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb], from earlier inputs (m, nb + delay) and u[k] (m,)."""
     return jnp.concatenate([jnp.asarray(u)[:, None], lags], axis=1)[:, delay:].ravel()
 
 
 def delayed(values: Array, m: int, delay: int) -> Any:
-    """Of rows input by input, newest first, those that enter φ."""
+    """The rows that enter φ, of rows input by input, newest first."""
     size = values.shape[0] // m
     return jnp.concatenate([values[j * size + delay : (j + 1) * size] for j in range(m)])
 
 
 def block_diagonal(blocks: Array) -> Any:
-    """The covariance (p d, p d) of all outputs' parameters, of one (p, d, d) each."""
+    """The covariance (p d, p d) of the parameters of all outputs, from the covariance (p, d, d) of each."""
     p, d = blocks.shape[:2]
     return (jnp.eye(p)[:, None, :, None] * blocks[:, :, None, :]).reshape(p * d, p * d)
 
@@ -118,6 +118,6 @@ def _read_noise(value: Numbers, faults: checks.Faults) -> Any:
     if noise is not None and not checks.is_traced(noise) and np.any(noise <= 0):
         faults.add(
             f"`noise_variance` must be greater than 0. Got {checks.short(value)}. For outputs without noise give a small one, "
-            "as 1e-6 of the mean square of y."
+            "such as 1e-6 of the mean square of y."
         )
     return noise

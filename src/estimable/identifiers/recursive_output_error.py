@@ -17,21 +17,21 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import recursive
 
 METHODS = ("refined", "printed")
-EARLY = 3.0  # α: while it learns, a sample that is i-th of n weighs (i/n)^α; without it one draw in three locks
-LEARNING = 40  # arrivals per parameter until α is zero, counted by how much signal is in them
+EARLY = 3.0  # α: at first the i-th of n samples has weight (i/n)^α; without this, one draw in three locks
+LEARNING = 40  # arrivals per parameter until α is zero, each weighted by its share of signal
 PSEUDOLINEAR = 10  # arrivals per parameter from which the gradient is that of the auxiliary model
 MEMORY = 5  # arrivals per parameter over which the squared innovation is averaged
-OUTLIER = 9.0  # times its variance: more of one squared innovation does not count
+OUTLIER = 9.0  # times its variance: a squared innovation is clipped to this
 MOST_FORGOTTEN = 0.5  # of P^-1 in one step
-MOST_DOUBT = 1e12  # times its variance: how far the prior is given up when innovations contradict it
+MOST_DOUBT = 1e12  # times its variance: largest inflation of the prior when innovations contradict it
 
 
 @frozen
 class Recursion:
-    """What a recursion holds, output by output: θ (p, d), factors of P and Σ, past auxiliary outputs and their slopes.
+    """The state of the recursion, output by output: θ (p, d), factors of P and Σ, past auxiliary outputs and their slopes.
 
-    `lags` (m, q) are the inputs applied before this sample; `arrivals`, `informative`, `misfit`, `doubt` and `turn` (p,) set
-    how much is forgotten, and for what.
+    `lags` (m, q) are the inputs applied before this sample; `arrivals`, `informative`, `misfit`, `doubt` and `turn` (p,)
+    control the forgetting.
     """
 
     parameters: Any
@@ -49,30 +49,30 @@ class Recursion:
 
 @frozen
 class RecursiveOutputError(Anticipating[Recursion]):
-    """The parameters of an output-error model, sample by sample, when inputs and outputs get lost.
+    """The parameters of an output-error model, sample by sample, where inputs and outputs are lost.
 
-    Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with polynomials of its own. A lost
-    output leaves the estimate where it was; a lost input is what the actuator did instead, known by the acknowledgement.
+    Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with its own polynomials. A lost output
+    leaves the estimate unchanged. For a lost input the actuator's substitute is used; the acknowledgement reports the loss.
 
-    Assumes a stable plant at rest before the first sample, orders and noise variance that are right, v white, and an input
-    that excites (with a constant one the covariance stays large in what it does not show). With a noise variance too
-    small the estimate is good and its covariance too small; far too small, and it never stops forgetting.
+    Assumes a stable plant at rest before the first sample, right orders and noise variance, white v, and an exciting input
+    (with a constant one the covariance stays large in the unexcited directions). With too small a noise variance the estimate
+    is good but its covariance too small; with one far too small it never stops forgetting.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `noise_variance` of v, one number or (p,), greater than 0; `prior` of θ (output by output, a then b, input by input;
-    None: zero, and vague). Of a no more is believed than that A is stable, so that a variance of 1e6 is as good as 1.
+    None: zero, and vague). The prior of a is limited by the stability of A, so that a variance of 1e6 is as good as 1.
     `forgetting` λ in (0, 1], per arrival, for plants that change; `alarm`: when the mean squared innovation lies this many
-    standard deviations above its variance, what was learnt is forgotten until it fits again (which also follows a plant that
-    jumped). `method`: "refined", or "printed": the recursion as its source has it, which locks on a wrong answer from vague
-    priors. `inputs`, `outputs` name the channels (`identify` takes those of the record).
+    standard deviations above its variance, past data are forgotten until the innovations fit again (which also follows a plant
+    that jumped). `method`: "refined", or "printed": the recursion as printed in its source, which locks on a wrong estimate
+    from vague priors. `inputs`, `outputs` name the channels (`identify` takes those of the record).
 
-    How it differs from the source: past auxiliary outputs are corrected when θ changes; the gradient is that of the model
-    (ψ) once it is about right; A is kept stable; early samples, of wild estimates, fade as a power of their age; what
-    is forgotten gives way to the prior. `Info.mean` is θ, `Info.covariance` that of its error at the gain in use, which the
-    P of the recursion is not. `Info.extra["output"]` estimates x°[k], `extra["completed"]` is z[k]: y where it was seen,
-    else what was predicted (3.12).
+    Differences from the source: past auxiliary outputs are corrected when θ changes; the gradient is that of the model
+    (ψ) once the estimate is near; A is stabilised; early samples, with poor estimates, fade as a power of their age; the prior
+    replaces forgotten information. `Info.mean` is θ. `Info.covariance` is that of its error at the gain in use, unlike the P
+    of the recursion. `Info.extra["output"]` estimates x°[k], `extra["completed"]` is z[k]: y where it was seen, else its
+    prediction (3.12).
 
-    Cost: about 4 d³ multiplications a sample and output, d = na + m (nb + 1); 0.6 us at d = 4 as machine code.
+    Cost: about 4 d³ multiplications per sample and output, d = na + m (nb + 1); 0.6 us at d = 4 as machine code.
 
     Reference: H. Fang (2009), (3.12)-(3.17); L. Ljung, System Identification (1999), §11.4-11.5.
 
@@ -115,7 +115,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         return recursive.believed(self, bounded=self.method != "printed")
 
     def init(self, prior: None) -> Recursion:
-        """What is believed before the first sample; the plant is at rest."""
+        """The belief before the first sample; the plant is at rest."""
         mean, P = self._believed
         p, d = mean.shape
         L = jax.vmap(factor)(P)
@@ -136,21 +136,21 @@ class RecursiveOutputError(Anticipating[Recursion]):
         )
 
     def rested(self, state: Recursion) -> Recursion:
-        """What is believed when another record begins: the same of θ, and a plant at rest."""
+        """The belief when another record begins: the same about θ, and a plant at rest."""
         return replace(
             state, outputs=jnp.zeros_like(state.outputs), slopes=jnp.zeros_like(state.slopes),
             lags=jnp.zeros_like(state.lags),
         )  # fmt: skip
 
     def ahead(self, state: Recursion) -> Info:
-        """What is believed before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
+        """The belief before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
         return Info(
             mean=state.parameters.ravel(), covariance=recursive.block_diagonal(jax.vmap(gram)(state.error_factor)),
             extra={"past_outputs": state.outputs, "past_inputs": state.lags},
         )  # fmt: skip
 
     def correct(self, state: Recursion, sample: Sample) -> tuple[Recursion, Info]:
-        """Learn from one sample, whose input the acknowledgement has told."""
+        """Update with one sample; the acknowledgement has reported its input."""
         mean, P = self._believed
         variance = jnp.sum(P * jnp.eye(P.shape[-1])[None], axis=2)
         lags = recursive.window(state.lags, sample.u, self.delay)
@@ -159,13 +159,13 @@ class RecursiveOutputError(Anticipating[Recursion]):
         def one(state: Recursion, y: Array, seen: Array, r: Array, mean: Array, variance: Array):
             return self._learn(state, lags, y, seen, r, mean, variance)
 
-        after, told = jax.vmap(one)(
+        after, steps = jax.vmap(one)(
             blank, jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance), mean, variance
         )
-        return replace(after, lags=state.lags), _informed(after, told, sample)
+        return replace(after, lags=state.lags), _informed(after, steps, sample)
 
     def _learn(self, state: Recursion, lags: Array, y: Array, seen: Array, r: Array, mean: Array, variance: Array):
-        """One output: θ after its datum, and what was told of it."""
+        """One output: θ after its datum, and the report of it."""
         θ, a, d = state.parameters, state.parameters[: self.na], state.parameters.shape[0]
         φ = kernel.regressor(state.outputs, lags)
         ψ = kernel.slope(φ, a, state.slopes)
@@ -173,13 +173,15 @@ class RecursiveOutputError(Anticipating[Recursion]):
         e = y - predicted
         refined = self.method == "refined"
         g = jnp.where(state.informative < PSEUDOLINEAR * d, φ, ψ) if refined else φ
-        state, λ = self._kept(state, g, e, predicted, seen, r) if refined else (state, jnp.asarray(self.forgetting))
+        state, λ = (
+            self._remembered(state, g, e, predicted, seen, r) if refined else (state, jnp.asarray(self.forgetting))
+        )
         K, L = kernel.learn(state.gain_factor, g, r, λ)
         h = jnp.where(jnp.arange(d, dtype=float) == state.turn, 1.0, 0.0)
         own = jnp.sum(h * variance) * state.doubt
         w = jnp.where(
             own > 0, (1 - λ) * d / jnp.where(own > 0, own, 1.0), 0.0
-        )  # what is forgotten gives way to the prior
+        )  # the prior replaces forgotten information
         K_prior, L = kernel.recall(L, h, w)
         moved = θ + K * e
         moved = moved + K_prior * jnp.sum(h * (mean - moved))
@@ -196,8 +198,8 @@ class RecursiveOutputError(Anticipating[Recursion]):
         x = jnp.sum(kernel.regressor(outputs, lags) * θ_next)
         return after, (e, S, x, jnp.where(seen, y, predicted))
 
-    def _kept(self, state: Recursion, g: Array, e: Array, predicted: Array, seen: Array, r: Array):
-        """How much of P^-1 is kept (λ), and the counts that say so."""
+    def _remembered(self, state: Recursion, g: Array, e: Array, predicted: Array, seen: Array, r: Array):
+        """The share λ of P^-1 that remains, and the counts that determine it."""
         d = g.shape[0]
         one = jnp.where(seen, 1.0, 0.0)
         arrivals = state.arrivals + one
@@ -217,7 +219,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         return replace(state, arrivals=arrivals, informative=informative, misfit=misfit, doubt=doubt, turn=turn), λ
 
     def predict(self, state: Recursion, interval: Interval) -> Recursion:
-        """Move to the next sample: the auxiliary model's output and its slope join those that are kept (3.16)."""
+        """Move to the next sample: the auxiliary model's output and its slope join the stored ones (3.16)."""
         lags = recursive.window(state.lags, interval.u, self.delay)
 
         def one(θ: Array, outputs: Array, slopes: Array):
@@ -227,14 +229,14 @@ class RecursiveOutputError(Anticipating[Recursion]):
             return jnp.concatenate([x[None], outputs])[: self.na], jnp.concatenate([ψ[None, :], slopes])[: self.na]
 
         outputs, slopes = jax.vmap(one)(state.parameters, state.outputs, state.slopes)
-        kept = self.nb + self.delay
-        shifted = jnp.concatenate([jnp.asarray(interval.u)[:, None], state.lags], axis=1)[:, :kept]
+        lags_held = self.nb + self.delay
+        shifted = jnp.concatenate([jnp.asarray(interval.u)[:, None], state.lags], axis=1)[:, :lags_held]
         return replace(state, outputs=outputs, slopes=slopes, lags=shifted)
 
 
-def _informed(state: Recursion, told: tuple, sample: Sample) -> Info:
-    """What is said of all outputs together: independent noises leave their errors independent."""
-    e, S, x, completed = told
+def _informed(state: Recursion, steps: tuple, sample: Sample) -> Info:
+    """The report of all outputs together: their noises, and so their errors, are independent."""
+    e, S, x, completed = steps
     p, d = state.parameters.shape
     Σ = recursive.block_diagonal(jax.vmap(gram)(state.error_factor))
     seen = jnp.asarray(sample.seen)

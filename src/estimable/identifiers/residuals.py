@@ -1,4 +1,4 @@
-"""Are the residuals of a fit white, and is something of the inputs left in them?"""
+"""Tests of the residuals of a fit: whiteness, and correlation with the inputs."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,13 +12,13 @@ from ..errors import InputError
 from ..results import Check
 
 ADVICE = {
-    "whiteness": "Something predictable is left: raise the orders, or take a method with another model of the noise.",
-    "input-left": "An effect of the input is not in the model: raise nb, or look at the delay.",
+    "whiteness": "The residuals are predictable: raise the orders, or use a method with another noise model.",
+    "input-left": "The model lacks an effect of the input: raise nb, or check the delay.",
 }
 
 
 def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record]) -> list[Check]:
-    """Whiteness of each output's standardised residuals one step ahead (T, p), and what is left of each input in them."""
+    """Whiteness of each output's standardised one-step residuals (T, p), and their correlation with each input."""
     joined, inputs = side_by_side(e, records)
     if max(map(len, e)) <= LAGS + FEWEST:
         return []
@@ -36,7 +36,7 @@ def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record]) -> list[
 
 
 def side_by_side(e: Sequence[np.ndarray], records: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and inputs of all records, one after the other, with as many unknown rows between as there are lags."""
+    """Residuals and inputs of all records, one after the other, separated by as many missing rows as there are lags."""
     gap = ((0, LAGS), (0, 0))
     joined = np.concatenate([np.pad(one, gap, constant_values=np.nan) for one in e])
     inputs = np.concatenate([np.pad(r.applied(), gap, constant_values=np.nan) for r in records])
@@ -44,14 +44,14 @@ def side_by_side(e: Sequence[np.ndarray], records: Sequence[Record]) -> tuple[np
 
 
 def _tried(name: str, test: Callable[[], Any]) -> list[Check]:
-    """A test as a check; none where there are too few samples to judge by."""
+    """A test as a check; no check where there are too few samples."""
     try:
         found: Correlations = test()
     except InputError:
         return []
-    told = found.sentence.split(": ")[0]
+    verdict = found.sentence.split(": ")[0]
     sentence = f"Residuals one step ahead: {found.sentence}."
     if not found.passed:
         size = f"{found.statistic:.1f}, limit {found.limit:.1f}, most of it at lag {found.lag}"
-        sentence = f"Residuals one step ahead: {told}: {size}. {ADVICE[name]}"
+        sentence = f"Residuals one step ahead: {verdict}: {size}. {ADVICE[name]}"
     return [Check(name, bool(found.passed), found.statistic, found.limit, sentence)]

@@ -1,4 +1,4 @@
-"""How any linear model stands to a record: simulated, and predicted one step ahead; are the residuals white, is input left?"""
+"""Comparison of a linear model with a record: simulation, one-step predictions, and tests of their residuals."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
@@ -20,9 +20,9 @@ LinearModel: TypeAlias = StateSpace | ARX | ARMAX | OutputError
 
 
 class Standing(NamedTuple):
-    """Outputs minus the model's, (T, p), NaN where not seen: simulated from the inputs alone, predicted from the sample before.
+    """Outputs minus the model's, (T, p), NaN where not seen: simulated from the inputs alone, and predicted one step ahead.
 
-    `standardised`: the second over their standard deviations, (T, p). `outputs` (T, p) of the simulation,
+    `standardised`: the second divided by their standard deviations, (T, p). `outputs` (T, p) of the simulation,
     from `state` (n,), a deviation from the operating point.
     """
 
@@ -39,10 +39,10 @@ def state_space_of(model: LinearModel) -> StateSpace:
 
 
 def standing(model: StateSpace, record: Record, rows: int | None = None) -> Standing:
-    """How a discrete model stands to a record.
+    """Compare a discrete model with a record.
 
-    The state at row 0 is that from which the simulation is nearest to the first `rows` rows (None: all): what comes after
-    them is not looked at by the simulation. Inputs that are not known count as the value before.
+    The simulation starts from the state at row 0 with which it is nearest to the first `rows` rows (None: all); later rows have
+    no effect on it. An unknown input is replaced by the value before it.
     """
     system = system_of(model)
     u, y = held(record.applied()), record.y
@@ -56,7 +56,7 @@ def standing(model: StateSpace, record: Record, rows: int | None = None) -> Stan
 
 
 def system_of(model: StateSpace) -> System:
-    """The matrices of a model that does not vary, the noise as it enters the state."""
+    """The matrices of a constant model, with the noise as it enters the state."""
     G, S = np.asarray(model.G), model.S
     cross = np.zeros((model.n, model.p)) if S is None else G @ S
     Q = np.zeros((model.n, model.n)) if model.Q is None else G @ model.Q @ G.T
@@ -64,13 +64,13 @@ def system_of(model: StateSpace) -> System:
 
 
 def held(u: np.ndarray) -> np.ndarray:
-    """The inputs, and where they are not known the value before (0 at the start)."""
+    """The inputs; an unknown one is replaced by the value before it (0 at the start)."""
     rows = np.maximum.accumulate(np.where(np.isnan(u), 0, np.arange(len(u))[:, None]), axis=0)
     return np.nan_to_num(np.take_along_axis(u, rows, axis=0))
 
 
 def validation_of(model: LinearModel, records: Sequence[Record], extra: Sequence[Check] = ()) -> Validation:
-    """How a model stands to the records it was fitted to: residuals are those of the simulation."""
+    """Compare a model with the records it was fitted to: the residuals are those of the simulation."""
     found = [standing(state_space_of(model), record) for record in records]
     residuals, one_step = tuple(one.simulated for one in found), tuple(one.one_step for one in found)
     white = residual_checks([one.standardised for one in found], records)

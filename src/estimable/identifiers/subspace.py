@@ -29,8 +29,8 @@ from .realised import (
 from .standing import initial_state, system_of, validation_of
 
 HORIZON = 15  # block rows where none are given
-ROUNDS = 3  # of filling in outputs that were not seen
-FILL = 20  # length of the impulse response with which they are filled in first
+ROUNDS = 3  # of filling in missing outputs
+FILL = 20  # length of the impulse response that fills them in first
 
 Data = list[tuple[np.ndarray, np.ndarray]]
 
@@ -42,23 +42,23 @@ class Subspace(Identifier):
     Model: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k], e white: `fit.model`, in innovations form.
 
     Assumes an input that moves and does not depend on the outputs (no feedback: in closed loop the estimate is biased), and a
-    record much longer than 2 (m + p) horizon rows. Needs no start and no search; `OutputErrorML` is usually a little better.
+    record much longer than 2 (m + p) horizon rows. It needs no start and no search; `OutputErrorML` is usually a little better.
 
-    Settings: `order` n; `weighting`: "moesp", "n4sid" or "cva" (with white inputs nearly alike; CVA weighs by the noise);
-    `horizon` s in block rows (None: 15, or order + 2, or what the record bears); `feedthrough`: whether D is fitted;
-    `draws`: how many records are drawn to work out the covariance (0: none is).
+    Settings: `order` n; `weighting`: "moesp", "n4sid" or "cva" (similar for white inputs; CVA weights by the noise);
+    `horizon` s in block rows (None: 15, or order + 2, or less for a short record); `feedthrough`: whether D is fitted;
+    `draws`: the number of records drawn to compute the covariance (0: no covariance).
 
     A and C come from the shift of the observability matrix, B and D from a regression of the outputs on the simulation
-    (of the predictions, where A is not stable), K from the stationary Kalman filter of the residuals. Outputs not seen are
+    (of the predictions, where A is not stable), K from the stationary Kalman filter of the residuals. Missing outputs are
     filled in by an impulse response and then by the model's own simulation, three times, for A, C and K; they are left out
     for B and D. Inputs must be known.
 
-    `fit.parameters` are the Markov parameters M_0 .. M_2n, which fix the model whatever its states. Their covariance is the
-    scatter of the same estimate on `draws` records that the fitted model draws under the same inputs (a parametric
-    bootstrap, B and D to first order; the same numbers in every call): standard deviations are sure to 1 / sqrt(2 draws), 11 %.
-    It is None of a model that is not stable. `fit.extra["singular_values"]` tell the order: look for the gap.
+    `fit.parameters` are the Markov parameters M_0 .. M_2n, which determine the model for any choice of states. Their covariance
+    is the spread of the same estimate on `draws` records that the fitted model draws under the same inputs (a parametric
+    bootstrap, B and D to first order; the same numbers in every call). Standard deviations are accurate to 1 / sqrt(2 draws),
+    11 %. The covariance is None for an unstable model. A gap in `fit.extra["singular_values"]` shows the order.
 
-    Cost: 2 T (2 s (m + p))² and the draws.
+    Cost: 2 T (2 s (m + p))² operations, and the draws.
 
     Reference: P. Van Overschee, B. De Moor (1996), Table 4.1, Figs 4.6-4.8; M. Verhaegen, P. Dewilde (1992).
 
@@ -93,7 +93,7 @@ class Subspace(Identifier):
         return f"Subspace {self.weighting}"
 
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit to records of equal channels and step. Raises `InputError` where they do not bear the order."""
+        """The fit to records of equal channels and step. Raises `InputError` where they are too short for the order."""
         model, values = self.model(records)
         first, length = records[0], 2 * self.order
         extra: dict[str, Any] = {"singular_values": values}
@@ -108,7 +108,7 @@ class Subspace(Identifier):
         )  # fmt: skip
 
     def _spread(self, model: StateSpace, records: Sequence[Record]) -> Dynamics | None:
-        """Tangents of the estimate; None of a model that is not stable, or of outputs without noise."""
+        """Tangents of the estimate; None for an unstable model, or outputs without noise."""
         if not self.draws or np.abs(np.linalg.eigvals(model.A)).max() >= 1:
             return None
         base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
@@ -131,7 +131,7 @@ class Subspace(Identifier):
         return model, values
 
     def _check(self, records: Sequence[Record]) -> int:
-        """The horizon; every fault of the records at once."""
+        """The horizon, after a check of the records that reports every fault at once."""
         faults, first = checks.Faults(), records[0]
         check_records(records, faults)
         faults.finish()
@@ -147,14 +147,14 @@ class Subspace(Identifier):
         columns, needed = sum(max(len(r) - 2 * s + 1, 0) for r in records), 2 * s * (m + p)
         if columns < needed:
             faults.add(
-                f"the record is too short for order {self.order} with horizon {s}: it has {columns} columns of {2 * s} rows, "
-                f"{needed} needed. Lower the order or the horizon, or use LeastSquares."
+                f"the record is too short for order {self.order} with horizon {s}: it has {columns} columns of {2 * s} rows, but "
+                f"{needed} are needed. Lower the order or the horizon, or use LeastSquares."
             )
         faults.finish()
         return s
 
     def _model(self, full: Data, data: Data, s: int, first: Record) -> tuple[StateSpace, np.ndarray]:
-        """The model, A, C and K of the outputs that are `full`, B and D of those seen; and the singular values."""
+        """The model, with A, C and K from the `full` outputs, B and D from the seen ones; and the singular values."""
         found = kernel.dynamics(kernel.factor(full, s), self.order, self.weighting)
         A, C = found.A, found.C
         if np.abs(np.linalg.eigvals(A)).max() < 1:
@@ -172,14 +172,14 @@ class Subspace(Identifier):
         return B + K @ D, D
 
     def _filled_first(self, records: Sequence[Record]) -> Data:
-        """Outputs not seen filled in by an impulse response, or by the mean where none can be fitted."""
+        """Missing outputs filled in by an impulse response, or by the mean where none can be fitted."""
         total = sum(len(record) for record in records)
         length = min(FILL, total // (4 * len(records[0].inputs)))
         model = LeastSquares(0, length).model(records)
         return [(r.applied(), np.where(r.seen, r.y, model.plant.response(r.applied()))) for r in records]
 
     def _filled(self, model: StateSpace, data: Data) -> Data:
-        """Outputs not seen filled in by the model's simulation."""
+        """Missing outputs filled in by the model's simulation."""
         system, full = system_of(model), []
         for u, y in data:
             simulated, _ = response(system, u, initial_state(system, u, y))

@@ -1,4 +1,4 @@
-"""Maximum likelihood for one output of an output-error model, where some inputs are not known."""
+"""Maximum likelihood for one output of an output-error model, where some inputs are unknown."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -15,36 +15,36 @@ from ..kernels.impulse_start import Datum
 from .one_output import OneOutput, Orders, fit_output, marginal
 
 PATIENCE = 200  # steps of a search
-STEEP = 1e-5  # of the gradient of the log-likelihood in scaled unknowns, that ends a search
+STEEP = 1e-5  # gradient of the log-likelihood in scaled unknowns that ends a search
 
 
 class Expected(NamedTuple):
-    """Inputs (T, m) of a record in the mean, and their variances; zero where they are known."""
+    """Means of the inputs (T, m) of a record, and their variances; zero where the inputs are known."""
 
     mean: np.ndarray
     variance: np.ndarray
 
 
 def expected(records: Sequence[Record], arrival: float | None) -> list[Expected]:
-    """What is known of the inputs: one of unknown fate came with its rate, one not logged is like those that were.
+    """Means and variances of the inputs: one of unknown arrival came with its rate, one not logged is like the logged ones.
 
-    Raises `InputError` where fates are unknown and there is no rate, or a held input depends on one.
+    Raises `InputError` where arrivals are unknown and there is no rate, or a held input depends on one.
     """
     faults = checks.Faults()
     logged = np.concatenate([record.u for record in records])
     unknown = [np.isnan(np.ones_like(record.u) if record.arrived is None else record.arrived) for record in records]
-    if any(fate.any() for fate in unknown) and arrival is None:
-        faults.add("nobody knows whether some inputs arrived: give `arrival`, the rate at which they do.")
-    if any(fate.any() and record.lost == "hold" for fate, record in zip(unknown, records, strict=True)):
+    if any(mask.any() for mask in unknown) and arrival is None:
+        faults.add("it is unknown whether some inputs arrived: give `arrival`, the rate at which they do.")
+    if any(mask.any() and record.lost == "hold" for mask, record in zip(unknown, records, strict=True)):
         faults.add(
-            'of inputs of unknown fate the actuator must do nothing (lost="zero"): for "hold" see JointOutputError.'
+            'the actuator must apply zero (lost="zero") where the arrival of inputs is unknown: for "hold" use JointOutputError.'
         )
     for j in np.flatnonzero(np.isnan(logged).all(axis=0)):
-        faults.add(f"input {records[0].inputs[j]!r} was never logged: nothing says what it is like.")
+        faults.add(f"input {records[0].inputs[j]!r} was never logged: its mean and variance are unknown.")
     faults.finish()
     mean, variance = np.nanmean(logged, axis=0), np.nanvar(logged, axis=0)
     rate = 1.0 if arrival is None else np.broadcast_to(arrival, mean.shape)
-    return [_expected(record, fate, mean, variance, rate) for record, fate in zip(records, unknown, strict=True)]
+    return [_expected(record, mask, mean, variance, rate) for record, mask in zip(records, unknown, strict=True)]
 
 
 def _expected(
@@ -54,7 +54,7 @@ def _expected(
     p = np.where(unknown, rate, np.nan_to_num(arrived))
     lost = np.isnan(record.u)
     u, spread = np.where(lost, mean, record.u), np.where(lost, variance, 0.0)
-    if record.lost == "hold" and not unknown.any():  # what is held is the last that arrived, logged or not
+    if record.lost == "hold" and not unknown.any():  # the last arrived input is held, logged or not
         held = record.applied()
         u, spread = np.where(np.isnan(held), mean, held), np.where(np.isnan(held), variance, 0.0)
         p = np.ones(u.shape)
@@ -64,7 +64,7 @@ def _expected(
 def fit_uncertain(
     orders: Orders, data: Sequence[Datum], inputs: Sequence[Expected], noise_variance: float | None
 ) -> OneOutput:
-    """The fit of one output, started from the expected inputs taken as known."""
+    """The fit of one output, started from the fit with the expected inputs as known."""
     from scipy.optimize import minimize
 
     known = [datum._replace(u=one.mean) for datum, one in zip(data, inputs, strict=True)]
@@ -97,7 +97,7 @@ def fit_uncertain(
 
 
 def _rows(data: Sequence[Datum], inputs: Sequence[Expected]) -> tuple:
-    """All records, padded to one length with rows that are not seen."""
+    """All records, padded to one length with missing rows."""
     T = max(len(datum.y) for datum in data)
 
     def padded(array: np.ndarray) -> np.ndarray:

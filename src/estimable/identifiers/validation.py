@@ -1,4 +1,4 @@
-"""How a fitted model stands to the records it was fitted to."""
+"""Comparison of a fitted model with the records it was fitted to."""
 
 from collections.abc import Sequence
 
@@ -26,9 +26,9 @@ def validated(
 ) -> Validation:
     """The residuals, the fit and the assumptions of a model.
 
-    `noise_variance` (p,): what was assumed, if anything. `residuals`: of a model that did not start from rest. `information`
-    (d, d) of the parameters in all records; None: worked out from rest. `pseudo_linear`: whether the
-    method needs 1/A - 1/2 positive real.
+    `noise_variance` (p,): the assumed one, if any. `residuals`: of a model that did not start from rest. `information`
+    (d, d) about the parameters in all records; None: computed from rest. `pseudo_linear`: whether the method needs
+    1/A - 1/2 positive real.
     """
     if residuals is None:
         residuals = tuple(record.y - model.response(record.applied()) for record in records)
@@ -47,18 +47,18 @@ def validated(
 
 
 def _beyond_rounding(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> bool:
-    """Whether something is left of the outputs but what rounding leaves."""
+    """Whether the residuals exceed rounding."""
     e, y = np.concatenate(residuals), np.concatenate([record.y for record in records])
     return bool(np.nansum(e**2) > (ROUNDING * np.sqrt(np.nansum(y**2))) ** 2)
 
 
 def told(model: OutputError, records: Sequence[Record]) -> np.ndarray:
-    """The information of the parameters in all records, from rest."""
+    """The information about the parameters in all records, from rest."""
     return np.sum([information(model, record) for record in records], axis=0)
 
 
 def fit_percent(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> np.ndarray:
-    """100 (1 - |y - model| / |y - mean|) of each output, over what was seen; NaN where nothing was."""
+    """100 (1 - |y - model| / |y - mean|) of each output, over the seen samples; NaN where there are none."""
     e, y = np.concatenate(residuals), np.concatenate([record.y for record in records])
     fit = np.full(y.shape[1], np.nan)
     for i in range(y.shape[1]):
@@ -69,46 +69,51 @@ def fit_percent(residuals: Sequence[np.ndarray], records: Sequence[Record]) -> n
 
 
 def stability_check(model: OutputError) -> Check:
-    """Whether the fitted poles lie inside the unit circle, in words."""
+    """Check that the fitted poles lie inside the unit circle."""
     largest = max((float(np.abs(poles).max()) for poles in model.poles if len(poles)), default=0.0)
-    said = f"Stability: the largest pole of the fit has modulus {largest:.4g}"
+    found = f"Stability: the largest pole of the fit has modulus {largest:.4g}"
     if largest < 1:
-        return Check("stability", True, largest, 1.0, f"{said}.")
+        return Check("stability", True, largest, 1.0, f"{found}.")
     return Check(
-        "stability", False, largest, 1.0, f"{said}: an output-error model must be stable. Are input and output swapped?"
+        "stability",
+        False,
+        largest,
+        1.0,
+        f"{found}: an output-error model must be stable. Are input and output swapped?",
     )
 
 
 def noise_check(residuals: Sequence[np.ndarray], noise_variance: np.ndarray | float | None) -> Check:
-    """Whether the residuals are as large as the assumed noise, in words."""
+    """Check that the residuals are as large as the assumed noise."""
     from scipy.stats import chi2
 
     e = np.concatenate(residuals) / np.sqrt(np.asarray(noise_variance))
     degrees = int(np.sum(~np.isnan(e)))
     if degrees == 0:
-        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so nothing can be said of its noise.")
+        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so its noise cannot be judged.")
     ratio = float(np.nansum(e**2) / degrees)
     lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
-    said = f"Noise: the residuals' variance is {ratio:.3g} times the assumed one ({lower:.2f} to {upper:.2f} expected)"
+    found = f"Noise: the residuals' variance is {ratio:.3g} times the assumed one ({lower:.2f} to {upper:.2f} expected)"
     if lower <= ratio <= upper:
-        return Check("noise", True, ratio, float(upper), f"{said}.")
+        return Check("noise", True, ratio, float(upper), f"{found}.")
     reason = (
-        "the orders are too low, or the assumed variance is" if ratio > upper else "the assumed variance is too large"
+        "the orders or the assumed variance are too low. The covariance of the parameters is too small"
+        if ratio > upper
+        else "the assumed variance is too large"
     )
-    advice = " Its covariance is too small." if ratio > upper else ""
-    return Check("noise", False, ratio, float(upper), f"{said}: {reason}{' too low' if ratio > upper else ''}.{advice}")
+    return Check("noise", False, ratio, float(upper), f"{found}: {reason}.")
 
 
 def noise_of_innovations(standardised: Sequence[np.ndarray]) -> Check:
-    """Whether the innovations are as large as the filter says, in words: the mean of their squares is 1 if Q and R are right."""
+    """Check that the innovations are as large as predicted: the mean of their squares is 1 if Q and R are right."""
     from scipy.stats import chi2
 
     e = np.concatenate(standardised)
     degrees = int(np.sum(~np.isnan(e)))
     if degrees == 0:
-        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so nothing can be said of its noise.")
+        return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so its noise cannot be judged.")
     ratio = float(np.nansum(e**2) / degrees)
     lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
-    said = f"Noise: the innovations' variance is {ratio:.3g} times the filter's ({lower:.2f} to {upper:.2f} expected)"
+    found = f"Noise: the innovations' variance is {ratio:.3g} times the filter's ({lower:.2f} to {upper:.2f} expected)"
     advice = "" if lower <= ratio <= upper else ": raise Q or R" if ratio > upper else ": lower Q or R"
-    return Check("noise", lower <= ratio <= upper, ratio, float(upper), f"{said}{advice}.")
+    return Check("noise", lower <= ratio <= upper, ratio, float(upper), f"{found}{advice}.")

@@ -1,6 +1,6 @@
-"""The measurement update of `kalman` where the noises of the outputs are independent and nothing is diffuse, of all at once.
+"""The measurement update of `kalman`, all outputs at once, for independent output noises and no diffuse directions.
 
-With Y = C Z and U = diag r of the outputs that were seen, and of the others Y_j = 0 and r_j = 1 (unit noise that sees no state):
+For seen outputs Y = C Z and U = diag r. For the others Y_j = 0 and r_j = 1 (unit noise that sees no state):
 
     S = Y Y' + U U' = L L'                  L lower triangular; L_jj²: variance of y_j given those before it      (1)
     G = Z Y' L'^-1,  z = L^-1 (y - C m - d)                                                                       (2)
@@ -8,9 +8,9 @@ With Y = C Z and U = diag r of the outputs that were seen, and of the others Y_j
     Z <- [-K U, Z - K Y],  K = G L^-1       Joseph's form of a factor                                             (4)
     -2 log p = Σ_j log 2π L_jj² + z_j²                                                                            (5)
 
-(4) is what is left of the rows of [0, Z] without those of [U, Y]. So modified Gram-Schmidt gives all of (1), (2) and (4) where S
-is near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states,
-products of matrices are faster than one output after the other (`independent`); the factor gets p more columns.
+(4) is the part of the rows of [0, Z] orthogonal to those of [U, Y]. Modified Gram-Schmidt therefore gives (1), (2) and (4) where
+S is near singular: column j of L is zero where no variance is left. Neither (1) nor (4) depends on the data. For many states,
+matrix products are faster than one output after the other (`independent`); the factor gets p more columns.
 
 References: P. D. Joseph, in R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes (1968), ch. XVI; Å. Björck, BIT 7
 (1967) 1-21.
@@ -25,11 +25,11 @@ from .rounding import CONTRADICTION, KNOWN, magnitude, terms
 from .shapes import Bool, Float
 from .small import SMALL, Real, apply, cholesky, diagonal, gram, orthogonalise, product, solve_lower
 
-LARGE = 16  # states, from which it is faster whatever the outputs
+LARGE = 16  # states, from which it is faster for any number of outputs
 
 
 def is_faster(n: int, p: int) -> bool:
-    """Whether it is faster than one output after the other, for n states and p outputs (docs/decisions/0017)."""
+    """Whether this update is faster than one output after the other, for n states and p outputs (docs/decisions/0017)."""
     return n >= LARGE or min(n, p) > SMALL
 
 
@@ -77,7 +77,7 @@ def _conditioned_jvp(values: tuple[Real, ...], tangents: tuple[Real, ...]) -> tu
 
 @jax.custom_batching.sequential_vmap
 def _by_products(Z: Real, Y: Real, U: Real, known: Real) -> tuple[Real, Real, Real]:
-    """`_conditioned` by Cholesky's factor of S where that is good."""
+    """`_conditioned` by Cholesky's factor of S where it is accurate."""
     L, good = cholesky(gram(Y) + gram(U))                                                  # (1)
 
     def joseph(L: Real) -> tuple[Real, Real, Real]:

@@ -1,7 +1,7 @@
 """The prediction errors of one output of an ARMAX model, and their derivatives. NumPy, one call a record.
 
-Letters: C ε = A y - B u - z, z (n,) the impulses that stand for what happened before row 0; θ = (a, b, c). Where samples are
-missing ε are the Kalman filter's, over √V: the likelihood of what was seen. Reference: L. Ljung (1999) (7.14), §10.3.
+Letters: C ε = A y - B u - z, z (n,) impulses that represent the past before row 0; θ = (a, b, c). Where samples are
+missing, ε are the Kalman filter's over √V: the likelihood of the seen samples. Reference: L. Ljung (1999) (7.14), §10.3.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from .output_error_response import delayed, over
 
 
 def errors(a: np.ndarray, b: np.ndarray, c: np.ndarray, delay: int, u: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """ε (T,) of y (T,), all of it seen."""
+    """ε (T,) of y (T,) without missing samples."""
     w = y.copy()
     for i, a_i in enumerate(a):
         w += a_i * delayed(y, i + 1)
@@ -37,7 +37,7 @@ def slopes(
 
 
 def whitened_errors(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """ε/√V (N,) of what was seen of y (T,), and log V; from the state x (n,), known; V in units of the innovations' variance."""
+    """ε/√V (N,) of the seen samples of y (T,), and log V, from the known state x (n,); V in units of the innovation variance."""
     predicted, V, _ = predictions(system, u, y[:, None], x, np.zeros((len(x), len(x))))
     seen = ~np.isnan(y)
     V = V[seen, 0, 0]

@@ -2,7 +2,7 @@
 
 Letters (Fang 2009, ch. 3): θ = (a, b), φ (3.17), the auxiliary model's output x = φ'θ (3.16), innovation e = y - φ'θ,
 gain K (3.14); r the noise variance. Ours: ψ = dx/dθ the slope of the auxiliary output, L with P = L L' that sets the gain,
-Z with Σ = Z Z' the covariance of the error of θ at the gain in use, λ in (0, 1] what is kept of P^-1.
+Z with Σ = Z Z' the covariance of the error of θ at the gain in use, λ in (0, 1] the share of P^-1 that remains after a step.
 """
 
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ def regressor(outputs: Float[Real, " na"], lags: Float[Real, " q"]) -> Float[Rea
 
 
 def slope(φ: Float[Real, " d"], a: Float[Real, " na"], slopes: Float[Real, "na d"]) -> Float[Real, " d"]:
-    """ψ = dx/dθ: of x = φ'θ, with the slopes of the outputs that φ holds."""
+    """ψ = dx/dθ of x = φ'θ, with the slopes of the outputs in φ."""
     return φ - jnp.sum(a[:, None] * slopes, axis=0)
 
 
@@ -64,24 +64,24 @@ def spread(
 
 
 def stabilise(a: Float[Real, " na"]) -> Float[Real, " na"]:
-    """A(z) with its roots inside the unit circle: a stable one unchanged, of another the outer part mirrored.
+    """A(z) with its roots inside the unit circle. A stable A(z) is unchanged; otherwise the outer roots are mirrored.
 
-    Schur and Cohn's recursion: A is stable exactly when all reflection coefficients are below 1 in size. One that is not is
+    Schur-Cohn recursion: A is stable exactly when all reflection coefficients are below 1 in size. A larger coefficient is
     replaced by its inverse, as a root outside the circle would be.
     """
     na = a.shape[0]
-    kept, reflections = a, []
+    stable, reflections = a, []
     for order in range(na, 0, -1):
-        k = kept[order - 1]
+        k = stable[order - 1]
         outside = jnp.abs(k) > 1
         k = jnp.clip(jnp.where(outside, 1 / jnp.where(outside, k, 1.0), k), -1 + NEAREST, 1 - NEAREST)
         reflections.insert(0, k)
-        kept = (kept[: order - 1] - k * kept[: order - 1][::-1]) / (1 - k * k)
+        stable = (stable[: order - 1] - k * stable[: order - 1][::-1]) / (1 - k * k)
     for order in range(na):
         k = reflections[order]
-        kept = jnp.concatenate([kept + k * kept[::-1], k[None]])
-    unchanged = jnp.max(jnp.abs(kept - a), initial=0.0) <= 1e-9 * (1 + jnp.max(jnp.abs(a), initial=0.0))
-    return jnp.where(unchanged, a, kept)                                   # to the last bit, not to rounding
+        stable = jnp.concatenate([stable + k * stable[::-1], k[None]])
+    unchanged = jnp.max(jnp.abs(stable - a), initial=0.0) <= 1e-9 * (1 + jnp.max(jnp.abs(a), initial=0.0))
+    return jnp.where(unchanged, a, stable)                                   # to the last bit, not to rounding
 
 
 def corrected(outputs: Float[Real, " na"], slopes: Float[Real, "na d"], change: Float[Real, " d"]) -> Float[Real, " na"]:

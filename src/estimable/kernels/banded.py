@@ -1,6 +1,6 @@
 """Least squares with noise of a known autocovariance: banded, never N x N. NumPy and SciPy, outside jit.
 
-Letters: y = Φ θ + v, cov(v_k, v_l) = r_|k-l|, zero beyond q; rows may be missing, `at` says when each was.
+Letters: y = Φ θ + v, cov(v_k, v_l) = r_|k-l|, zero beyond q; rows may be missing, `at` holds the time of each.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ def whitened(r: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 
 def autocovariance(e: np.ndarray, at: np.ndarray, q: int) -> np.ndarray:
-    """r_0 .. r_q of residuals e (N,) at times `at`, over the pairs there are, tapered (Bartlett) so that it stays one."""
+    """r_0 .. r_q of residuals e (N,) at times `at`, over the available pairs; Bartlett's taper makes it positive semidefinite."""
     T = int(at[-1] - at[0]) + 1
     full, seen = np.zeros(T), np.zeros(T)
     full[at - at[0]], seen[at - at[0]] = e, 1.0
@@ -40,7 +40,7 @@ def autocovariance(e: np.ndarray, at: np.ndarray, q: int) -> np.ndarray:
 
 def correlated(Z: np.ndarray, e: np.ndarray, at: np.ndarray, q: int) -> np.ndarray:
     """Σ_kl z_k r_|k-l| z_l' (d, d) of Z (N, d) at times `at`; r_0 .. r_q is that of e (N,), flat-topped: unbiased up to
-    half the lags (D. Politis, J. Romano 1995); tapered by Bartlett where that is no covariance.
+    half the lags (D. Politis, J. Romano 1995); tapered by Bartlett where the flat-topped one is not positive semidefinite.
     """
     tapered = autocovariance(e, at, q)
     share = np.arange(len(tapered)) / (q + 1)

@@ -1,4 +1,4 @@
-"""The initial state and the loop gain by one weighted least squares over the whole record.
+"""The initial state and the loop gain by one weighted least-squares fit over the whole record.
 
 Letters: z[k] = C x[k] + v[k], x[k+1] = A x[k] + B(θ) u[k] + w[k], B(θ) = B0 + Σ θ_i B_i, k = 0 .. N-1. Stacked,
 z = H (x0, θ) + z0 + V, with V the sum of v and of all that earlier w have become.
@@ -35,9 +35,9 @@ def batch_gain(
     u: Float[np.ndarray, "N m"],
     z: Float[np.ndarray, "N y"],
 ) -> BatchGain:
-    """Condition the prior of (x0, θ) on the whole record; NaN in z is a row left out. Cost: about (N y)³ / 3.
+    """Condition the prior of (x0, θ) on the whole record. A NaN in z leaves its row out. Cost: about (N y)³ / 3.
 
-    Written with the covariance of z given the prior, so that P0 and Pθ may be singular.
+    It uses the covariance of z given the prior, so that P0 and Pθ may be singular.
     """
     from scipy.linalg import cho_factor, cho_solve
 
@@ -57,12 +57,12 @@ def batch_gain(
 def _stack(
     A: np.ndarray, B0: np.ndarray, B: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray, u: np.ndarray, N: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H of (72)-(74), what the known part of the input adds, and the full covariance of V that replaces (76)."""
+    """H of (72)-(74), the effect of the known part of the input, and the full covariance of V that replaces (76)."""
     n, p, y = len(A), len(B), len(C)
     Φ, forced, known = np.eye(n), np.zeros((n, p)), np.zeros(n)
     H, z0 = np.zeros((N, y, n + p)), np.zeros((N, y))
     noise = np.zeros((N, y, N, y))
-    Π = np.zeros((n, n))                                             # covariance of what w[0..k-1] have become in x[k]
+    Π = np.zeros((n, n))                                             # covariance of the effect of w[0..k-1] on x[k]
     for k in range(N):
         H[k], z0[k] = C @ np.hstack([Φ, forced]), C @ known
         X = Π                                                        # cov(x[j], x[k]) = A^{j-k} Π[k], j = k, k+1, ..

@@ -1,9 +1,9 @@
-"""A Gaussian belief about outputs, inputs and parameters together, moved through the product that makes the next output.
+"""A joint Gaussian belief about outputs, inputs and parameters, moved through the product that gives the next output.
 
 Letters: x = θ'φ with θ = (a, b) and φ = (-past outputs, inputs) both uncertain, jointly Gaussian with factors Θ, Φ of one unit
-white vector (C_θθ = ΘΘ', C_θφ = ΘΦ', C_φφ = ΦΦ'). Of a product of Gaussian numbers the first two moments are exact:
-E x = θ'φ + tr C_θφ, var x = |Φ'θ + Θ'φ|² + Σ_ij (C_θθ)_ij (C_φφ)_ij + (C_θφ)_ij (C_θφ)_ji, and what x has in common with any
-of them is the linear part alone (third moments of a Gaussian are zero). Athans, Wishner & Bertolini (1968).
+white vector (C_θθ = ΘΘ', C_θφ = ΘΦ', C_φφ = ΦΦ'). The first two moments of a product of Gaussian numbers are exact:
+E x = θ'φ + tr C_θφ, var x = |Φ'θ + Θ'φ|² + Σ_ij (C_θθ)_ij (C_φφ)_ij + (C_θφ)_ij (C_θφ)_ji. The covariance of x with any of them
+comes from the linear part alone (third moments of a Gaussian are zero). Athans, Wishner & Bertolini (1968).
 """
 
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from .small import Real, apply, product
 def product_moments(
     θ: Float[Real, " d"], φ: Float[Real, " d"], Θ: Float[Real, "d c"], Φ: Float[Real, "d c"]
 ) -> tuple[Float[Real, ""], Float[Real, " c"], Float[Real, ""]]:
-    """E x, the linear part of x on the white vector, and the variance that is not linear, of x = θ'φ."""
+    """For x = θ'φ: E x, its linear part on the white vector, and the variance of the nonlinear rest."""
     shared = product(Θ, Φ.T)                                               # C_θφ
     d = θ.shape[0]
     mean = jnp.sum(θ * φ) + jnp.sum(shared * jnp.eye(d))

@@ -1,7 +1,7 @@
-"""How ||A^k|| or ||e^{At}|| goes for many A at once, to a fraction of a percent: for curves, where `decay` proves bounds.
+"""||A^k|| or ||e^{At}|| over time for many A at once, to a fraction of a percent. It draws curves; `decay` proves bounds.
 
-Letters: A (b, n, n) stable; a (b, k) the norms at times t (b, k), in samples or seconds; α a speed of decay, γ(α) the overshoot
-beside it, ρ = α / γ (discrete: (1 - e^{-α}) / γ). Steps grow with what is left: a step turns or shrinks it by a tenth.
+Letters: A (b, n, n) stable; a (b, k) the norms at times t (b, k), in samples or seconds; α a decay rate, γ(α) its overshoot,
+ρ = α / γ (discrete: (1 - e^{-α}) / γ). Steps grow as the motion dies out: a step turns or shrinks the rest by a tenth.
 
 References: R. W. Bass (2005), ρ and the bandwidth; N. J. Higham, Functions of Matrices (2008), (6.29) and §11.5 (logarithm).
 """
@@ -13,19 +13,19 @@ import numpy as np
 from .shapes import Float
 
 Real = np.ndarray
-SMALLEST = 1e-6       # norm at which a course ends
-STEP = 0.1            # by which a step may turn or shrink what is left, at first
-GROWTH = 1.005        # of that, a step: late oscillations count less
+SMALLEST = 1e-6       # norm at which a curve ends
+STEP = 0.1            # largest turn or decrease of the motion in one step, at first
+GROWTH = 1.005        # of `STEP`, per step: late oscillations count less
 MOST = 1200           # steps
 LEVELS = 40           # of step lengths, each twice the one before
 SETTLED = 0.05        # of its start, below which a motion has died out
 LARGE = 24            # rows above which norms are found by iteration
-BLOCK, POWERS = 4, 3  # vectors and rounds of it
+BLOCK, POWERS = 4, 3  # vectors and rounds of this iteration
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 class Courses(NamedTuple):
-    """a at t (b, k), both constant after a course's end; ∫ a dt or Σ a (b,); ∫ of the norm of each row (b, n)."""
+    """a at t (b, k), both constant after the end of a curve; ∫ a dt or Σ a (b,); ∫ of the norm of each row (b, n)."""
 
     t: Real
     a: Real
@@ -62,7 +62,7 @@ def courses(A: Float[Real, "b n n"], continuous: bool) -> Courses:
 
 
 def _norms(M: Real, V: Real) -> tuple[Real, Real]:
-    """||M||, and the vectors V (b, n, `BLOCK`) that show it: of large M by block power iteration from those before."""
+    """||M||, and the vectors V (b, n, `BLOCK`) that attain it. For large M: block power iteration from the previous vectors."""
     if M.shape[-1] <= LARGE:
         return np.linalg.norm(M, ord=2, axis=(1, 2)), V
     for _ in range(POWERS):
@@ -71,7 +71,7 @@ def _norms(M: Real, V: Real) -> tuple[Real, Real]:
 
 
 def _leaps(A: Real, continuous: bool) -> Real:
-    """The motion over 2^j steps, (levels, b, n, n); A has a norm of 1/20 at most where it is continuous."""
+    """The motion over 2^j steps, (levels, b, n, n). In continuous time the norm of A is 1/20 at most."""
     leap = A if not continuous else _short_exponential(A)
     leaps = [leap]
     for _ in range(LEVELS - 1):
@@ -93,14 +93,14 @@ def _size(M: Real) -> Real:
 
 
 def _total(t: Real, a: Real, continuous: bool) -> Real:
-    """∫ a dt by trapezoids, or Σ a with what lies between two times on a straight line."""
+    """∫ a dt by trapezoids, or Σ a with straight lines between two times."""
     h = np.diff(t, axis=1)[..., None]
     rise = h / 2 if continuous else np.maximum(h - 1, 0.0) / 2             # Σ_{i<h} (a0 + i (a1 - a0) / h)
     return np.sum(h * a[:, :-1] + rise * np.diff(a, axis=1), axis=1)
 
 
 def margins(A: Float[Real, "b n n"], found: Courses, continuous: bool) -> Float[Real, " b"]:
-    """ρ, the largest over α: log ρ is concave in α, and its slope is 1/α - t (1/(e^α - 1) - t) with t where γ is met."""
+    """The largest ρ over α: log ρ is concave in α. Its slope is 1/α - t (1/(e^α - 1) - t), with t where γ is attained."""
     t, z = found.t, np.linalg.eigvals(A)
     with np.errstate(divide="ignore"):
         log_a = np.maximum(np.log(found.a), -700.0)
@@ -116,9 +116,9 @@ def margins(A: Float[Real, "b n n"], found: Courses, continuous: bool) -> Float[
 
 
 def settling(found: Courses) -> Float[Real, " b"]:
-    """When the norm is below `SETTLED` for good; NaN where the course ends before."""
+    """The time from which the norm stays below `SETTLED`; NaN where the curve ends before."""
     t, a = found.t, found.a
-    after = a.shape[1] - np.argmax((a > SETTLED)[:, ::-1], axis=1)                        # the first row after the last above
+    after = a.shape[1] - np.argmax((a > SETTLED)[:, ::-1], axis=1)                        # the first row after the last one above
     ends, first = np.minimum(after, a.shape[1] - 1), np.arange(len(t))
     log_before, log_after = (np.log(np.maximum(a[first, k], 1e-300)) for k in (ends - 1, ends))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,6 +1,6 @@
-"""How the norm of A^k or of e^{At} decays, and how far A is from instability. NumPy, outside jit.
+"""The decay of the norm of A^k or e^{At}, and the distance of A from instability. NumPy, outside jit.
 
-Letters: a_k = ||A^k|| (continuous: ||e^{A h k}||), all norms spectral; λ a rate of decay, γ(λ) the overshoot beside it.
+Letters: a_k = ||A^k|| (continuous: ||e^{A h k}||), all norms spectral; λ a decay rate, γ(λ) its overshoot.
 
 References: R. W. Bass, Satellite Navigation Technical Exchange (2005), ρ; D. Hinrichsen, A. J. Pritchard, Systems & Control
 Letters 7 (1986) 1, the complex stability radius; N. A. Bruinsma, M. Steinbuch, ibid. 14 (1990) 287, its computation.
@@ -15,16 +15,16 @@ from ..frozen import saved
 from .shapes import Float
 
 Real = np.ndarray
-SMALLEST = 1e-13      # of the norm at the start: what comes after it no sum shows
-MOST = 20_000         # powers that are looked at
+SMALLEST = 1e-13      # of the norm at the start: later terms change no sum
+MOST = 20_000         # powers computed
 FINE = 0.01           # ||A|| h, the first step in continuous time
-BENT = 0.001          # of the norm: by how much it may leave a straight line between two times
+BENT = 0.001          # of the norm: largest deviation from a straight line between two times
 CHUNK = 500           # powers made at once
-ON_AXIS = 1e-7        # of its size: how near the axis or the circle an eigenvalue counts as on it
+ON_AXIS = 1e-7        # of its size: an eigenvalue this near the axis or the circle counts as on it
 
 
 def norms(A: Float[Real, "n n"]) -> Float[Real, " k"]:
-    """||A^k|| for k = 0, 1, .. until they are below `SMALLEST`, or there are `MOST`."""
+    """||A^k|| for k = 0, 1, .. until they are below `SMALLEST`, at most `MOST` of them."""
     block = [np.eye(len(A))]
     for _ in range(CHUNK - 1):
         block.append(block[-1] @ A)
@@ -42,8 +42,8 @@ def norms(A: Float[Real, "n n"]) -> Float[Real, " k"]:
 
 @saved
 class Course(NamedTuple):
-    """Norms a (k,) at times t (k,). Between two times at a distance h the norm is at most ε (k - 1,) above the straight line
-    between theirs, and at most e^{ωs} times the first one's, s later. In discrete time there is nothing between."""
+    """Norms a (k,) at times t (k,). Between two times the norm is at most ε (k - 1,) above the straight line through both
+    norms, and at most e^{ωs} times the first norm, s after it. Discrete time has nothing between two samples."""
 
     t: Real
     a: Real
@@ -52,10 +52,10 @@ class Course(NamedTuple):
 
 
 def course(A: Float[Real, "n n"]) -> Course:
-    """||e^{At}|| until it is below `SMALLEST`, at steps that grow with what is left; what lies between is bounded.
+    """||e^{At}|| until it is below `SMALLEST`, at growing steps, with a bound for the times between.
 
     e^{At} leaves the straight line between two of its values by h²/8 max ||A² e^{At}|| at most (Taylor), and the maximum over
-    a step is g ||A² e^{At}|| of its start, g the largest norm of e^{As} up to s = h: e^{ωh}, or what was found before.
+    a step is g ||A² e^{At}|| of its start, g the largest norm of e^{As} up to s = h: e^{ωh}, or a value found before.
     """
     from scipy.linalg import expm
 
@@ -66,7 +66,7 @@ def course(A: Float[Real, "n n"]) -> Course:
     t, a, ε, largest = [0.0], [1.0], [0.0], [1.0]                          # largest: the norm's bound up to each time
 
     def growth(step: float) -> float:
-        """A bound of ||e^{As}|| up to s = step."""
+        """A bound on ||e^{As}|| up to s = step."""
         known = largest[bisect_left(t, step)] if step <= t[-1] else np.inf
         return min(known, float(np.exp(min(max(ω, 0.0) * step, 700.0))))
 

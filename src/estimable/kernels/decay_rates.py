@@ -1,4 +1,4 @@
-"""Overshoot and speed of decay, for every rate that the norms of a course prove. NumPy, outside jit.
+"""Overshoot and decay rate, for every rate that the norms of a `Course` prove. NumPy, outside jit.
 
 Letters: a the norms at times t, h between them; λ the factor in a sample (continuous: in a second); γ the overshoot, the
 smallest for which a <= γ λ^t. Between two times at a distance h a straight line times e^{αt} is at most e^{(αh)²/8} above
@@ -12,11 +12,11 @@ import numpy as np
 
 from .decay import Course
 
-SEARCH = 1e-10  # relative, to which the best rate is searched
+SEARCH = 1e-10  # relative tolerance of the best rate
 
 
 class DecayRates:
-    """γ and the speed of decay as functions of λ: a_N <= λ^t at the last of the norms bounds all that follows."""
+    """γ and the decay rate as functions of λ: a_N <= λ^t at the last norm bounds all that follow."""
 
     def __init__(self, course: Course, continuous: bool):
         self.course, self.continuous = course, continuous
@@ -27,7 +27,7 @@ class DecayRates:
         self.lowest = float(np.exp(self.slowest))
 
     def decay(self, λ: float) -> float:
-        """The speed of decay of λ, per sample or per second."""
+        """The decay rate of λ, per sample or per second."""
         return -np.log(λ) if self.continuous else 1 - λ
 
     def overshoot(self, λ: float) -> float:
@@ -43,7 +43,7 @@ class DecayRates:
         return float(np.exp(max(np.max(at), np.max(np.minimum(line, growing)))))
 
     def best(self, value: Callable[[float], float]) -> float:
-        """The λ of the largest `value`, which has one maximum."""
+        """The λ with the largest `value`, which has a single maximum."""
         from scipy.optimize import minimize_scalar
 
         def at(s: float) -> float:

@@ -13,13 +13,13 @@ from .rounding import is_rounding
 from .shapes import Float
 from .small import Real, apply, product, triangularise
 
-LARGE = 2.0**20  # X is scaled back from here on: an unstable state would grow until a new input is lost in its rounding
+LARGE = 2.0**20  # X is scaled back above this: an unstable state would grow until a new input is lost in its rounding
 
 
 def transition(
     A: Float[Real, "n n"], B: Float[Real, "n d"] | None, slots: int, width: int
 ) -> Float[Real, "s s"]:
-    """F of s: x+ = A x + B d[0] (without B: the newest input has acted already), each input one older, the newest zero."""
+    """F of s: x+ = A x + B d[0] (without B: the newest input has already acted), each input one step older, the newest zero."""
     n, d = A.shape[0], width
     at = jnp.zeros((n, d)) if B is None else B
     top = jnp.concatenate([A, jnp.zeros((n, d * (slots - 1))), at], axis=1)

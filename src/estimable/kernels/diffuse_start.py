@@ -1,4 +1,4 @@
-"""Directions of infinite variance: what a datum and a step of the model leave of them.
+"""Directions of infinite variance, after a datum and after a step of the model.
 
 The belief of `kalman` is x = m + Z ξ + X δ, δ ~ N(0, κ I), κ -> infinity. In its array, a row is (A ξ, B δ); g and β are
 the rows of A and B of a datum that was seen.
@@ -12,8 +12,8 @@ B H is then what the datum determines, and is set to zero: the rank falls by one
 
     B <- B H without column i,   H = I - 2 v' v / v v',   v_i = β_i ± |β|,  v = β elsewhere            (2)
 
-Where β is rounding, it is moved out along the finite directions of the state; otherwise it would outlive directions that
-decay, and pass for one of them:
+Where β is rounding, it is removed along the finite directions of the state. Otherwise it would outlast directions that
+decay and be mistaken for one of them:
 
     B <- B - (A g' / g g') β                                                                           (3)
 
@@ -33,9 +33,9 @@ SAFE = 2.0**100  # X is scaled back when it leaves 1 / SAFE .. SAFE: only its sp
 def remaining(
     B: Float[Real, "s r"], A: Float[Real, "s _"], β: Float[Real, " r"], g: Float[Real, " _"], opens: Flag, seen: Flag
 ) -> Float[Real, "s r"]:
-    """B after a datum. `opens`: (1), it determines a diffuse direction; else (3) where it was `seen`; else B stays.
+    """B after a datum: by (1) if it `opens`, that is, determines a diffuse direction; by (3) if it was `seen`; else unchanged.
 
-    g is zero for the variables that (3) may not use: the noise. Each case is B less one column times one row.
+    g is zero for the noise variables, which (3) may not use. Each case subtracts one column times one row from B.
     """
     largest = jnp.arange(len(β)) == jnp.argmax(jnp.abs(β))
     norm = jnp.sqrt(jnp.sum(β * β) + jnp.where(jnp.any(β != 0), 0.0, 1.0))                   # |β|, or 1
@@ -53,7 +53,7 @@ def remaining(
 def moved(
     F: Float[Real, "n n"], X: Float[Real, "n r"], log_scale: Float[Real, ""]
 ) -> tuple[Float[Real, "n r"], Float[Real, ""]]:
-    """F X and its scale. A power of two goes from F X to the scale where F X leaves the safe range."""
+    """F X and its scale. A power of two moves from F X to the scale where F X leaves the safe range."""
     if X.shape[1] == 0:
         return X, log_scale
     FX = product(F, X)

@@ -1,10 +1,10 @@
-"""A basis of directions in which a reader finds few entries. NumPy, outside jit."""
+"""A basis of directions with few nonzero entries, easy to read. NumPy, outside jit."""
 
 import numpy as np
 
 
 def echelon(Z: np.ndarray) -> np.ndarray:
-    """A basis (n, k) of the span of Z's columns in which each vector has as few entries as pivoting gives; unit norms.
+    """A basis (n, k) of the span of Z's columns with few nonzero entries, found by pivoting; unit norms.
 
     >>> echelon(np.array([[1.0, 1.0], [1.0, -1.0], [0.0, 0.0]])).round(12).tolist()
     [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
@@ -21,6 +21,6 @@ def echelon(Z: np.ndarray) -> np.ndarray:
 
 
 def leading_sign(G: np.ndarray) -> np.ndarray:
-    """The signs with which the first of each column's largest entries is positive."""
+    """The signs that make the first of the largest entries of each column positive."""
     first = (np.abs(G) > (1 - 1e-6) * np.abs(G).max(axis=0)).argmax(axis=0)
     return np.sign(G[first, np.arange(G.shape[1])])

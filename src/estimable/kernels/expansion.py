@@ -1,8 +1,8 @@
 """A nonlinear function of a Gaussian as the nearest linear one: Taylor series to the first or second order, sigma points.
 
 Letters: x = a + L ξ, with ξ (k,) unit white; g: R^n -> R^p. Each expansion gives g(x) ≈ ḡ + G (x - a) + E e, with e unit
-white and independent of ξ: the mean ḡ (p,), the slope G (p, n), and E (p, r), what no straight line explains. E E' is a
-sum of squares, so a covariance G L L' G' + E E' built on it is positive semidefinite, whatever rounding does.
+white and independent of ξ: the mean ḡ (p,), the slope G (p, n), and the residual E (p, r) of the linear fit. E E' is a
+sum of squares, so the covariance G L L' G' + E E' is positive semidefinite in spite of rounding.
 
 References: A. H. Jazwinski, Stochastic Processes and Filtering Theory (1970), §9.3 (second-order filters); M. Athans,
 R. P. Wishner, A. Bertolini, IEEE TAC 13 (1968) 504-514; A. P. Sage, J. L. Melsa, Estimation Theory (1971), ch. 9;
@@ -20,7 +20,7 @@ from .small import Real, product
 
 
 class Expansion(NamedTuple):
-    """g(x) ≈ mean + slope (x - a) + rest e; `bias` (p,) is mean - g(a), what the curvature adds."""
+    """g(x) ≈ mean + slope (x - a) + rest e; `bias` (p,) is mean - g(a), the effect of the curvature."""
 
     mean: Real
     slope: Real
@@ -29,7 +29,7 @@ class Expansion(NamedTuple):
 
 
 def jacobian(g: Callable, a: Float[Real, " n"]) -> tuple[Real, Real]:
-    """g(a) (p,) and its Jacobian (p, n), one direction at a time: n is small, and nothing is batched."""
+    """g(a) (p,) and its Jacobian (p, n), one direction at a time: n is small, so no batching."""
     value, push = jax.linearize(g, a)
     return value, jnp.stack([push(e) for e in jnp.eye(a.shape[0])], axis=-1)
 
@@ -41,7 +41,7 @@ def hessian(g: Callable, a: Float[Real, " n"]) -> tuple[Real, Real, Real]:
 
 
 def first_order(g: Callable, a: Float[Real, " n"], L: Float[Real, "n k"]) -> Expansion:
-    """The tangent at a, as the extended Kalman filter has it. Cost: g and n of its tangents."""
+    """The tangent at a, as in the extended Kalman filter. Cost: g and n of its tangents."""
     value, slope = jacobian(g, a)
     return Expansion(value, slope, jnp.zeros((value.shape[0], 0)), jnp.zeros_like(value))
 
@@ -78,7 +78,7 @@ def sigma_points(g: Callable, a: Float[Real, " n"], L: Float[Real, "n n"], κ: f
 
     With d_j = (g+ - g-) / 2 and s_j = (g+ + g-) / 2 - ḡ of each pair, the covariance Σ (d_j d_j' + s_j s_j') / (n + κ) +
     κ / (n + κ) s_0 s_0' is that of the slope on ξ_j, d_j / sqrt(n + κ), plus squares: no weight is negative for κ >= 0.
-    The slope is on ξ here, (p, n): where L is singular there is none on x.
+    The slope here is on ξ, (p, n): where L is singular there is no slope on x.
     """
     spread = (a.shape[0] + κ) ** 0.5 * L
     points = [g(a + sign * spread[:, j]) for sign in (1, -1) for j in range(a.shape[0])]
@@ -86,7 +86,7 @@ def sigma_points(g: Callable, a: Float[Real, " n"], L: Float[Real, "n n"], κ: f
 
 
 def from_points(values: Float[Real, "p pairs"], centre: Float[Real, " p"], κ: float) -> Expansion:
-    """What `sigma_points` makes of g at the points a + reach L_j, then a - reach L_j, and at a itself."""
+    """`sigma_points` from the values of g at the points a + reach L_j, then a - reach L_j, and at a itself."""
     n = values.shape[1] // 2
     reach, above, below = (n + κ) ** 0.5, values[:, :n], values[:, n:]
     mean = (jnp.sum(above + below, axis=1) / 2 + κ * centre) / (n + κ)

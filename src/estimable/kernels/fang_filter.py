@@ -1,8 +1,8 @@
-"""H. Fang (2009), Algorithm 1: input and state with gains that leave a correlation out, and their true covariance.
+"""H. Fang (2009), Algorithm 1: input and state with gains that neglect a correlation, and their true covariance.
 
 Letters: x̂[k] is the state predicted from y[0..k-1], P̂ = Ẑ Ẑ' the algorithm's own covariance, P = Z Z' the true one,
 d = H e the input, e = y - C x̂. v = V e_v, ω = Ω e_v + W e_w with e_v, e_w unit white. Every covariance is a factor
-times its transpose, so that the printed line 11, which is not symmetric and can run away, is not needed.
+times its transpose. The printed line 11, which is not symmetric and can diverge, is therefore not needed.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from .shapes import Bool, Float
 from .small import Real, apply, product, solve_lower, solve_upper, triangularise
 
-DEFICIENT = 1e-12  # of the norm of a column of D: what is left of it beside the others is rounding
+DEFICIENT = 1e-12  # of the norm of a column of D: a smaller remainder after projection on the others is rounding
 
 
 class Correction(NamedTuple):
@@ -47,17 +47,17 @@ def correct(
 
 
 def masked(M: Float[Real, "p k"], seen: Bool[Real, " p"]) -> Float[Real, "p k"]:
-    """M with the rows that were not seen zero."""
+    """M with zero rows for unseen outputs."""
     return jnp.where(seen[:, None], M, 0.0)
 
 
 def noise(V: Float[Real, "p p"], seen: Bool[Real, " p"]) -> Float[Real, "p 2*p"]:
-    """The factor of the noise of what was seen; an output that was not has a unit noise of its own, and no say."""
+    """The factor of the noise of the seen outputs; an unseen output has its own unit noise and no influence."""
     return jnp.concatenate([masked(V, seen), jnp.where(seen[:, None], 0.0, jnp.eye(len(V)))], axis=1)
 
 
 def weighted_left_inverse(D: Float[Real, "p d"], Q_root: Float[Real, "p p"]):
-    """H = (D' Q^-1 D)^-1 D' Q^-1, (2.14), and whether D is short of rank."""
+    """H = (D' Q^-1 D)^-1 D' Q^-1, (2.14), and whether D is rank-deficient."""
     p, d = D.shape
     D_white = solve_lower(Q_root, D)
     R = triangularise(D_white.T)                                               # R R' = D' Q^-1 D
@@ -92,7 +92,7 @@ def predict(
     Ω: Float[Real, "n p"] | None,
     W: Float[Real, "n q"],
 ) -> Prediction:
-    """Lines 7 to 11, and (2.27) at the gain in use. Lines 7 to 10 take d~ = -H (C x~ + v) and then a fresh v."""
+    """Lines 7 to 11, and (2.27) at the gain in use. Lines 7 to 10 use d~ = -H (C x~ + v) and then a new, independent v."""
     n, p = C.shape[1], C.shape[0]
     C, D, V2 = masked(C, seen), masked(D, seen), noise(V, seen)
     HV, fresh = product(H, V2), jnp.zeros((n, V2.shape[1]))

@@ -1,7 +1,7 @@
 """The mean and covariance of a nonlinear system carried through time, between two samples.
 
-dx = f(x, t) dt + G(x, t) dw, with w of density Q. Along the mean m the covariance is P = Y Y' + N: Y is what has become of the
-factor at the start, N the noise that has come in since, and P is positive semidefinite by construction.
+dx = f(x, t) dt + G(x, t) dw, with w of density Q. Along the mean m the covariance is P = Y Y' + N: Y is the transported initial
+factor, N the accumulated process noise. P is positive semidefinite by construction.
 
 References: A. H. Jazwinski, Stochastic Processes and Filtering Theory (1970), §9.3 (9.41)-(9.42); R. W. Bass, V. D. Norum,
 L. Schwartz, J. Math. Anal. Appl. 16 (1966) 152-164 (the same equations, second order).
@@ -31,10 +31,10 @@ class Moments(NamedTuple):
 
 
 def moment_derivative(f: Callable, W: Callable, order: int, *, factor_columns: int = 0) -> Callable:
-    """d/dt of `Moments`; W(x, t) (n, q) is G times a factor of Q. The first `factor_columns` columns of Y are of a covariance.
+    """d/dt of `Moments`; W(x, t) (n, q) is G times a factor of Q. The first `factor_columns` columns of Y belong to a covariance.
 
-    First order: ṁ = f, Ẏ = F Y, Ṅ = F N + N F' + G Q G'. Second order adds ½ f'':P to ṁ, and to Ṅ what a noise input that
-    depends on the state has on the average, Σ_ij P_ij ∂_i W ∂_j W'.
+    First order: ṁ = f, Ẏ = F Y, Ṅ = F N + N F' + G Q G'. Second order adds ½ f'':P to ṁ, and to Ṅ the mean
+    effect of a state-dependent noise input, Σ_ij P_ij ∂_i W ∂_j W'.
     """
 
     def derivative(t: Scalar, b: Moments) -> Moments:

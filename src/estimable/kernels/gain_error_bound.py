@@ -1,8 +1,8 @@
-"""The Cramér-Rao bound of constant gains, and the dither that it takes to know them. NumPy, outside jit.
+"""The Cramér-Rao bound of constant gains, and the dither needed to determine them. NumPy, outside jit.
 
 Letters: ζ = (x[0], θ), n + p unknowns; F with F'F the information about them. A prior is (L, D): a covariance L L', and
-directions D of infinite variance. Of a factor of n + 2 p columns the last p are those of a dither: a times as large, it adds
-a times these to the columns of θ.
+directions D of infinite variance. In a factor of n + 2 p columns the last p are those of a dither. A dither a times as large
+adds a times these columns to those of θ.
 
 The outputs are linear in ζ and Gaussian, so the best unbiased estimate attains the bound.
 """
@@ -17,10 +17,10 @@ from .gain_fisher_information import posterior
 
 Real = np.ndarray
 Belief = tuple[Real, Real]  # (L, D)
-SILENT = 1e-8       # share of a direction, in the units of what is known, below which a gain has no part in it
-ROUNDING = 1e-13    # of an input and a dither that cancel: what is left is rounding
-GRID = 400          # amplitudes tried below one that is enough, for the bound need not fall steadily
-DOUBLINGS = 30      # of the amplitude, after which none is enough
+SILENT = 1e-8       # share of a gain in a direction, in units of the known part, below which it counts as zero
+ROUNDING = 1e-13    # of an input and a dither that cancel: the remainder is rounding
+GRID = 400          # amplitudes tried below a sufficient one, as the bound need not fall monotonically
+DOUBLINGS = 30      # of the amplitude, after which no amplitude is taken to be enough
 
 
 def belief(P: Real, D: Real | None) -> Belief:
@@ -30,7 +30,7 @@ def belief(P: Real, D: Real | None) -> Belief:
 
 
 def no_belief(size: int) -> Belief:
-    """Nothing is known."""
+    """A prior without any information."""
     return np.zeros((size, 0)), np.eye(size)
 
 
@@ -46,7 +46,7 @@ def with_dither(factor: Real, n: int, p: int, a: float) -> Real:
 
 
 def bound(F: Real, of_state: Belief, of_gain: Belief) -> tuple[Real, Real]:
-    """The covariance (p, p) of the best unbiased estimate of θ, infinite where F and the priors fix nothing, and the
+    """The covariance (p, p) of the best unbiased estimate of θ, infinite where F and the priors determine nothing, and the
     directions (r, p) of θ about which F carries no information."""
     n, p = len(of_state[0]), len(of_gain[0])
     hidden = _of_gains(posterior(F, *_joint(of_state, no_belief(p)))[1], F, n)
@@ -76,14 +76,14 @@ def _of_gains(Z: Real, F: Real, n: int) -> Real:
 
 
 def first_amplitude(factor: Real, p: int, σ: Real) -> float:
-    """The a at which the dither outweighs the input, and which could be enough for σ (p,) if only θ were unknown."""
+    """The a at which the dither outweighs the input, and that would be enough for σ (p,) if only θ were unknown."""
     of_input, of_dither = np.linalg.norm(factor[:, -2 * p : -p], axis=0), np.linalg.norm(factor[:, -p:], axis=0)
     some = of_dither > 0
     return float(np.max((4 * of_input[some] + 1 / σ[some]) / of_dither[some], initial=0.0)) or 1.0
 
 
 def smallest_amplitude(worst: Callable[[float], float], start: float) -> float | None:
-    """The a above which worst(a) stays at most 1, searched below the first doubling of `start` where it is."""
+    """The a above which worst(a) stays at most 1, searched below the first doubling of `start` that meets this."""
     from scipy.optimize import brentq
 
     enough = next((start * 2.0**k for k in range(DOUBLINGS) if worst(start * 2.0**k) <= 1), None)

@@ -1,9 +1,9 @@
-"""What the outputs tell of an initial state and of constant gains, given the input. NumPy, outside jit.
+"""The information in the outputs about an initial state and constant gains, given the input. NumPy, outside jit.
 
-Letters: x+ = A x + N ζ + ω, y = C x + M ζ + v with ζ the unknowns, of which the first n are x[0]; P the covariance of what the
-noises alone do to the state, X = dx/dζ of its prediction, E = de/dζ of the innovation e, S its covariance.
+Letters: x+ = A x + N ζ + ω, y = C x + M ζ + v with ζ the unknowns, the first n of them x[0]; P the covariance of the state due to
+the noises alone, X = dx/dζ of its prediction, E = de/dζ of the innovation e, S its covariance.
 
-Innovations of the model's own filter are independent, and linear in ζ: the information of ζ is Σ E'S^-1 E (the sensitivities
+The innovations of the model's own filter are independent and linear in ζ: the information of ζ is Σ E'S^-1 E (the sensitivities
 of B. Friedland, IEEE TAC 14 (1969) 359, with the filter started at P = 0, as x[0] is among the unknowns).
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-UNTOLD = 1e-10  # singular value of the scaled sensitivities, of the largest, below which a direction counts as not told of
+UNDETERMINED = 1e-10  # singular value of the scaled sensitivities, of the largest, below which a direction is undetermined
 CHUNK = 256     # rows gathered before they are made triangular again
 
 
@@ -27,11 +27,11 @@ def information_factor(rows: Iterable, n: int, unknowns: int) -> np.ndarray:
         E = C @ X + M
         L = np.linalg.cholesky(C @ P @ C.T + R)                            # S = L L'
         half = np.linalg.solve(L, np.hstack([E, C @ P @ A.T + cross.T]))   # L^-1 [E, S K']
-        told, gain = half[:, :unknowns], half[:, unknowns:]
-        X = A @ X + N - gain.T @ told                                      # K E = (S K')' S^-1 E
+        white, gain = half[:, :unknowns], half[:, unknowns:]
+        X = A @ X + N - gain.T @ white                                     # K E = (S K')' S^-1 E
         P = A @ P @ A.T + Q - gain.T @ gain
         P = (P + P.T) / 2
-        gathered.append(told)
+        gathered.append(white)
         if len(gathered) == CHUNK:
             F, gathered = _triangular(F, gathered), []
     return _triangular(F, gathered)
@@ -42,9 +42,9 @@ def _triangular(F: np.ndarray, more: list[np.ndarray]) -> np.ndarray:
 
 
 def posterior(F: np.ndarray, L: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of ζ after information F'F, given the prior covariance L L' and the diffuse directions D, and what stays untold.
+    """Covariance of ζ after information F'F, given the prior covariance L L' and diffuse directions D; and the undetermined part.
 
-    The second are directions of ζ of infinite variance, (unknowns, r), along which the first has the rest.
+    The second result holds the directions of ζ of infinite variance, (unknowns, r); the first covers the rest.
     """
     span = np.hstack([L, D])
     prior = np.diag(np.r_[np.ones(L.shape[1]), np.zeros(D.shape[1])])[: L.shape[1]]
@@ -52,13 +52,13 @@ def posterior(F: np.ndarray, L: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, 
     size = np.linalg.norm(G, axis=0)
     size = np.where(size > 0, size, 1.0)
     V, s = _right(G / size)
-    told = s > UNTOLD * max(s.max(initial=0.0), 1.0)
-    half = span @ (V[:, told] / size[:, None] / s[told])
-    untold = span @ (V[:, ~told] / size[:, None])
-    return half @ half.T, untold
+    determined = s > UNDETERMINED * max(s.max(initial=0.0), 1.0)
+    half = span @ (V[:, determined] / size[:, None] / s[determined])
+    undetermined = span @ (V[:, ~determined] / size[:, None])
+    return half @ half.T, undetermined
 
 
 def _right(G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Right singular vectors as columns, and a singular value for each, zeros where there are fewer rows."""
+    """Right singular vectors as columns, and a singular value for each: zero where there are fewer rows."""
     _, s, V = np.linalg.svd(G, full_matrices=True)
     return V.T, np.append(s, np.zeros(G.shape[1] - len(s)))

@@ -1,6 +1,6 @@
-"""A first guess of an output-error model from incomplete data, without a search: a long impulse response, then A and B.
+"""An initial estimate of an output-error model from incomplete data, without a search: a long impulse response, then A and B.
 
-Letters: g (m, L) the impulse response y[k] = Σ g_jl u_j[k-l], linear in the data whatever is missing; A g = B past its end.
+Letters: g (m, L) the impulse response y[k] = Σ g_jl u_j[k-l], linear in the data even with gaps; A g = B past its end.
 """
 
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-LONGEST = 40  # lags of an input that are fitted at most
+LONGEST = 40  # lags of an input, at most
 PER_LAG = 3  # outputs seen for each coefficient, at least
-RIDGE = 1e-8  # of the largest: keeps what is not excited at zero
+RIDGE = 1e-8  # of the largest: directions without excitation stay zero
 
 
 class Datum(NamedTuple):
@@ -32,7 +32,7 @@ def start(na: int, nb: int, delay: int, data: Sequence[Datum]) -> np.ndarray:
 
 
 def residual_variance(na: int, nb: int, delay: int, data: Sequence[Datum]) -> float:
-    """Of the noise, from what a long impulse response leaves."""
+    """The noise variance, from the residuals of a long impulse response."""
     lags = _lags(na, nb, delay, data)
     g = _impulse_response(data, lags)
     e = np.concatenate([(datum.y - _lagged(datum.u, lags) @ g.ravel())[datum.seen] for datum in data])

@@ -1,6 +1,6 @@
-"""The measurement update of `kalman` where the noises of the outputs are independent and nothing is diffuse.
+"""The measurement update of `kalman` for independent output noises and no diffuse directions.
 
-The factor needs no column for the noise of an output, and keeps its width. Model y_j = c_j x + d_j + r_j e_j, belief
+The factor needs no column for the noise of an output; its width is constant. Model y_j = c_j x + d_j + r_j e_j, belief
 x = m + Z D^½ ξ with D = diag(w), w = 1 before the datum. The array of outputs and states is A = [C Z; Z], with variables
 D^½ ξ; its columns are a_l. With g the row of output j, the outputs are conditioned on one at a time:
 
@@ -9,7 +9,7 @@ D^½ ξ; its columns are a_l. With g the row of output j, the outputs are condit
     a_l <- a_l - (g_l / α_{l+1}) Σ_{i>l} w_i g_i a_i                                                           (3)
     μ <- μ + k (y_j - μ_j),  k = A D g' / f                                                                    (4)
 
-(2) and (3) are the plane rotations that turn [r_j, g D^½] into [√f, 0], the last variable first, without their roots. A
+(2) and (3) are the square-root-free plane rotations that turn [r_j, g D^½] into [√f, 0], the last variable first. A
 triangular Z stays triangular: half the arithmetic of the general update, with the same thresholds.
 
 References: G. J. Bierman, Factorization Methods for Discrete Sequential Estimation (1977), ch. V (factors with weights);
@@ -30,8 +30,8 @@ class _Weighted(NamedTuple):
     A: Real                # rows: outputs, states; columns: variables of variance w
     w: Real
     residual: Real         # of each row: (y, m) - μ, with the m before the datum
-    error: Real            # y_j - μ_j of each output when its turn came
-    variance: Real         # its f then
+    error: Real            # y_j - μ_j of each output, given those before it
+    variance: Real         # its f, given those before it
     surprise: Real         # its (y_j - μ_j)² / f
     informed: Real         # it carried information
 
@@ -72,7 +72,7 @@ def _joint_factor(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, "
 
 
 def _condition_on_row(a: _Weighted, j: int | Real, r: Scalar, seen: Flag, known: Scalar) -> _Weighted:
-    """Condition every row of the array on row j having its datum, where it was seen."""
+    """Condition every row of the array on the datum of row j, where it was seen."""
     g, error, at_j = a.A[j], a.residual[j], jnp.arange(a.error.shape[0]) == j
     wg = a.w * g
     α_next = r * r + sums_after(g * wg)                                                    # (1), α_{l+1}

@@ -1,6 +1,6 @@
-"""What a discrete state-space model says of outputs: its response, and its predictions one step ahead. NumPy, one record.
+"""The response of a discrete state-space model, and its predictions one step ahead. NumPy, one record.
 
-Letters: x+ = A x + B u + w, y = C x + D u + v, cov(w, v) = [[Q, S], [S', R]]; Q, S with the G of the model in them.
+Letters: x+ = A x + B u + w, y = C x + D u + v, cov(w, v) = [[Q, S], [S', R]]; Q and S include the G of the model.
 """
 
 from typing import NamedTuple
@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 BLOCK = 32  # rows of a stable system at a time
-FAR = 1e100  # where a response that grows without bound is cut off
-SETTLED = 1e-14  # change of P beside P at first and Q, from which it counts as constant
+FAR = 1e100  # an unbounded response is cut off here
+SETTLED = 1e-14  # change of P, relative to the initial P and Q, below which it counts as constant
 
 
 class System(NamedTuple):
@@ -68,12 +68,12 @@ def initial_state(system: System, u: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def predictions(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray, P: np.ndarray) -> tuple:
-    """Outputs predicted from those before (T, p), the covariances of their errors (T, p, p), and (x, P) after the last row."""
+    """Outputs predicted from earlier ones (T, p), the covariances of their errors (T, p, p), and (x, P) after the last row."""
     A, B, C, D = system[:4]
     predicted, covariances, known = [], [], ~np.isnan(y)
     size = max(np.abs(P).max(initial=0.0), np.abs(system.Q).max(initial=0.0))
     step, seen, settled = _step(system, P, known[0]), known[0], False
-    whole = range(len(y) - int(np.argmin(np.append(np.all(known, axis=1)[::-1], False))), len(y))  # rows from which all is seen
+    whole = range(len(y) - int(np.argmin(np.append(np.all(known, axis=1)[::-1], False))), len(y))  # from here nothing is missing
     for k, (row, datum, seen_now) in enumerate(zip(u, y, known, strict=True)):
         if settled and seen.all() and k in whole:
             later, x = _steadily(system, step.K, u[k:], y[k:], x)
@@ -89,7 +89,7 @@ def predictions(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray, P: 
 
 
 def _steadily(system: System, K: np.ndarray, u: np.ndarray, y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Predictions with a gain that stays: x+ = (A - K C) x + (B - K D) u + K y."""
+    """Predictions with a constant gain: x+ = (A - K C) x + (B - K D) u + K y."""
     A, B, C, D = system[:4]
     none = np.zeros((len(C), len(C)))
     filtered = system._replace(A=A - K @ C, B=np.hstack([B - K @ D, K]), D=np.hstack([D, none]))
@@ -97,14 +97,14 @@ def _steadily(system: System, K: np.ndarray, u: np.ndarray, y: np.ndarray, x: np
 
 
 def _joined(predicted: list, covariances: list, later: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All predictions and their covariances, of which the later ones are all V."""
+    """All predictions and their covariances; the later covariances are all V."""
     first = np.reshape(predicted, (-1, later.shape[1]))
     spread = np.concatenate([np.reshape(covariances, (-1, *V.shape)), np.broadcast_to(V, (len(later), *V.shape))])
     return np.concatenate([first, later]), spread
 
 
 class RiccatiStep(NamedTuple):
-    """Covariance V of the predicted outputs, the gain K of those seen, and P for the next row."""
+    """Covariance V of the predicted outputs, the gain K of the seen outputs, and P for the next row."""
 
     V: np.ndarray
     K: np.ndarray

@@ -1,4 +1,4 @@
-"""A filter whose gain K is given: its belief after a sample, whatever K is.
+"""A filter with a given gain K: its belief after a sample, for any K.
 
 Letters as in `kalman`, e unit white. The mean moves by K times the innovations that were seen:
 

@@ -1,7 +1,7 @@
 """Likelihood ratios of jumps in the state of a linear Gaussian filter.
 
-Letters: hypothesis h is that the state z jumped by ν_h e_h, ν_h ~ N(0, V_h), where e_h is a fixed direction and ν_h a number.
-A filter that knows of no jump has mean m; had z jumped by ν, the true mean would be m + f ν, with f (n,) the response, column h
+Letters: under hypothesis h the state z jumped by ν_h e_h, ν_h ~ N(0, V_h), where e_h is a fixed direction and ν_h a number.
+A filter that assumes no jump has mean m; had z jumped by ν, the true mean would be m + f ν, with f (n,) the response, column h
 of Φ. Its innovations, made white and of variance one, are ε; E (p, n) is their derivative with respect to m, so that given
 the jump they have mean -E f ν, and the log of the likelihood ratio is d ν - c ν² / 2, d = -f' E' ε and c = |E f|².
 
@@ -24,13 +24,13 @@ def learn(
     E: Float[Real, "p n"],
     ε: Float[Real, " p"],
 ) -> tuple[Float[Real, " h"], Float[Real, " h"]]:
-    """What a sample adds to the score d and the information c of the size of each jump."""
+    """The score d and the information c of the size of each jump, after one more sample."""
     G = -product(E, Φ)  # (17) of the reference, made white
     return d + apply(G.T, ε), c + jnp.sum(G * G, axis=0)  # (21), (22)
 
 
 class Verdict(NamedTuple):
-    """The log of the summed ratios (NaN without a hypothesis), the probability of each given that one holds, its ν and v."""
+    """The log of the summed ratios (NaN without a hypothesis); of each, its probability given that one holds, its ν and v."""
 
     log_sum: Real
     probability: Real
@@ -55,7 +55,7 @@ def judge(
 
 
 def mixture(Φ: Float[Real, "n h"], verdict: Verdict) -> tuple[Float[Real, " n"], Float[Real, "n n"]]:
-    """What the hypotheses, averaged, add to the mean and to the covariance of the filter that knows of no jump."""
+    """The averaged hypotheses' additions to the mean and covariance of the filter that assumes no jump."""
     π = verdict.probability
     shift = apply(Φ, π * verdict.ν)  # mean of f ν
     apart = Φ * verdict.ν[None, :] - shift[:, None]

@@ -5,7 +5,7 @@ Model and belief, with e, e', ξ ~ N(0, I) and δ ~ N(0, κ I), κ -> infinity, 
     y = C x + d + V e,    x+ = F x + c + ω,  ω = Ω e + W e'    (Ω: cross noise, or None)
     x = m + Z ξ + X δ                                          (X: diffuse directions, perhaps none)
 
-Measurement update. Before the datum, outputs, state and cross noise are jointly Gaussian, with mean μ and array (A, B):
+Measurement update. Before the datum, outputs, state and cross noise are jointly Gaussian with mean μ and array (A, B):
 
     [ y  ]   [C m + d]   [C Z  V]       [C X]
     [ x  ] = [   m   ] + [ Z   0] [ξ] + [ X ] δ   =   μ + A (ξ, e) + B δ                               (1)
@@ -29,7 +29,7 @@ Time update, with Ω e = ω̂ + Z_ω (ξ, e) given the outputs:
     X+ = F X                                                                                          (10)
 
 Every covariance is a factor times its transpose, hence positive semidefinite; no inverse and no difference of covariances
-is formed. An output that was not seen is a row passed over, however its noise is correlated with that of the others.
+is formed. The row of an unseen output is skipped, even if its noise is correlated with that of the others.
 
 References: T. Kailath, A. H. Sayed, B. Hassibi, Linear Estimation (2000), ch. 12, for (1), (9) (array algorithms);
 J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods (2012), §5.2 for (4)-(6), (10) (exact diffuse start),
@@ -52,7 +52,7 @@ class Gaussian(NamedTuple):
     m: Float[Real, " n"]
     Z: Float[Real, "n k"]            # k >= n
     X: Float[Real, "n r"]
-    size: Float[Real, " n"]          # of the terms whose sum m is: it bounds the rounding of m
+    size: Float[Real, " n"]          # of the terms that sum to m: it bounds the rounding of m
     log_scale: Float[Real, ""]
 
 
@@ -81,11 +81,11 @@ class Drift(NamedTuple):
 
 
 class Posterior(NamedTuple):
-    """What one measurement update gives.
+    """The result of one measurement update.
 
-    The innovation covariance is NaN where it is infinite: of an output with a diffuse part. `error` and `variance` (p,)
+    The innovation covariance is NaN where it is infinite: for an output with a diffuse part. `error` and `variance` (p,)
     are y_j - μ_j and f of each output given those before it in the same sample, NaN where it carried no information about
-    what has a finite variance. `contradicted`: an output differs from a value that was known exactly.
+    directions of finite variance. `contradicted`: an output differs from a value that was known exactly.
     """
 
     state: Gaussian
@@ -102,10 +102,10 @@ class _Array(NamedTuple):
     A: Real                # rows: outputs, states, cross noise
     B: Real
     residual: Real         # of each row: (y, m, 0) - μ, with the m before the datum
-    error: Real            # y_j - μ_j of each output when its turn came
-    variance: Real         # its f then, or f∞ where it opened
+    error: Real            # y_j - μ_j of each output, given those before it
+    variance: Real         # its f, or f∞ where it opened
     opened: Real           # it determined a diffuse direction
-    informed: Real         # it carried information about what has a finite variance
+    informed: Real         # it carried information about directions of finite variance
 
 
 def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]) -> Posterior:
@@ -166,7 +166,7 @@ def _joint_directions(C: Float[Real, "p n"], X: Float[Real, "n r"], Ω: Float[Re
 
 
 def _condition_on_row(a: _Array, j: int | Real, seen: Flag, known: Scalar, determined: Scalar, k: int) -> _Array:
-    """Condition every row of the array on row j having its datum, where it was seen. k: how many of its columns are ξ."""
+    """Condition every row of the array on the datum of row j, where it was seen. k: the number of its columns for ξ."""
     g, β, error = a.A[j], a.B[j], a.residual[j]
     Ag, Bβ = apply(a.A, g), apply(a.B, β)
     f, f_diffuse = Ag[j], Bβ[j]                                                            # (2)

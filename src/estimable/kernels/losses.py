@@ -1,10 +1,10 @@
-"""Expected covariances where samples get lost. NumPy, outside jit.
+"""Expected covariances when samples are lost. NumPy, outside jit.
 
 Letters: X a covariance of the one-step prediction, λ the arrival rate, F = A - K C; noise covariances Q, R, N = cov(w, v).
 
 g(X) = A X A' + Q - λ (A X C' + N)(C X C' + R)^-1 (A X C' + N)' is the least over K of
-(1-λ)(A X A' + Q) + λ (F X F' + Q - K N' - N K' + K R K'), so that policy iteration solves X = g(X) from any K for which
-(1-λ) A(x)A + λ F(x)F has a spectral radius below 1; that such a K exists is also what is needed.
+(1-λ)(A X A' + Q) + λ (F X F' + Q - K N' - N K' + K R K'). Policy iteration therefore solves X = g(X) from any K for which
+(1-λ) A(x)A + λ F(x)F has a spectral radius below 1. The existence of such a K is also necessary.
 
 Reference: B. Sinopoli, L. Schenato, M. Franceschetti, K. Poolla, M. I. Jordan, S. S. Sastry, IEEE TAC 49 (2004) 1453,
 (14), Theorems 2-5.
@@ -12,9 +12,9 @@ Reference: B. Sinopoli, L. Schenato, M. Franceschetti, K. Poolla, M. I. Jordan, 
 
 import numpy as np
 
-STEPS = 4096        # of g, after which no K is found: the answer is then that none is
+STEPS = 4096        # of g, after which no K is taken to exist
 POLICIES = 60
-HUGE = 1e12         # of the start, beyond which g is taken to grow for ever
+HUGE = 1e12         # of the start, beyond which g is taken to grow without bound
 
 Real = np.ndarray
 
@@ -25,7 +25,7 @@ def gain(A: Real, C: Real, R: Real, N: Real, X: Real) -> Real:
 
 
 def radius(A: Real, C: Real, K: Real, λ: float) -> float:
-    """Of the growth of the expected covariance under the gain K."""
+    """The spectral radius of the growth of the expected covariance under the gain K."""
     F = A - K @ C
     return float(np.abs(np.linalg.eigvals((1 - λ) * np.kron(A, A) + λ * np.kron(F, F))).max())
 
@@ -47,7 +47,7 @@ def stabilising_gain(A: Real, C: Real, Q: Real, R: Real, N: Real, λ: float) -> 
 
 
 def upper_covariance(A: Real, C: Real, Q: Real, R: Real, N: Real, λ: float) -> Real | None:
-    """X = g(X); None where there is none."""
+    """The X with X = g(X); None where there is none."""
     n = len(A)
     K = stabilising_gain(A, C, Q + np.eye(n) * max(np.trace(Q) / n, 1e-300), R, N, λ)
     if K is None:

@@ -1,14 +1,14 @@
-"""The gain of a filter whose noises are known to lie among several: what each corner charges for it, and where it is best. NumPy.
+"""The gain of a filter whose noises lie among several corners: its loss at each corner, and the best such gain. NumPy.
 
 Letters: K a gain, Ψ = (I - K C) A; N = G Q G' and R of one corner, P(K) the stationary covariance there, K* its Kalman gain,
 P* = P(K*), S* = C M* C' + R. Completing the square in Joseph's form,
 
     P(K) - P* = Ψ (P(K) - P*) Ψ' + (K - K*) S* (K - K*)',    tr W (P(K) - P*) = tr Y (K - K*) S* (K - K*)',   Y = Ψ'Y Ψ + W,
 
-so that what a gain loses is a sum of squares, never below 0, and one Lyapunov equation serves all corners. P(K) is linear in
-(N, R), and P* concave: what is lost is largest at a corner of the convex hull, and min over K of Σ λ_i (a_i + s_i tr W P_i(K)) is
+so that the loss of a gain is a sum of squares, never below 0, and one Lyapunov equation serves all corners. P(K) is linear in
+(N, R), and P* concave: the loss is largest at a corner of the convex hull, and min over K of Σ λ_i (a_i + s_i tr W P_i(K)) is
 at the Kalman gain of Σ λ_i s_i (N_i, R_i). Where the λ that maximise this minimum leave each loss at most equal to it, the gain
-is the minimax, and that Kalman filter's noise is the least favourable.
+is the minimax gain, and that Kalman filter's noise is the least favourable.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ from .riccati import dare, dlyap
 from .shapes import Float
 
 Real = np.ndarray
-ROUNDING = 1e-13      # of the loss, at which the corners that count are levelled out
-ACTIVE = 1e-5         # share of the mixture from which a corner counts
-ROUNDS = 60           # in which an unstable start is brought home
-STALLED = 1e-4        # gain of scale in a round that leads nowhere
+ROUNDING = 1e-13      # of the loss, to which the active corners are equalised
+ACTIVE = 1e-5         # share of the mixture from which a corner is active
+ROUNDS = 60           # of stabilising an unstable start
+STALLED = 1e-4        # increase of the scale in a round without progress
 
 
 class WeightedPlant(NamedTuple):
@@ -47,7 +47,7 @@ class Corner(NamedTuple):
 
 
 def corner(plant: WeightedPlant, N: Float[Real, "n n"], R: Float[Real, "p p"]) -> Corner:
-    """The Kalman filter of one corner. Raises `AssumptionError` where it has no stationary one."""
+    """The Kalman filter of one corner. Raises `AssumptionError` where there is no stationary one."""
     A, C, W = plant
     M = dare(A.T, C.T, N, R).X
     S = C @ M @ C.T + R
@@ -113,7 +113,7 @@ def mixture(plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s
 
 
 def _levelled(charge: Callable[[Real], Real], λ: Real, size: float) -> Real:
-    """λ after solving for equal charges of the corners that count, where that brings the largest one down."""
+    """λ after solving for equal losses of the active corners, where that reduces the largest loss."""
     from scipy.optimize import root
 
     active = np.flatnonzero(λ > ACTIVE)
@@ -135,10 +135,10 @@ def _levelled(charge: Callable[[Real], Real], λ: Real, size: float) -> Real:
 def restricted(
     plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"], K: Float[Real, "n p"], free: Real
 ) -> Real | None:
-    """A gain that is zero but where `free` and has, near K, the least of the largest a_i + s_i loss_i; None where none was found.
+    """A gain, zero except where `free`, that locally minimises the largest a_i + s_i loss_i from K; None where none was found.
 
-    An unstable start is brought home: with A scaled down it is stable, and each solution bears a larger scale. The problem is not
-    convex: this is a local minimum.
+    An unstable start is stabilised: with A scaled down it is stable, and each solution tolerates a larger scale. The problem is
+    not convex: this is a local minimum.
     """
     K, scale = np.where(free, K, 0.0), 0.0
     for _ in range(ROUNDS):

@@ -1,13 +1,13 @@
 """The response of one output of an output-error model, its derivatives, and their information. NumPy, one call a record.
 
-Letters: x = (B u + z)/A with z the impulses that stand for what happened before the first sample, ψ = dx/dθ, θ = (a, b).
+Letters: x = (B u + z)/A with z impulses that represent the past before the first sample, ψ = dx/dθ, θ = (a, b).
 """
 
 import numpy as np
 
 
 def response(a: np.ndarray, b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
-    """x (T,) of a (na,), b (m, nb+1), u (T, m); z (n,) enters at the first n samples (what the past still does)."""
+    """x (T,) of a (na,), b (m, nb+1), u (T, m); z (n,) enters at the first n samples (the effect of the past)."""
     return over(a, _driven(b, delay, u, z))
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from .regression import regress
 
-ROUNDS = 3  # of weights and coefficients in turn
+ROUNDS = 3  # of alternating weights and coefficients
 
 
 class Phasors(NamedTuple):
     """Y_k (K,) complex of a signal, their covariance (2K, 2K) (all real parts, then all imaginary) for noise of variance 1,
-    and the residuals (N,) of the rows that are known."""
+    and the residuals (N,) of the known rows."""
 
     values: np.ndarray
     covariance: np.ndarray
@@ -23,7 +23,7 @@ class Phasors(NamedTuple):
 
 
 def phasors(y: np.ndarray, t: np.ndarray, ω: np.ndarray) -> Phasors:
-    """Those of y (T,) at times t (T,), NaN where not seen, at ω (K,) rad/s, beside a constant."""
+    """The phasors of y (T,) at times t (T,), NaN where not seen, at ω (K,) rad/s; a constant is fitted as well."""
     seen, K = ~np.isnan(y), len(ω)
     angle = np.outer(t[seen], ω)
     found = regress(np.concatenate([np.sin(angle), np.cos(angle), np.ones((len(angle), 1))], axis=1), y[seen])
@@ -31,7 +31,7 @@ def phasors(y: np.ndarray, t: np.ndarray, ω: np.ndarray) -> Phasors:
 
 
 def rotated(Σ: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """The covariance of g_k Y_k, complex numbers g (K,) known, of that of Y."""
+    """The covariance of g_k Y_k for known complex g (K,), from that of Y."""
     T = np.block([[np.diag(np.real(g)), -np.diag(np.imag(g))], [np.diag(np.imag(g)), np.diag(np.real(g))]])
     return T @ Σ @ T.T
 
@@ -47,7 +47,7 @@ class Equations(NamedTuple):
 def coefficients(H: np.ndarray, Σ: np.ndarray, q: np.ndarray, n: int) -> Equations:
     """a_1..a_n and b_1..b_n of H_k = Σ_i q_k^i b_i / (1 + Σ_i q_k^i a_i), q = 1/(jω) (12) or z^-1, weighted by the covariance Σ.
 
-    Two real equations a phasor (14); with more than n of them least squares, the weights those of the last solution.
+    Two real equations per phasor (14). More than n of them are solved by least squares, with the weights of the last solution.
     """
     powers = q[:, None] ** np.arange(1, n + 1)
     Φ = _real(np.concatenate([-H[:, None] * powers, powers], axis=1))

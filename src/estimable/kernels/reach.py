@@ -1,7 +1,7 @@
-"""What a pair (F, M) reaches: the span of M, F M, F² M, .. NumPy, outside jit.
+"""The reachable space of a pair (F, M): the span of M, F M, F² M, .. NumPy, outside jit.
 
-Letters: F (n, n), M (n, p); V an orthonormal basis of the reachable space, Z of what is orthogonal to it; f a left
-eigenvector of F, f*F = λ f*. Powers of F are never formed to decide a rank: each decision is about a change of F and M
+Letters: F (n, n), M (n, p); V an orthonormal basis of the reachable space, Z of its orthogonal complement; f a left
+eigenvector of F, f*F = λ f*. Powers of F are never formed to decide a rank: each decision concerns a change of F and M
 relative to their norms.
 
 References: P. Van Dooren, IEEE TAC 26 (1981) 111, §III (staircase); M. L. J. Hautus, Indag. Math. 31 (1969) 443 (modes).
@@ -14,22 +14,22 @@ import numpy as np
 from .shapes import Float
 
 ZERO = 1e-12          # relative size below which a coupling is rounding
-DOUBTFUL = 1e-8       # and below which nobody can say
-NEAR = 1e-3           # eigenvalues this close, relative to the norm of F, may hide one another
-NEIGHBOURS = 8        # of which so many are looked at together
-CLOSEST = 4           # modes that are looked at without restriction, which costs a decomposition each; more of small F
+DOUBTFUL = 1e-8       # and below which the rank is uncertain
+NEAR = 1e-3           # eigenvalues this close, relative to the norm of F, may mask each other
+NEIGHBOURS = 8        # of an eigenvalue, tested together
+CLOSEST = 4           # modes tested without restriction, one decomposition each; more for small F
 Real = np.ndarray
 
 
 class Reach(NamedTuple):
-    """What is not reached, Z (n, k), and the smallest relative change of (F, M) found that makes less be reached."""
+    """The unreachable directions Z (n, k), and the smallest relative change of (F, M) found that shrinks the reachable space."""
 
     Z: Real
     distance: float
 
 
 def reach(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> Reach:
-    """What (F, M) does not reach, by the staircase and mode by mode: whichever finds more, as each can overlook.
+    """The directions (F, M) does not reach, by the staircase and mode by mode: the larger result, as each can miss some.
 
     The staircase loses digits along a chain of many weak couplings, modes lose half or more where F is defective.
     Cost: about 30 n³ multiplications.
@@ -48,7 +48,7 @@ def reach(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> Reach:
 
 
 def staircase(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, float]:
-    """V (n, r), and the weakest coupling that was followed, relative to F (to M, for the first)."""
+    """V (n, r), and the weakest coupling that was used, relative to F (to M, for the first)."""
     V, weakest = np.zeros((len(F), 0)), np.inf
     new, size = M, np.linalg.norm(M)
     F_size = np.linalg.norm(F)
@@ -56,15 +56,15 @@ def staircase(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, float
         for _ in range(2):                                                 # twice is enough: then V stays orthonormal
             new = new - V @ (V.T @ new)
         U, σ, _ = np.linalg.svd(new, full_matrices=False)
-        kept = σ > ZERO * size
-        weakest = min([weakest, *(σ[kept] / size)])
-        V = np.hstack([V, U[:, kept]])
-        new, size = F @ U[:, kept], F_size
+        followed = σ > ZERO * size
+        weakest = min([weakest, *(σ[followed] / size)])
+        V = np.hstack([V, U[:, followed]])
+        new, size = F @ U[:, followed], F_size
     return V, float(weakest)
 
 
 def hidden_modes(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, float]:
-    """The left eigenvectors that M does not reach (an orthonormal real basis), and how near the others come to it.
+    """The left eigenvectors that M does not reach (an orthonormal real basis), and the distance of the others from that.
 
     For each λ the smallest singular values of [F - λ, M] over the span of the eigenvectors near it: a rank test, so that
     a repeated eigenvalue is tested on its whole eigenspace. Where they are smallest, of [F - λ, M] itself.
@@ -84,7 +84,7 @@ def hidden_modes(F: Float[Real, "n n"], M: Float[Real, "n p"]) -> tuple[Real, fl
 
 
 class _Mode(NamedTuple):
-    """An eigenvalue, the left eigenvectors of it that M does not reach (n, k), and how near the others come to it."""
+    """An eigenvalue, its left eigenvectors that M does not reach (n, k), and the distance of the others from that."""
 
     λ: complex
     f: Real
@@ -105,7 +105,7 @@ def _mode_exactly(F: Real, M: Real, λ: complex) -> _Mode:
 
 
 def complement(V: Float[Real, "n r"]) -> Float[Real, "n k"]:
-    """An orthonormal basis of what is orthogonal to the orthonormal columns of V."""
+    """An orthonormal basis of the orthogonal complement of the orthonormal columns of V."""
     return np.linalg.qr(V, mode="complete")[0][:, V.shape[1] :]
 
 

@@ -28,9 +28,9 @@ def hankel(M: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 
 def ho_kalman(M: np.ndarray, n: int) -> Realisation:
-    """The balanced realisation of order n of M (L+1, p, m), L >= 2: exact where they are those of a system of order n.
+    """The balanced realisation of order n of M (L+1, p, m), L >= 2: exact where M belongs to a system of order n.
 
-    A maps Γ without its last block to Γ without its first, so that no M is used beyond the L that are there.
+    A maps Γ without its last block to Γ without its first, so that no M beyond M_L is needed.
     """
     L, p, m = len(M) - 1, M.shape[1], M.shape[2]
     rows = (L + 1) // 2 + (L + 1) % 2 if m > p else (L + 1) // 2

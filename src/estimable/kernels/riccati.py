@@ -5,7 +5,7 @@ X its value, K its feedback (u = -K x), F = A - B K. A Kalman filter is the same
 
 Doubling runs 2^k steps of the recursion in k products, keeps symmetry, and for semidefinite data adds semidefinite terms
 only. One Newton step then takes out the rounding that was gathered. Where doubling fails (R singular, an unstable mode that
-costs nothing) the extended pencil is decomposed by QZ (SciPy), and the same Newton step.
+costs nothing) the extended pencil is decomposed by QZ (SciPy), followed by the same Newton step.
 
 References: R. A. Smith, SIAM J. Appl. Math. 16 (1968) 198 (Lyapunov); E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang,
 Int. J. Control 77 (2004) 767 (discrete Riccati); E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, Linear Algebra Appl. 396 (2005) 55
@@ -20,9 +20,9 @@ import numpy as np
 from ..errors import AssumptionError
 from .shapes import Float
 
-DOUBLINGS = 50        # 2^50 steps: a mode that has not died out then is at the limit of stability, to rounding
+DOUBLINGS = 50        # 2^50 steps: a mode that has not died out by then is at the limit of stability, to rounding
 RESIDUAL = 1e-13      # of the size of the equation's terms, above which the second method is tried too
-SINGULAR = 1e13       # condition number from which R + B'X B tells no direction
+SINGULAR = 1e13       # condition number from which R + B'X B counts as singular
 EPS = np.finfo(float).eps
 UNSETTLED = (
     "the Riccati equation has no stabilising solution: a mode on or beyond the limit of stability is not reached, or is neither "
@@ -43,7 +43,7 @@ class Riccati(NamedTuple):
 def dlyap(A: Float[Real, "n n"], Q: Float[Real, "n n"]) -> Float[Real, "n n"]:
     """The solution of X = A X A' + Q, Q symmetric. Raises `AssumptionError` where A is not stable.
 
-    Positive semidefinite where Q is. Cost: 4 n³ a doubling, log2 of the number of steps in which A dies out.
+    Positive semidefinite where Q is. Cost: 4 n³ per doubling; the doublings are log2 of the steps in which A dies out.
 
     >>> dlyap(np.array([[0.5]]), np.array([[3.0]]))
     array([[4.]])
@@ -55,7 +55,7 @@ def dlyap(A: Float[Real, "n n"], Q: Float[Real, "n n"]) -> Float[Real, "n n"]:
             X, Φ = X + _symmetric(step), Φ @ Φ
             if not np.isfinite(X).all():
                 break
-            if _settled(step, X) and np.linalg.norm(Φ) < 1:                # which proves that A is stable
+            if _settled(step, X) and np.linalg.norm(Φ) < 1:                # proves that A is stable
                 return X
     radius = np.abs(np.linalg.eigvals(A)).max()
     raise AssumptionError(f"there is no stationary covariance: the largest modulus of an eigenvalue is {radius:.6g}, not < 1.")
@@ -176,7 +176,7 @@ def care(
 
 
 def _best(methods: tuple[Callable, ...], newton: Callable, residual: Callable) -> Real:
-    """The solution with the smallest residual, of the first method that leaves none, else of all."""
+    """The solution with the smallest residual; later methods are tried only where a residual remains."""
     best, least = None, np.inf
     for method in methods:
         try:
@@ -245,14 +245,14 @@ def _in_units(T: Real, X: Real, K: Real, A: Real, B: Real) -> Riccati:
 
 
 def _geometric_mean(A: Real) -> float:
-    """Of the moduli of A's eigenvalues: the shift that serves fast and slow modes alike."""
+    """The geometric mean of the moduli of A's eigenvalues: a shift that suits both fast and slow modes."""
     largest = np.abs(A).max()
     mean = np.exp(np.linalg.slogdet(A)[1] / len(A))
     return max(float(mean), 1e-8 * float(largest)) or 1.0
 
 
 def _solve(R: Real, B: Real) -> Real:
-    """R^-1 B, R symmetric; refused where R, its units taken out, is singular."""
+    """R^-1 B for symmetric R; an error where R, scaled to unit diagonal, is singular."""
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = 1 / np.sqrt(np.abs(np.diagonal(R)))
     scaled = scale[:, None] * R * scale
@@ -262,7 +262,7 @@ def _solve(R: Real, B: Real) -> Real:
 
 
 def _settled(step: Real, X: Real) -> bool:
-    """Whether a step is rounding, entry by entry in the scale of X's own diagonal."""
+    """Whether a step is rounding, entry by entry, relative to the diagonal of X."""
     size = np.sqrt(np.abs(np.diagonal(X)))
     return bool(np.all(np.abs(step) <= EPS * size[:, None] * size))
 

@@ -1,7 +1,7 @@
-"""What counts as rounding: the thresholds that the filters share, and sizes to compare with.
+"""Thresholds of rounding that the filters share, and the sizes they refer to.
 
 A sum is known to about 1e-16 of the size of its terms. A result far below that size carries no information, and is taken
-for zero: a variance that is exactly zero, a direction that is exactly known.
+as zero: a variance that is exactly zero, a direction that is exactly known.
 """
 
 import jax.numpy as jnp
@@ -13,11 +13,11 @@ KNOWN = 1e-26         # a variance this far below the square of its terms, or of
 DETERMINED = 1e-20    # so is the variance of a datum along diffuse directions, this far below its terms (10 digits)
 SNAPPED = 1e-13       # and a difference this far below its terms
 CONTRADICTION = 1e-9  # a datum may miss a value that is known exactly by this much of its size
-MEMORY = 0.9          # how slowly the size of a state is forgotten: its rounding stays when the state crosses zero
+MEMORY = 0.9          # decay of the size of a state in a step: its rounding remains when the state crosses zero
 
 
 def terms(C: Float[Real, "p n"], Z: Float[Real, "n k"]) -> Float[Real, " p"]:
-    """The sum over j, k of (C_ij Z_jk)²: the square of row i of C Z, were its terms orthogonal."""
+    """The sum over j, k of (C_ij Z_jk)²: the square of row i of C Z if its terms were orthogonal."""
     return apply(C * C, jnp.sum(Z * Z, axis=1))
 
 

@@ -1,6 +1,6 @@
-"""Arrays by their shapes: `Float[Array, "T n"]` is read by people and type checkers, and checked at every call in the tests.
+"""Arrays with their shapes: people and type checkers read `Float[Array, "T n"]`, and the tests check it at every call.
 
-The tests load jaxtyping first. Elsewhere nothing looks at the shapes, so that jaxtyping need not be there, or be loaded.
+The tests load jaxtyping first. Elsewhere the shapes are not used, so that jaxtyping need not be installed or loaded.
 """
 
 import sys
@@ -11,7 +11,7 @@ if TYPE_CHECKING or "jaxtyping" in sys.modules:
 else:
 
     class Float:
-        """Of an array and its shape, the array."""
+        """The array type; its shape is dropped."""
 
         def __class_getitem__(cls, described: tuple[Any, str]) -> Any:
             return described[0]

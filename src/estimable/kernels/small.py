@@ -1,6 +1,6 @@
 """Products and orthogonalisations of small matrices, written so that a compiler can fuse them.
 
-Up to `SMALL` rows the loops are written out (measured in a scan on a CPU: 3x faster than calls to a matrix library,
+Up to `SMALL` rows the loops are unrolled (measured in a scan on a CPU: 3x faster than calls to a matrix library,
 which cannot be fused); above it they call the library or loop at run time. Nothing here is batched LAPACK, which can
 deadlock inside a compiled function: mapped over a batch, LAPACK takes one matrix after another.
 """
@@ -19,10 +19,10 @@ from jax.core import Tracer
 from .shapes import Bool, Float
 
 SMALL = 8
-INDEPENDENT = 1e-3      # what must be left of a variance for three digits of sixteen to be all that N N' loses
+INDEPENDENT = 1e-3      # share of a variance that must remain for N N' to lose at most three digits of sixteen
 Real = jax.Array | np.ndarray
 Scalar = Real | float                 # one number; an entry of an array of NumPy is a float
-Flag = Real | np.bool_ | bool           # one truth value
+Flag = Real | np.bool_ | bool           # one bool
 Parts = tuple[Real, ...]
 Carry = TypeVar("Carry")  # an array, or a tree of arrays
 
@@ -50,7 +50,7 @@ def gram(Z: Float[Real, "n k"]) -> Float[Real, "n n"]:
 
 
 def sums_after(A: Float[Real, "... k"]) -> Float[Real, "... k"]:
-    """In place of each entry, the sum of those after it along the last axis."""
+    """For each entry, the sum of those after it along the last axis."""
     k = A.shape[-1]
     if k > SMALL:
         from_each_on = lax.cumsum(jnp.asarray(A), axis=A.ndim - 1, reverse=True)
@@ -60,7 +60,7 @@ def sums_after(A: Float[Real, "... k"]) -> Float[Real, "... k"]:
 
 
 def repeat(count: int, step: Callable[[Any, Carry], Carry], carry: Carry) -> Carry:
-    """`carry = step(j, carry)` for j = 0 .. count - 1: written out when small, a loop at run time otherwise."""
+    """`carry = step(j, carry)` for j = 0 .. count - 1: unrolled when small, a loop at run time otherwise."""
     if count > SMALL:
         return lax.fori_loop(0, count, step, carry)
     for j in range(count):
@@ -69,10 +69,10 @@ def repeat(count: int, step: Callable[[Any, Carry], Carry], carry: Carry) -> Car
 
 
 def triangularise(*N: Float[Real, "n _"]) -> Float[Real, "n n"]:
-    """The lower triangular L with L L' = N N' for an N in parts beside each other, each row to rounding relative to its norm.
+    """The lower triangular L with L L' = N N' for an N in parts side by side, each row to rounding relative to its norm.
 
-    By modified Gram-Schmidt where it is written out; above, by Cholesky's factor of N N' where that is as good, in half of the
-    time, else by Householder's QR. A row that depends on those above it gets a zero on the diagonal, or rounding.
+    By modified Gram-Schmidt where it is unrolled; above, by Cholesky's factor of N N' where that is as accurate, in half the
+    time, else by Householder's QR. A row that depends on those above it has zero, or rounding, on the diagonal.
     """
     n, k = len(N[0]), sum(part.shape[1] for part in N)
     if n <= SMALL or k < n:
@@ -98,12 +98,12 @@ def _triangularise_jvp(values: tuple[Parts], tangents: tuple[Parts]) -> tuple[Re
 @jax.custom_batching.sequential_vmap
 def _by_library(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     """`triangularise` by LAPACK, one matrix after another."""
-    L, good = cholesky(reduce(jnp.add, map(gram, N)))                  # of a part that stays, once and for all
+    L, good = cholesky(reduce(jnp.add, map(gram, N)))                  # of a constant part, once
     return lax.cond(jnp.all(good), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
 
 
 def cholesky(P: Float[Real, "n n"]) -> tuple[Float[Real, "n n"], Bool[Real, " n"]]:
-    """Cholesky's factor, and of which rows enough variance is left, given those above, for it to be good. Not to be batched."""
+    """Cholesky's factor, and the rows with enough variance left, given those above, for it to be accurate. Not to be batched."""
     P = jnp.asarray(P)
     L = lax.linalg.cholesky(P, symmetrize_input=False)
     return L, diagonal(L) ** 2 >= INDEPENDENT * diagonal(P)
@@ -123,7 +123,7 @@ def diagonal(P: Float[Real, "n n"]) -> Float[Real, " n"]:
 def gram_schmidt(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
     """`triangularise` by modified Gram-Schmidt on the rows of N.
 
-    L is as accurate as that of Householder's QR, whatever the units and the rank (Björck, BIT 7, 1967).
+    L is as accurate as that of Householder's QR, for any units and rank (Björck, BIT 7, 1967).
     """
     return orthogonalise(N, N.shape[0])[1]
 
@@ -131,14 +131,14 @@ def gram_schmidt(N: Float[Real, "n k"]) -> Float[Real, "n n"]:
 def orthogonalise(
     N: Float[Real, "n k"], count: int, floor: Float[Real, " m"] | None = None
 ) -> tuple[Float[Real, "n k"], Float[Real, "n m"]]:
-    """Modified Gram-Schmidt: what is left of the rows of N without the first `count`, and what they had in common with these.
+    """Modified Gram-Schmidt: the rows of N after the first `count`, less their projections on these, and the projections.
 
-    `floor`: a row of which less than that is left, in squares, is taken for zero; so seldom run that it is never written out.
+    `floor`: a row of which less than this is left, in squares, is taken as zero. This rare loop is never unrolled.
     """
     n = N.shape[0]
 
     def take(j: int | Real, carry: tuple[Real, Real]) -> tuple[Real, Real]:
-        """Take row j out of the rows below it, and note what they had in common."""
+        """Subtract row j from the rows below it, and store its coefficients."""
         N, L = carry
         done = j if isinstance(j, int) else 0                          # rows above are zero: left out where j is known
         g, rest = N[j], N[done:]
@@ -162,7 +162,7 @@ def orthogonalise(
 def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n n"]:
     """`before` where L differs from it by rounding only, else L; derivatives are those of L.
 
-    So a recursion that converges ends in one matrix, and not in a cycle of its last digits.
+    A recursion that converges therefore ends in one matrix, not in a cycle of its last digits.
     """
     moved, rounding = jnp.sum((L - before) ** 2, axis=1), max(8, len(L) / 8) * np.finfo(float).eps
     return jnp.where(settles(jnp.all(moved <= rounding**2 * jnp.sum(before**2, axis=1))), before, L)
@@ -170,7 +170,7 @@ def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n
 
 @jax.jit
 def settles(only_rounding: Flag) -> Flag:
-    """The choice of `settled`, under a name: an engine that looks for nothing that repeats may leave it out."""
+    """The choice of `settled`, as a named step: an engine that detects no steady state may omit it."""
     return only_rounding
 
 
@@ -180,13 +180,13 @@ def _settled_jvp(values: tuple[Real, Real], tangents: tuple[Real, Real]) -> tupl
 
 
 def solve_lower(L: Float[Real, "n n"], B: Float[Real, "n k"], *, transpose: bool = False) -> Float[Real, "n k"]:
-    """L^-1 B for a lower triangular L, or L'^-1 B; where a diagonal entry is zero, zero stands for what it cannot tell."""
+    """L^-1 B for a lower triangular L, or L'^-1 B; zero where a diagonal entry of zero leaves the result undetermined."""
     if transpose:
         return solve_upper(jnp.asarray(L).T, B)
     n = L.shape[0]
 
     def eliminate(j: int | Real, B: Real) -> Real:
-        """Take unknown j out of the rows below."""
+        """Eliminate unknown j from the rows below."""
         pivot = L[j, j]
         row = jnp.where(pivot != 0, B[j] / jnp.where(pivot != 0, pivot, 1.0), 0.0)
         below = jnp.where(jnp.arange(n) > j, L[:, j], 0.0)
@@ -203,14 +203,14 @@ def solve_upper(U: Float[Real, "n n"], B: Float[Real, "n k"]) -> Float[Real, "n 
 def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     """A lower triangular L with L L' = P for a positive semidefinite P; a zero pivot gives a zero column.
 
-    A pivot below n eps P_jj is rounding, and taken for zero.
+    A pivot below n eps P_jj is rounding and is taken as zero.
     """
     n, P = P.shape[0], jnp.asarray(P)
     P = (P + P.T) / 2                                                  # so that derivatives are symmetric too
     floor = n * np.finfo(float).eps * diagonal(P)
 
     def eliminate(j: int | Real, carry: tuple[Real, Real]) -> tuple[Real, Real]:
-        """Take column j of L out of what is left of P."""
+        """Subtract the outer product of column j of L from the rest of P."""
         P, L = carry
         pivot = P[j, j]
         positive = pivot > floor[j]
@@ -222,7 +222,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
 
 
 def factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
-    """`factor` of every matrix in a stack: of known numbers in NumPy, for which a process has nothing to compile first."""
+    """`factor` of every matrix in a stack. Known numbers are factored in NumPy, without compilation."""
     return traced_factors(P) if isinstance(P, Tracer) else known_factors(P)
 
 
@@ -230,7 +230,7 @@ traced_factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
 
 
 def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
-    """`factor` again, of all matrices at once: by LAPACK where no pivot is taken for zero."""
+    """`factor` of all matrices at once: by LAPACK where no pivot is taken as zero."""
     P = np.asarray(P)
     P = (P + np.swapaxes(P, -1, -2)) / 2
     floor = P.shape[-1] * np.finfo(float).eps * np.diagonal(P, axis1=-2, axis2=-1)
@@ -242,7 +242,7 @@ def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
 
 
 def _eliminated(left: Float[np.ndarray, "... n n"], floor: Float[np.ndarray, "... n"]) -> Float[np.ndarray, "... n n"]:
-    """The factors, column after column; a pivot below `floor` is taken for zero. `left` is used up."""
+    """The factors, column after column; a pivot below `floor` is taken as zero. `left` is overwritten."""
     n, L = left.shape[-1], np.zeros(left.shape)
     for j in range(n):
         pivot = left[..., j, j]

@@ -4,7 +4,7 @@ The samples k, k+1, .. are summarised in data about x = x[k], at most one for ea
 
     z = H x + V ε,   ε unit white                                                                      (1)
 
-Model, with e, e' unit white and δ an input of which nothing is known (there may be none):
+Model, with e, e' unit white and δ an unknown input without prior (there may be none):
 
     y = C x + d + v,   x+ = F x + c + E δ + ω,   v = V_y e,  ω = Ω e + W e'   (Ω: cross noise, or None)
 
@@ -18,13 +18,13 @@ coefficient, state j leaves every other datum l that is still free:
 
     (H, V, z)_l <- (H, V, z)_l - (H_lj / H_ij) (H, V, z)_i                                             (4)
 
-Precise data are not drowned in the noise of worse ones. The unknown input is eliminated first, and its data are dropped.
+Precise data are not mixed with the noise of worse ones. The unknown input is eliminated first, and its data are dropped.
 What remains without a state is a datum on the noises alone; with ν its row of V, the noises are conditioned on it:
 
     V <- V - k ν,  z <- z - k z_i,  k = V ν' / ν ν'                                                    (5)
 
 The smoothed state is the prediction from earlier samples, corrected once by (1). No covariance is subtracted or inverted,
-and no noise need exist.
+and every noise may be zero.
 
 References: D. C. Fraser, J. E. Potter, IEEE TAC 14 (1969) 387-390, and D. Q. Mayne, Automatica 4 (1966) 73-92 (two
 filters); C. C. Paige, SIAM J. Numer. Anal. 16 (1979) 165-171 (least squares with a singular noise, by its factor).
@@ -88,17 +88,17 @@ def earlier(later: Evidence, instant: Instant, y: Float[Real, " p"], seen: Bool[
 
 
 def about_state(joint: Evidence, n: int) -> Evidence:
-    """The data about x alone, whatever δ is."""
+    """The data about x alone, for any δ."""
     return Evidence(joint.H[:n, :n], joint.V[:n, :n], joint.z[:n], joint.size[:n])
 
 
 def _combined(data: Evidence, unknown: int) -> Evidence:
-    """The same likelihood in as many data as there are columns, those about δ last."""
+    """The same likelihood with one datum per column, those about δ last."""
     s, columns = data.H.shape
     n = columns - unknown
 
     def eliminate(j: int | Real, carry: tuple[Evidence, Real, Real]) -> tuple[Evidence, Real, Real]:
-        """Take column j out of all free data but its pivot: δ first, then x."""
+        """Eliminate column j from all free data except its pivot: δ first, then x."""
         data, free, chosen = carry
         column = jnp.where(j < unknown, j + n, j - unknown)
         data, pivot = _eliminated(data, free, column)
@@ -112,7 +112,7 @@ def _combined(data: Evidence, unknown: int) -> Evidence:
 
 
 def _eliminated(data: Evidence, free: Bool[Real, " s"], column: Scalar) -> tuple[Evidence, Real]:
-    """(4): the free data without one column, and which of them was its pivot."""
+    """(4): the free data without one column, and the index of its pivot."""
     h = jnp.sum(jnp.where(jnp.arange(data.H.shape[1])[None, :] == column, data.H, 0.0), axis=1)
     variance = jnp.sum(data.V * data.V, axis=1)
     candidate = free & (h != 0)

@@ -1,7 +1,7 @@
 """The steady filters of an unknown input, as dense matrices: their closed loops, by iterating the covariance.
 
 Letters: x[k+1] = A x + B d + w, y = C x + D d + v, covariances Q, R and S between w and v; e is the error of the state
-predicted from y[0..k-1], e+ = F e + w - K v. Where D has a null space N, the part B N of the last input is still open.
+predicted from y[0..k-1], e+ = F e + w - K v. Where D has a null space N, the part B N of the last input is still undetermined.
 Reference: H. Fang (2009), (2.22)-(2.30) and Algorithm 1; the exact filter by generalised least squares.
 """
 
@@ -39,16 +39,16 @@ def _radius(step: Callable[[Real], tuple[Real, Real]], A: Real, C: Real) -> floa
 def exact_step(
     A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real, S: Real, P: Real
 ) -> tuple[Real, Real]:
-    """Gain and next covariance: (d, and what was left of the last one) by least squares, then x and w."""
+    """Gain and next covariance: d and the undetermined part of the last input by least squares, then x and w."""
     _, s, V = np.linalg.svd(D)
     rank = int(np.sum(s > 1e-10 * max(s.max(initial=0.0), 1e-300)))
-    told, N = V[:rank].T, V[rank:].T
+    determined, N = V[:rank].T, V[rank:].T
     open_state = B @ N
-    E = np.hstack([C @ open_state, D @ told])
+    E = np.hstack([C @ open_state, D @ determined])
     W = np.linalg.pinv(C @ P @ C.T + R, hermitian=True)
     H = np.linalg.pinv(E.T @ W @ E, hermitian=True) @ E.T @ W
     rest = W @ (np.eye(len(C)) - E @ H)
-    K = A @ (open_state @ H[: N.shape[1]] + P @ C.T @ rest) + B @ told @ H[N.shape[1] :] + S @ rest
+    K = A @ (open_state @ H[: N.shape[1]] + P @ C.T @ rest) + B @ determined @ H[N.shape[1] :] + S @ rest
     return K, covariance(A - K @ C, K, P, Q, R, S)
 
 
@@ -67,6 +67,6 @@ def fang_step(A: Real, B: Real, C: Real, D: Real, Q: Real, R: Real, P: Real) -> 
 
 
 def covariance(F: Real, K: Real, P: Real, Q: Real, R: Real, S: Real) -> Real:
-    """Of F e + w - K v, (2.27)."""
+    """The covariance of F e + w - K v, (2.27)."""
     after = F @ P @ F.T + Q + K @ R @ K.T - K @ S.T - S @ K.T
     return (after + after.T) / 2

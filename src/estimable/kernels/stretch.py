@@ -1,4 +1,4 @@
-"""What a stretch of samples does to a belief: the elements that a scan sums over windows.
+"""The effect of a stretch of samples on a belief: the elements that an associative scan sums over windows.
 
 A stretch leads from x, the state before its first sample, to x+, the state before the first sample after it. Given its
 samples, with ξ and ε unit white,
@@ -89,7 +89,7 @@ def _fewest(H: Float[Real, "s n"], z: Float[Real, " s"]) -> tuple[Real, Real]:
 
 
 def through(prior: Gaussian, stretch: Stretch) -> Gaussian:
-    """The belief after a stretch, from that before it."""
+    """The belief after a stretch, from the belief before it."""
     A, b, Z, H, z = stretch.A, stretch.b, stretch.Z, stretch.H, stretch.z
     n, seen = len(H), jnp.max(jnp.abs(H), axis=1) > 0
     post = kalman.correct(prior, Measurement(H, jnp.zeros(n), jnp.eye(n)), z, seen)

@@ -1,7 +1,7 @@
 """Subspace identification: N4SID, MOESP and CVA, from one factorisation. NumPy, outside jit.
 
 Letters: block rows U_f, Y_f of s future and W_p = [U_p; Y_p] of s past samples, N columns; [U_f; W_p; Y_f] = L Q', and every
-step works on L alone. O = Γ X is what of Y_f the past tells: Γ = [C; CA; ..], X the states.
+step works on L alone. O = Γ X is the part of Y_f that the past determines: Γ = [C; CA; ..], X the states.
 
 References: P. Van Overschee, B. De Moor, Subspace Identification (1996), Figs 4.6-4.8, Table 4.1 (weights); M. Verhaegen, P.
 Dewilde, Int. J. Control 56 (1992) 1187 (A, C by shift; B, D by regression on the outputs).
@@ -14,7 +14,7 @@ import numpy as np
 
 WEIGHTINGS = ("n4sid", "moesp", "cva")
 CHUNK = 1000  # rows folded into the factor at a time
-EXACT = 1e-9  # of the largest: the least that outputs are taken to vary in a direction
+EXACT = 1e-9  # of the largest: the least variation assumed for the outputs in a direction
 
 
 class Factor(NamedTuple):
@@ -56,23 +56,23 @@ class Shift(NamedTuple):
     C: np.ndarray
     Γ: np.ndarray
     singular_values: np.ndarray
-    told: np.ndarray
+    oblique: np.ndarray
 
 
 def shift(found: Factor, n: int, weighting: str) -> Shift:
-    """A and C of a model with n states: of what of Y_f the past tells, A maps Γ without its last block to Γ without its first."""
+    """A and C of a model with n states. In O, A maps Γ without its last block to Γ without its first."""
     L, s, m, p, _ = found
     f, k = s * m, s * (2 * m + p)
     U_f, W_p, Y_f = L[:f], L[f:k], L[k:]
-    told = _oblique(Y_f, U_f, W_p)  # O
-    without_u = Y_f[:, f:k] if weighting != "n4sid" else told
+    oblique = _oblique(Y_f, U_f, W_p)  # O
+    without_u = Y_f[:, f:k] if weighting != "n4sid" else oblique
     W = np.eye(len(Y_f))
-    if weighting == "cva":  # W1^-1, a root of Y_f Π Y_f'; directions without noise count as having little
+    if weighting == "cva":  # W1^-1, a root of Y_f Π Y_f'; directions without noise get a little
         axes, size, _ = np.linalg.svd(Y_f[:, f:])
         W = axes * np.maximum(size, EXACT * size[0])
     left, values, _ = np.linalg.svd(np.linalg.solve(W, without_u), full_matrices=False)
     Γ = (W @ left[:, :n]) * np.sqrt(values[:n])
-    return Shift(np.linalg.lstsq(Γ[:-p], Γ[p:], rcond=None)[0], Γ[:p], Γ, values, told)
+    return Shift(np.linalg.lstsq(Γ[:-p], Γ[p:], rcond=None)[0], Γ[:p], Γ, values, oblique)
 
 
 def dynamics(found: Factor, n: int, weighting: str) -> NoisyDynamics:
@@ -80,16 +80,16 @@ def dynamics(found: Factor, n: int, weighting: str) -> NoisyDynamics:
     L, s, m, p, N = found
     f, k = s * m, s * (2 * m + p)
     U_f, W_p, Y_f = L[:f], L[f:k], L[k:]
-    A, C, Γ, values, told = shift(found, n, weighting)
+    A, C, Γ, values, oblique = shift(found, n, weighting)
     later = _oblique(Y_f[p:], U_f[m:], np.concatenate([W_p, U_f[:m], Y_f[:p]]))
-    X, X_next = (np.linalg.lstsq(G, states, rcond=None)[0] for G, states in ((Γ, told), (Γ[:-p], later)))
+    X, X_next = (np.linalg.lstsq(G, states, rcond=None)[0] for G, states in ((Γ, oblique), (Γ[:-p], later)))
     now = np.concatenate([X_next - A @ X, Y_f[:p] - C @ X])
     e = now - np.linalg.lstsq(U_f.T, now.T, rcond=None)[0].T @ U_f
     return NoisyDynamics(A, C, values, e @ e.T / N)
 
 
 def _oblique(Y: np.ndarray, U: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """The part of Y that W tells, where U tells the rest."""
+    """The oblique projection of Y on W along U."""
     both = np.concatenate([U, W])
     return np.linalg.lstsq(both.T, Y.T, rcond=1e-12)[0].T[:, len(U) :] @ W
 
@@ -97,7 +97,7 @@ def _oblique(Y: np.ndarray, U: np.ndarray, W: np.ndarray) -> np.ndarray:
 def inputs_of(
     A: np.ndarray, C: np.ndarray, data: Sequence[tuple[np.ndarray, np.ndarray]], feedthrough: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, m) and D (p, m) with which the simulation is nearest to the outputs, each record from a state of its own.
+    """B (n, m) and D (p, m) with which the simulation is nearest to the outputs, each record from its own initial state.
 
     y = Γ x0 + Σ_ij b_ij (response of state i to input j) + D u is linear in them. NaN in y: not seen.
     """
@@ -110,11 +110,11 @@ def inputs_of(
 def regressors(
     A: np.ndarray, C: np.ndarray, data: Sequence[tuple[np.ndarray, np.ndarray]], feedthrough: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Φ (N, d) and y (N,) of what was seen, y = Φ (B, D, x0 of each record)."""
+    """Φ (N, d) and y (N,) of the seen outputs, y = Φ (B, D, x0 of each record)."""
     n, p, m = len(A), len(C), data[0][0].shape[1]
     rows, right = [], []
     for k, (u, y) in enumerate(data):
-        states = _responses(A, u)  # (T, n, n m + n): the states that each entry of B and x0 makes
+        states = _responses(A, u)  # (T, n, n m + n): the states due to each entry of B and x0
         Φ = np.einsum("pn,tnk->tpk", C, states)
         starts = np.zeros((len(u), p, n * len(data)))
         starts[:, :, n * k : n * (k + 1)] = Φ[:, :, n * m :]

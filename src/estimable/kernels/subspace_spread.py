@@ -1,8 +1,8 @@
-"""How a subspace estimate scatters: the estimate again, on outputs that its own model draws. NumPy, outside jit.
+"""The spread of a subspace estimate: estimates from outputs drawn from its own model. NumPy, outside jit.
 
 Letters: those of `subspace`; β = (B, D, x0), y = Φ β. A draw's A and C come from its own factor, by the products of the signals
-at all lags; its B and D to first order: δβ = Φ^+ (noise of the outputs - what δA and δC make of them). Outputs that were not
-seen are those of the simulation, as the estimate itself fills them in.
+at all lags; its B and D to first order: δβ = Φ^+ (noise of the outputs - effect of δA and δC on them). Unseen outputs are
+those of the simulation, as in the estimate itself.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ RIDGE = 1e-13  # of the diagonal of the products, so that they have a Cholesky f
 
 
 class Drawn(NamedTuple):
-    """What is drawn again: how the estimate is made (block rows s, order n, weighting, feedthrough)."""
+    """How the estimate is computed, and so each draw (block rows s, order n, weighting, feedthrough)."""
 
     s: int
     n: int
@@ -56,7 +56,7 @@ def _root(Σ: np.ndarray) -> np.ndarray:
 
 
 def _noise(base: Dynamics, K: np.ndarray, L: np.ndarray, T: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """What the innovations make of the outputs, (T, p, draws)."""
+    """The part of the outputs due to the innovations, (T, p, draws)."""
     e = np.einsum("pq,tqb->tpb", L, rng.standard_normal((T, len(L), draws)))
     (n, p), none = K.shape, np.zeros((len(K), len(K)))
     return response(System(base.A, K, base.C, np.eye(p), none, none, none), e, np.zeros((n, draws)))[0]
@@ -71,13 +71,13 @@ def products_factor(data: Data, s: int) -> Factor:
             total, N = total + _products(np.concatenate([u, y], axis=1), 2 * s, columns), N + columns
     lags, q = 2 * s, m + p
     order = np.arange(lags * q).reshape(lags, q)
-    kept = np.concatenate([order[s:, :m].ravel(), order[:s, :m].ravel(), order[:, m:].ravel()])
-    G = total.reshape(lags * q, lags * q)[np.ix_(kept, kept)]
+    picked = np.concatenate([order[s:, :m].ravel(), order[:s, :m].ravel(), order[:, m:].ravel()])
+    G = total.reshape(lags * q, lags * q)[np.ix_(picked, picked)]
     return Factor(np.linalg.cholesky(G + RIDGE * np.diag(np.diagonal(G))), s, m, p, N)
 
 
 def _products(z: np.ndarray, lags: int, N: int) -> np.ndarray:
-    """Σ_t z[t+i] z[t+j]' over N columns, as (lags, q, lags, q): row i+1 is row i with one term less and one more."""
+    """Σ_t z[t+i] z[t+j]' over N columns, as (lags, q, lags, q): row i+1 is row i with one term removed and one added."""
     q = z.shape[1]
     G = np.zeros((lags, q, lags, q))
     for j in range(lags):
@@ -90,7 +90,7 @@ def _products(z: np.ndarray, lags: int, N: int) -> np.ndarray:
 
 
 class _Regression(NamedTuple):
-    """y = Φ β at the estimate: Q, R of Φ at the rows seen, which those are, the outputs without noise, states at row 0."""
+    """y = Φ β at the estimate: Q, R of Φ at the seen rows, their indices, the outputs without noise, the states at row 0."""
 
     Q: np.ndarray
     R: np.ndarray
@@ -101,7 +101,7 @@ class _Regression(NamedTuple):
 
     @staticmethod
     def of(base: Dynamics, data: Data, feedthrough: bool) -> "_Regression":
-        """At the estimate, each record from the state that fits it best."""
+        """The regression at the estimate, each record from the state that fits it best."""
         n, m = base.B.shape
         Φ, y = kernel.regressors(base.A, base.C, data, feedthrough)
         Q, R = np.linalg.qr(Φ)

@@ -1,4 +1,4 @@
-"""What the uncertainty of a model's matrices makes of its poles, zeros and responses, to first order. NumPy, outside jit.
+"""The effect of uncertain model matrices on poles, zeros and responses, to first order. NumPy, outside jit.
 
 Letters: x+ = A x + B u, y = C x + D u. Tangents (dA, dB, dC, dD), r of each: independent moves of one standard deviation, so
 that the covariance of anything f of the model is Σ_i df_i df_i'. With Λ = diag(λ), W'V = I: dλ_k = w_k' dA v_k.
@@ -12,12 +12,12 @@ from ..frozen import saved
 from .innovations_form import FAR, System, response
 
 DEFECTIVE = 1e-8  # w'v of unit vectors, below which an eigenvalue has no derivative
-TOGETHER = 10  # tangents whose states are kept at a time
+TOGETHER = 10  # tangents whose states are in memory at a time
 
 
 @saved
 class Dynamics(NamedTuple):
-    """A (n, n), B (n, m), C (p, n), D (p, m); of tangents each with a leading axis r."""
+    """A (n, n), B (n, m), C (p, n), D (p, m); tangents have a leading axis r."""
 
     A: np.ndarray
     B: np.ndarray
@@ -74,7 +74,7 @@ def impulse_moves(found: Dynamics, d: Dynamics, length: int) -> tuple[np.ndarray
 
 
 def output_moves(found: Dynamics, d: Dynamics, u: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Moves (r, T, p) of the outputs that u (T, m) makes from the state x (n,), which stays: dx+ = A dx + dA x + dB u."""
+    """Moves (r, T, p) of the outputs to u (T, m) from the fixed state x (n,): dx+ = A dx + dA x + dB u."""
     A, B, C, _ = found
     (n, m), p = B.shape, len(C)
     none = np.zeros((n, n))
@@ -107,9 +107,9 @@ def observability(found: Dynamics, blocks: int) -> np.ndarray:
 
 
 def root(Σ: np.ndarray) -> np.ndarray:
-    """L (d, r) with L L' = Σ, without the directions in which nothing moves."""
+    """L (d, r) with L L' = Σ, without the directions of zero variance."""
     scale = np.sqrt(np.maximum(np.diagonal(Σ), 0.0))
     inverse = np.where(scale > 0, 1 / np.where(scale > 0, scale, 1.0), 0.0)
     values, vectors = np.linalg.eigh(Σ * np.outer(inverse, inverse))
-    kept = values > 1e-14 * max(values.max(initial=0.0), np.finfo(float).tiny)
-    return scale[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    nonzero = values > 1e-14 * max(values.max(initial=0.0), np.finfo(float).tiny)
+    return scale[:, None] * vectors[:, nonzero] * np.sqrt(values[nonzero])

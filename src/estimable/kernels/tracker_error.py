@@ -19,12 +19,12 @@ def stable(α: float, β: float) -> bool:
 
 
 def manoeuvre(α: float, β: float) -> float:
-    """φ: what σ_a² T³/3 of acceleration noise leaves of the variance of r."""
+    """φ: the variance of r due to acceleration noise, in units of σ_a² T³/3."""
     return (1 - α) ** 2 / α * (3 * (2 - α) - β) / (β * (2 * (2 - α) - β))
 
 
 def noise(α: float, β: float) -> float:
-    """ψ: what σ_s²/T of sensor noise leaves of the variance of r."""
+    """ψ: the variance of r due to sensor noise, in units of σ_s²/T."""
     return (2 * α**2 + (2 - 3 * α) * β) / (α * (2 * (2 - α) - β))
 
 
@@ -43,7 +43,7 @@ def of_noise(α: float, β: float, T: float) -> tuple[float, float, float]:
 
 
 def kalata(Λ: float | jax.Array) -> tuple[Any, Any]:
-    """α and β that are optimal where the acceleration is constant over each step, of index Λ = σ_w T² / σ_v. Arrays of JAX too.
+    """The optimal α and β for an acceleration constant over each step, of index Λ = σ_w T² / σ_v. Accepts JAX arrays.
 
     s² = 1 - α solves 2 (1 - s)² = Λ s (Kalata 1984), from which β = 2 (1 - s)²; 1 - s without its cancellation for a small Λ.
     """
@@ -57,7 +57,7 @@ def kalata_gamma(Λ: float) -> tuple[float, float, float]:
     """The same where the acceleration is increased at each step: with q = 1 - s, 2 q³ = Λ (1 - q) (2 - q), γ = β² / (2 α)."""
     roots = np.roots([2.0, -Λ, 3 * Λ, -2 * Λ])
     q = float(min(roots, key=lambda z: abs(z.imag) + max(0.0, -z.real) + max(0.0, z.real - 1)).real)
-    for _ in range(3):                                                 # Newton takes out the rounding of `roots`
+    for _ in range(3):                                                 # Newton removes the rounding of `roots`
         q -= (2 * q**3 - Λ * (1 - q) * (2 - q)) / (6 * q**2 + Λ * (3 - 2 * q))
     return q * (2 - q), 2 * q**2, 2 * q**3 / (2 - q)
 
@@ -68,6 +68,6 @@ def fading(θ: float) -> tuple[float, float, float]:
 
 
 def poles(*gains: float) -> np.ndarray:
-    """Of the error with the gains (α, β) or (α, β, γ), K = (α, β / T, γ / T²); they do not depend on T."""
+    """The poles of the error with the gains (α, β) or (α, β, γ), K = (α, β / T, γ / T²); they do not depend on T."""
     Φ = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])[: len(gains), : len(gains)]
     return np.linalg.eigvals(Φ - np.outer(gains, Φ[0]))

@@ -13,8 +13,8 @@ from .auxiliary_model import stabilise
 from .shapes import Float
 from .small import Flag, Real, Scalar, apply, factor, product, solve_lower
 
-DOUBT = 0.5  # standard deviations: a divisor smaller than that counts as that large
-LEAST = 1e-3  # of the sum of |b|: and none is smaller than that
+DOUBT = 0.5  # standard deviations: a smaller divisor is raised to this
+LEAST = 1e-3  # of the sum of |b|: the smallest divisor
 
 
 class Numerator(NamedTuple):
@@ -29,7 +29,7 @@ class Numerator(NamedTuple):
 def forecast(
     a: Float[Real, "p na"], b: Float[Real, "p m lags"], x: Float[Real, "p na"], u: Float[Real, "m q"], delay: int
 ) -> Float[Real, "p na"]:
-    """Past outputs `delay` samples later, of which the inputs u (newest first) are already known."""
+    """Past outputs `delay` samples later, for already known inputs u (newest first)."""
     lags = b.shape[2]
     for j in range(delay):
         window = u[:, delay - 1 - j : delay - 1 - j + lags]
@@ -39,12 +39,12 @@ def forecast(
 
 
 def as_given(b: Float[Real, " lags"], P: Float[Real, "lags lags"]) -> Numerator:
-    """B itself, taken at its word, whose zeros the input then cancels."""
+    """B itself, taken as exact; the input then cancels its zeros."""
     return Numerator(b[0], b, jnp.zeros(()), jnp.asarray(True))
 
 
 def mirrored(b: Float[Real, " lags"], P: Float[Real, "lags lags"]) -> Numerator:
-    """B with zeros outside the unit circle mirrored and its static gain kept; B itself where there are none."""
+    """B with the zeros outside the unit circle mirrored and its static gain unchanged; B itself where there are none."""
     β = b[1:] / jnp.where(b[0] != 0, b[0], 1.0)
     β = jnp.where(b[0] != 0, β, b[1:] / (LEAST**2 * jnp.maximum(jnp.sum(jnp.abs(b)), 1e-300)))   # b0 = 0: a zero far out
     inside = stabilise(β)
@@ -56,7 +56,7 @@ def mirrored(b: Float[Real, " lags"], P: Float[Real, "lags lags"]) -> Numerator:
 
 
 def guarded(divisor: Scalar, variance: Scalar, b: Float[Real, " lags"], lower: Scalar) -> Real:
-    """The divisor, its sign kept, not nearer to zero than `lower` and than what is known of it."""
+    """The divisor with its sign, no nearer to zero than `lower` and than its uncertainty allows."""
     floor = jnp.maximum(jnp.maximum(lower, DOUBT * jnp.sqrt(variance)), LEAST * jnp.sum(jnp.abs(b)))
     return jnp.where(jnp.abs(divisor) >= floor, divisor, jnp.where(divisor < 0, -floor, floor))
 

@@ -26,7 +26,7 @@ def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tu
 def log_likelihood(
     a: Float[Real, " na"], b: Float[Real, "m lags"], r: Scalar, s: Float[Real, " n"], delay: int, rows: tuple
 ) -> tuple[Float[Real, ""], Float[Real, " T"], Float[Real, " T"]]:
-    """Of the outputs seen; with the innovations and their variances, row by row. `rows`: ū, W (T, m), y and seen (T,)."""
+    """The log likelihood of the seen outputs; innovations and their variances, row by row. `rows`: ū, W (T, m), y, seen (T,)."""
     F, G, D = companion(a, b, delay)
 
     def step(carry: tuple[Real, ...], row: tuple[Real, ...]) -> tuple[tuple[Real, ...], tuple[Real, ...]]:

@@ -1,1 +1,1 @@
-"""Programs as LLVM's assembly, and machine code made of it."""
+"""Programs as LLVM assembly, and the machine code compiled from it."""

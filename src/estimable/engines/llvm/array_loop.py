@@ -1,4 +1,4 @@
-"""The loop over time around operations on arrays, as LLVM's assembly: `scalar_loop` for arrays instead of scalars."""
+"""The loop over time around operations on arrays, as LLVM assembly: `scalar_loop` for arrays instead of scalars."""
 
 import math
 from collections.abc import Iterable
@@ -13,17 +13,17 @@ from .emit import commit, compute, emit, read_again, row_of
 from .scalar_loop import RowArray, ScalarLoop
 
 BITS = {"double": "i64", "i64": "i64", "i1": "i1"}
-HELD = {"double": "double", "i64": "i64", "i1": "double"}  # how a word of eight bytes holds an entry
+HELD = {"double": "double", "i64": "i64", "i1": "double"}  # type of an entry in a word of eight bytes
 
 
 @dataclass(eq=False)
 class ArrayLoop:
     """A program of arrays run row by row.
 
-    `start`: the fixed arrays to the first state; None where there is no state. `program`: the fixed arrays, a state and a row to
-    the next state, `count` arrays that are written of each row, and the rest, which are written of the last row only. `fixed`
-    lie in memory as words one after the other, and so does what is written last. `seek_steady` as in `ScalarLoop`. `bytes`: of
-    memory, known once the assembly is.
+    `start`: from the fixed arrays to the first state; None where there is no state. `program`: from the fixed arrays, a state and
+    a row to the next state, `count` arrays written for each row, and further arrays written for the last row only. `fixed` and
+    the outputs of the last row are consecutive words in memory. `seek_steady` as in `ScalarLoop`. `bytes`: the memory needed,
+    known once the assembly is.
     """
 
     program: Arrays
@@ -34,26 +34,26 @@ class ArrayLoop:
     seek_steady: bool = True
     bytes: int = 0
     has_loops: ClassVar[bool] = True  # inside a row
-    integers: ClassVar[int] = 1  # that the function takes before its arrays
+    integers: ClassVar[int] = 1  # arguments of the function before its arrays
 
     @property
     def each(self) -> tuple[int, ...]:
-        """The arrays that are written of each row."""
+        """The arrays written for each row."""
         return self.program.outputs[self.states : self.states + self.count]
 
     @property
     def last(self) -> tuple[int, ...]:
-        """The arrays that are written of the last row."""
+        """The arrays written for the last row."""
         return self.program.outputs[self.states + self.count :]
 
     @property
     def rows(self) -> int:
-        """How many arrays a row is read from."""
+        """The number of arrays that a row is read from."""
         return len(self.program.inputs) - self.fixed - self.states
 
     @property
     def pointers(self) -> int:
-        """How many arrays the function takes."""
+        """The number of arrays that the function takes."""
         return 3 + self.rows + len(self.each)
 
     def assembly(self, lanes: int = 1) -> str:
@@ -67,7 +67,7 @@ class ArrayLoop:
 class _ArrayLoopText:
     """The blocks: those of `scalar_loop`, with the carry in memory.
 
-    What is steady stays where it lies, so that `rest` finds it there. `differ` goes back to `whole`.
+    The steady part remains in place, where `rest` reads it. `differ` returns to `whole`.
     """
 
     def __init__(self, loop: ArrayLoop):
@@ -88,7 +88,7 @@ class _ArrayLoopText:
         self.fixed, self.last = self._outside("%fixed"), self._outside("%last")
 
     def _outside(self, pointer: str) -> Memory:
-        """Memory that is given."""
+        """Memory of the caller."""
         return Memory(pointer, (), region=self.blocks.new_region())
 
     def write(self) -> str:
@@ -103,7 +103,7 @@ class _ArrayLoopText:
         return self.blocks.assembly(f"i64 %T, {pointers}")
 
     def _entry(self) -> dict[int, Value]:
-        """What is the same in every row, and the first state."""
+        """The values that are the same in every row, and the first state."""
         blocks, fixed = self.blocks, self._fixed()
         values = {name: value for name, value in zip(self.program.inputs, fixed, strict=False) if name >= 0}
         types = [self.program.operations[name] for name in self.carry]
@@ -120,7 +120,7 @@ class _ArrayLoopText:
         return values
 
     def _fixed(self) -> list[Value]:
-        """The fixed arrays, as they lie one after the other."""
+        """The fixed arrays, one after the other."""
         values, offset = [], 0
         for shape, kind in self.program.types[: self.loop.fixed]:
             memory = self.fixed._replace(strides=row_after_row(shape), offset=offset)
@@ -136,7 +136,7 @@ class _ArrayLoopText:
         back = ", [%rest.row, %differ]" if self.part.carry else ""
         blocks.lines.append(f"%whole.row = phi i64 [0, %{self.came}], [%whole.next, %again]{back}")
         values = self._computed(values, "whole")
-        self._tell(values, "whole")
+        self._write_row(values, "whole")
         steady = self._all_equal([(values[self.carry[i]], values[self.next[i]]) for i in sorted(self.part.carry)])
         for memory, choice in zip(self.held, choices, strict=True):
             blocks.fill(memory, values[choice])
@@ -147,7 +147,7 @@ class _ArrayLoopText:
         return values
 
     def _rest(self, whole: dict[int, Value]) -> None:
-        """A row of which a part is as it was, where the choices that the part depends on are as they were."""
+        """A row without its steady part, while the choices that this part depends on are unchanged."""
         blocks, slow = self.blocks, self.part.slow
         blocks.begin("rest")
         blocks.lines.append("%rest.row = phi i64 [%whole.next, %again], [%rest.next, %more]")
@@ -160,14 +160,14 @@ class _ArrayLoopText:
         blocks.begin("differ")
         blocks.lines.append("br label %whole")
         blocks.begin("commit")
-        self._tell(values, "rest")
+        self._write_row(values, "rest")
         self._commit(values, [i for i in range(len(self.alive)) if i not in self.part.carry])
         self._go_on("rest", "more")
         blocks.begin("more")
         blocks.lines.append("br label %rest")
 
     def _computed(self, values: dict[int, Value], block: str) -> dict[int, Value]:
-        """The values, with those of a row."""
+        """The values, extended by those of a row."""
         values, begin = dict(values), self.loop.fixed + self.loop.states
         for memory, name in zip(self.rows, self.program.inputs[begin:], strict=True):
             if name >= 0:
@@ -181,8 +181,8 @@ class _ArrayLoopText:
         rows = memory._replace(strides=(math.prod(shape), *row_after_row(shape)))
         return row_of(self.blocks, self.blocks.lying(rows, (0, *shape), kind), f"%{block}.row")
 
-    def _tell(self, values: dict[int, Value], block: str) -> None:
-        """Write what is told of a row."""
+    def _write_row(self, values: dict[int, Value], block: str) -> None:
+        """Write the outputs of a row."""
         for memory, name in zip(self.each, self.loop.each, strict=True):
             value = values[name]
             self.blocks.fill(self._row(memory, value.shape, value.kind, block).lies, value)
@@ -198,13 +198,13 @@ class _ArrayLoopText:
         commit(self.blocks, [self.memories[i] for i in which], [values[self.next[i]] for i in which])
 
     def _go_on(self, block: str, more: str) -> None:
-        """Go on to the next row."""
+        """Continue with the next row."""
         self.blocks.lines += [f"%{block}.next = add nuw nsw i64 %{block}.row, 1",
                               f"%{block}.more = icmp slt i64 %{block}.next, %T",
                               f"br i1 %{block}.more, label %{more}, label %exit"]  # fmt: skip
 
     def _all_equal(self, pairs: list[tuple[Value, Value]]) -> str:
-        """Whether the two of every pair are the same to the last bit."""
+        """Whether the values of every pair are bitwise equal."""
         blocks, same = self.blocks, "true"
 
         def further(a: Value, b: Value, index: list[str], so_far: str) -> str:
@@ -213,12 +213,12 @@ class _ArrayLoopText:
                 one, two = (blocks.assign(f"bitcast {a.kind} {value.at(index)} to {bits}") for value in (a, b))
                 equal = blocks.assign(f"icmp eq {bits} {one}, {two}")
                 return blocks.assign(f"and i1 {so_far}, {equal}")
-            ((_, told),) = blocks.fold(
+            ((_, equal),) = blocks.fold(
                 a.shape[len(index)],
                 (("i1", so_far),),
                 lambda i, state: (("i1", further(a, b, [*index, i], state[0][1])),),
             )
-            return told
+            return equal
 
         for a, b in pairs:
             same = further(a, b, [], same)

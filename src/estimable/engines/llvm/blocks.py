@@ -1,4 +1,4 @@
-"""Lines of LLVM's assembly with loops in them: what arrays in machine code are written with."""
+"""Lines of LLVM assembly with loops: the building blocks of arrays in machine code."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,15 +12,15 @@ from .scalars import Scalars
 from .spelling import hexadecimal
 
 BYTES = {"double": 8, "i64": 8, "i1": 1}
-ALIGNED = 64  # bytes: a line of the cache
-FEW = 2  # rounds of a loop, which are written one after the other
-LOOPS = 1_000_000  # what is said of loops has numbers above what is said of memory
+ALIGNED = 64  # bytes of a cache line
+FEW = 2  # rounds up to which a loop is unrolled
+LOOPS = 1_000_000  # numbers of metadata on loops begin here, above those on memory
 
 
 class Memory(NamedTuple):
-    """Where an array lies: entry i, j, .. is `offset` + i strides[0] + j strides[1] + .. entries after `pointer`.
+    """The location of an array: entry i, j, .. is `offset` + i strides[0] + j strides[1] + .. entries after `pointer`.
 
-    Memories of different regions (0: not known) do not overlap.
+    Memories of different regions (0: unknown) do not overlap.
     """
 
     pointer: str
@@ -30,10 +30,10 @@ class Memory(NamedTuple):
 
 
 class Value(NamedTuple):
-    """An array: `at(index)` writes the lines that give an entry, and says what the entry is called.
+    """An array: `at(index)` writes the lines that compute an entry, and returns its name.
 
-    `memory`: where it lies, if it does; `work`: whether an entry takes arithmetic, so that it should not be computed twice;
-    `known`: the entries of what is known before.
+    `memory`: its location, if it has one; `work`: whether an entry needs arithmetic, so that it should not be computed twice;
+    `known`: the entries of an array known at compile time.
     """
 
     shape: tuple[int, ...]
@@ -45,14 +45,14 @@ class Value(NamedTuple):
 
     @property
     def lies(self) -> Memory:
-        """Where an array lies that is in memory."""
+        """The location of an array in memory."""
         if self.memory is None:
             raise ValueError("this array is computed where it is read")
         return self.memory
 
 
 class Blocks:
-    """The lines so far, the block that they are in, and the memory that they use."""
+    """The lines so far, the current block, and the memory they use."""
 
     def __init__(self):
         self.scalars = Scalars(Program((), (), ()), 1)
@@ -65,7 +65,7 @@ class Blocks:
         self.bytes = self.count = self.regions = 0
 
     def assign(self, text: str) -> str:
-        """A new name for what `text` gives."""
+        """A new name for the result of `text`."""
         return self.scalars.assign(text, self.lines)
 
     def begin(self, block: str) -> None:
@@ -132,7 +132,7 @@ class Blocks:
         return Memory(name, row_after_row(array.shape))
 
     def argument(self, text: str) -> str:
-        """The address of a known scalar, for a routine that takes its arguments by address."""
+        """The address of a known scalar, for a routine with arguments by address."""
         if text not in self.given:
             self.given[text] = f"@given{len(self.given)}"
             self.declared.append(f"{self.given[text]} = private constant {text}")
@@ -179,11 +179,11 @@ class Blocks:
         return self.assign(f"trunc i8 {self.assign(f'load i8, ptr {place}, align 1{self.mine(memory)}')} to i1")
 
     def mine(self, memory: Memory) -> str:
-        """Words that tell LLVM which memory is read."""
+        """Metadata that declares to LLVM which memory is read."""
         return f", !alias.scope !{{!{2 * memory.region + 1}}}" if memory.region else ""
 
     def others(self, memory: Memory) -> str:
-        """Words that tell LLVM which memory is written, and that it is no other."""
+        """Metadata that declares to LLVM which memory is written, and that no other is."""
         return f"{self.mine(memory)}, !noalias !{2 * memory.region}" if memory.region else ""
 
     def store(self, memory: Memory, kind: str, index: list[str], name: str) -> None:
@@ -195,7 +195,7 @@ class Blocks:
         self.lines.append(f"store i8 {self.assign(f'zext i1 {name} to i8')}, ptr {place}, align 1{self.others(memory)}")
 
     def lying(self, memory: Memory, shape: tuple[int, ...], kind: str) -> Value:
-        """The array that lies in memory."""
+        """An array in memory."""
         return Value(shape, kind, lambda index: self.load(memory, kind, index), memory)
 
     def every(self, shape: tuple[int, ...], body: Callable[[list[str]], None], index: tuple[str, ...] = ()) -> None:
@@ -231,24 +231,24 @@ class Blocks:
         return self.lying(memory, value.shape, value.kind)
 
     def ready(self, value: Value) -> Value:
-        """The array, so that its entries can be read again and again."""
+        """The array in a form whose entries can be read repeatedly."""
         return self.kept(value) if value.work else value
 
 
 def number(kind: str, value: Scalar) -> str:
-    """A known entry as LLVM writes it."""
+    """A known entry in LLVM's notation."""
     if kind == "i1":
         return "true" if value else "false"
     return str(int(value)) if kind == "i64" else hexadecimal(float(value))
 
 
 def _size(shape: tuple[int, ...], kind: str) -> int:
-    """How many bytes an array takes."""
+    """The bytes of an array."""
     return BYTES[kind] * math.prod(shape)
 
 
 def row_after_row(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """The strides of an array whose rows follow each other."""
+    """The strides of an array with contiguous rows."""
     strides, step = [], 1
     for count in reversed(shape):
         strides.append(step)

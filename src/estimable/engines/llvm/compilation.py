@@ -1,4 +1,4 @@
-"""Loops in machine code, cached on disk under a name made of the text, the versions and the processor."""
+"""Loops in machine code, cached on disk under a name from the text, the versions and the processor."""
 
 import ctypes
 from functools import cache
@@ -16,7 +16,7 @@ class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
     def __init__(self, loop: ScalarLoop | ArrayLoop, lanes: int = 1):
-        _processor()  # without LLVM there is nothing to write for
+        _processor()  # fails without LLVM
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(loop.assembly(lanes), loop.has_loops)
         kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * loop.integers, *[ctypes.c_void_p] * loop.pointers)
@@ -24,15 +24,15 @@ class Compiled:
 
     def __call__(self, rows: int, fixed: np.ndarray, carry: np.ndarray, last: np.ndarray, *arrays: np.ndarray) -> None:
         """Run `rows` rows over contiguous arrays, those of `loop.row` and then those of `loop.each`; `carry`, `last` and
-        the latter are written."""
+        `loop.each` are written."""
         self.address(rows, *(array.ctypes.data for array in (fixed, carry, last, *arrays)))
 
 
 class OneRow:
-    """A loop that carries nothing, for one row: a function of one address.
+    """A loop without carry, for one row: a function of one address.
 
-    There lie the addresses of `fixed`, and of the arrays that are read and written. It keeps Python's lock, under which all
-    steps may share its memory, and returns word `last` of the last array, an integer.
+    That address holds the addresses of `fixed` and of the arrays read and written. The function holds Python's lock, so that
+    all steps may share its memory, and returns word `last` of the last array, an integer.
     """
 
     def __init__(self, loop: ScalarLoop | ArrayLoop, last: int):
@@ -54,7 +54,7 @@ class OneRow:
 
 @cache
 def _processor() -> tuple[str, str]:
-    """Name and features of this processor, with LLVM made ready for it."""
+    """Name and features of this processor, with LLVM initialised for it."""
     try:
         import llvmlite.binding as llvm
     except (ImportError, OSError) as reason:
@@ -66,7 +66,7 @@ def _processor() -> tuple[str, str]:
 
 
 def _machine() -> Any:
-    """A target machine; an engine takes over the one that it is given."""
+    """A target machine; an engine takes ownership of it."""
     import llvmlite.binding as llvm
 
     name, features = _processor()
@@ -74,10 +74,10 @@ def _machine() -> Any:
 
 
 def _engine(text: str, has_loops: bool) -> Any:
-    """The compiled module, from the disk where it was compiled before.
+    """The compiled module, from the disk if it was compiled before.
 
-    LLVM's passes are for loops over arrays. On a line of scalars, in which nothing is computed twice, they find nothing, and take
-    half of the time.
+    LLVM's passes are for loops over arrays. A line of scalars computes nothing twice, so that they would only take half of the
+    time.
     """
     import llvmlite
     import llvmlite.binding as llvm

@@ -1,4 +1,4 @@
-"""What is done to arrays entry by entry, as the table of primitives says."""
+"""Elementwise operations on arrays, according to the table of primitives."""
 
 from ..program.arrays import KINDS, TYPES, ArrayOperation
 from ..program.composed import composed, type_of_value
@@ -6,7 +6,7 @@ from ..program.primitives import Scalar, UnsupportedError, row
 from .blocks import Blocks, Value
 from .moves import stretched
 
-Entry = tuple[str, str]  # the type, and what it is called
+Entry = tuple[str, str]  # type and name
 
 
 class _Printed:
@@ -27,7 +27,7 @@ class _Printed:
 
 
 def each(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """The operation entry by entry, computed where an entry is read; axes of length one, and scalars, are stretched."""
+    """The operation entry by entry, computed where an entry is read; axes of length one, and scalars, are broadcast."""
     types, shape = [TYPES[value.kind] for value in values], operation.shape
     alike = [stretched(blocks, v, shape, range(len(shape) - len(v.shape), len(shape))) for v in values]
 

@@ -1,4 +1,4 @@
-"""The operations on arrays in order, and what a scan repeats as a loop."""
+"""The operations on arrays in order, with scans as loops."""
 
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
@@ -19,7 +19,7 @@ def emit(blocks: Blocks, program: Arrays, inputs: list[Value]) -> list[Value]:
 
 
 def read_again(program: Arrays, groups: Sequence[Collection[int]] = ()) -> set[int]:
-    """Which arrays are read more than once, or from outside the group that they belong to."""
+    """The arrays that are read more than once, or from outside their own group."""
     readers: dict[int, list[int]] = {}
     for name, operation in enumerate(program.operations):
         for a in operation.arguments:
@@ -34,7 +34,7 @@ def read_again(program: Arrays, groups: Sequence[Collection[int]] = ()) -> set[i
 
 
 def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Iterable[int], again: set[int]) -> None:
-    """Give values to the wanted operations, in order; what is read again is written to memory."""
+    """Compute the wanted operations in order; arrays read more than once are written to memory."""
     for name in wanted:
         if name in values:
             continue
@@ -53,7 +53,7 @@ def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Iterable[int]
 
 
 def commit(blocks: Blocks, memories: list[Memory], values: list[Value]) -> None:
-    """Write arrays to where the former ones lie, when all have been computed: what may read there is written elsewhere first."""
+    """Overwrite the former arrays after all new ones are computed; those that read former arrays go to other memory first."""
     regions = {memory.region for memory in memories}
     moved = [(m, v) for m, v in zip(memories, values, strict=True) if v.memory is None or v.memory != m]
     apart = [v.known is not None or (v.memory is not None and v.memory.region not in regions) for _, v in moved]
@@ -70,20 +70,22 @@ def _scan(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> lis
     rows = [value if value.memory else blocks.kept(value) for value in values[end:]]
     program, memories = repeated.program, [carry.lies for carry in carries]
     types = [program.operations[name] for name in program.outputs[repeated.carried :]]
-    told = [blocks.region((repeated.length, *kind.shape), kind.kind) for kind in types]
+    written = [blocks.region((repeated.length, *kind.shape), kind.kind) for kind in types]
 
     def body(i: str) -> None:
         k = blocks.affine([i], [-1], repeated.length - 1) if repeated.backwards else i
         here = [row_of(blocks, row, k) for row in rows]
         out = emit(blocks, program, [*constants, *carries, *here])
-        for memory, value in zip(told, out[repeated.carried :], strict=True):
+        for memory, value in zip(written, out[repeated.carried :], strict=True):
             blocks.fill(
                 row_of(blocks, blocks.lying(memory, (repeated.length, *value.shape), value.kind), k).lies, value
             )
         commit(blocks, memories, out[: repeated.carried])
 
     blocks.loop(repeated.length, body)
-    shaped = [blocks.lying(m, (repeated.length, *kind.shape), kind.kind) for m, kind in zip(told, types, strict=True)]
+    shaped = [
+        blocks.lying(m, (repeated.length, *kind.shape), kind.kind) for m, kind in zip(written, types, strict=True)
+    ]
     return [*carries, *shaped]
 
 
@@ -102,7 +104,7 @@ def _qr(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[
 
 
 def _choice(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
-    """One of two programs, of which only the chosen one runs."""
+    """One of two programs; only the chosen one runs."""
     if len(operation.value.programs) != 2:
         raise UnsupportedError("a choice among more than two")
     (no, yes), which, given = operation.value.programs, values[0].at([]), [blocks.ready(value) for value in values[1:]]

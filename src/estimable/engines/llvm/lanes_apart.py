@@ -1,4 +1,4 @@
-"""Runs side by side whose rows lie apart, as they came: each number of a row is gathered from them, or scattered to them."""
+"""Runs side by side with rows in separate arrays: each number of a row is gathered from them, or scattered to them."""
 
 from .scalars import Scalars
 
@@ -7,10 +7,10 @@ TOGETHER = ("%fixed", "%carry", "%last")
 
 
 class Apart(Scalars):
-    """Scalars whose rows lie apart: what such a `base` points to is in each lane where `base.0`, `base.1`, .. point to."""
+    """Scalars with rows in separate arrays: each lane of such a `base` is at `base.0`, `base.1`, .."""
 
     def load(self, name: int, base: str, entry: int, kind: str, lines: list[str]) -> str:
-        """The scalar `name` from an entry of what `base` points to."""
+        """The scalar `name` from an entry of `base`."""
         if base in TOGETHER:
             return super().load(name, base, entry, kind, lines)
         vector = self._gather(base, entry, kind, lines)
@@ -19,7 +19,7 @@ class Apart(Scalars):
         return self.assign(f"icmp ne <{self.lanes} x i8> {vector}, zeroinitializer", lines)
 
     def store(self, name: int, value: str, base: str, entry: int, kind: str, lines: list[str]) -> None:
-        """Write the scalar `name` to an entry of what `base` points to."""
+        """Write the scalar `name` to an entry of `base`."""
         if base in TOGETHER:
             super().store(name, value, base, entry, kind, lines)
             return
@@ -30,17 +30,17 @@ class Apart(Scalars):
         self._scatter(value, base, entry, kind, lines)
 
     def copy(self, base: str, source: int, target: int, kind: str, lines: list[str]) -> None:
-        """Write what one entry of what `base` points to holds to another."""
+        """Copy one entry of `base` to another."""
         self._scatter(self._gather(base, source, kind, lines), base, target, kind, lines)
 
     def row_of(self, name: str, base: str, kind: str, items: int, row: str, lines: list[str]) -> None:
-        """`name` points to a row of what `base` points to."""
+        """Point `name` to a row of `base`."""
         offset = self.assign(f"mul i64 {row}, {items}", lines)
         for lane in range(self.lanes):
             lines.append(f"{name}.{lane} = getelementptr inbounds {kind}, ptr {base}.{lane}, i64 {offset}")
 
     def begin(self, rows: list[str], lines: list[str]) -> None:
-        """Point each array of rows to each lane's own: from run `first` on, the last one again beyond it."""
+        """Point each array of rows to the array of each lane, from run `first` on; the last run repeats beyond the end."""
         runs = [self._run(lane, lines) for lane in range(self.lanes)]
         for i, base in enumerate(rows):
             at = self.assign(f"getelementptr inbounds i64, ptr %steps, i64 {i}", lines)
@@ -50,7 +50,7 @@ class Apart(Scalars):
                 lines.append(f"{base}.{lane} = getelementptr inbounds i8, ptr {base}, i64 {on}")
 
     def function(self, rows: list[str], sizes: list[int], body: str) -> str:
-        """The function that runs groups of runs, one after the other."""
+        """The function that runs groups of runs in order."""
         given, apart = (", ".join(f"{kind} {base}" for base in (*TOGETHER, *rows)) for kind in ("ptr", "ptr noalias"))
         moved = "\n".join(
             f"  {base}.here = getelementptr inbounds [{size} x {self.float}], ptr {base}, i64 %group"

@@ -1,4 +1,4 @@
-"""Large products and factorisations in machine code: calls of BLAS and LAPACK, as SciPy brings them."""
+"""Large products and factorisations in machine code: calls of SciPy's BLAS and LAPACK."""
 
 import ctypes
 from functools import cache
@@ -10,7 +10,7 @@ ROUTINES = {"dgemm": "cython_blas", "dsyrk": "cython_blas", "dgeqrf": "cython_la
 
 @cache
 def provide() -> None:
-    """Tell LLVM where the routines are."""
+    """Register the addresses of the routines with LLVM."""
     from importlib import import_module
 
     import llvmlite.binding as llvm
@@ -25,7 +25,7 @@ def provide() -> None:
 
 
 def _call(blocks: Blocks, routine: str, arguments: list[str]) -> None:
-    """Call a routine; its arguments go by address, as Fortran takes them."""
+    """Call a routine; its arguments are passed by address, as in Fortran."""
     provide()
     blocks.scalars.declared.add(f"declare void @estimable_{routine}({', '.join(['ptr'] * len(arguments))})")
     blocks.lines.append(f"call void @estimable_{routine}({', '.join(f'ptr {a}' for a in arguments)})")
@@ -39,7 +39,7 @@ def _given(blocks: Blocks, kind: str, value: str | float) -> str:
 
 
 def _matrix(blocks: Blocks, value: Value) -> tuple[Value, bool, int]:
-    """A matrix as a library takes it: in memory, whether its columns follow each other, and how far apart they (rows) are."""
+    """A matrix for a library: in memory, whether its columns are contiguous, and the distance between them (or rows)."""
     for _ in range(2):
         if value.memory is not None:
             rows, columns = value.memory.strides
@@ -52,7 +52,7 @@ def _matrix(blocks: Blocks, value: Value) -> tuple[Value, bool, int]:
 
 
 def large_product(blocks: Blocks, a: Value, b: Value) -> Value:
-    """a b', for b with its summed axis last."""
+    """a b' for b with the summed axis last."""
     (m, k), n = a.shape, b.shape[0]
     a, turned_a, step_a = _matrix(blocks, a)
     b, turned_b, step_b = _matrix(blocks, b)
@@ -71,7 +71,7 @@ def large_product(blocks: Blocks, a: Value, b: Value) -> Value:
 
 
 def large_gram(blocks: Blocks, a: Value) -> Value:
-    """a a': one triangle is computed, and mirrored."""
+    """a a': one triangle is computed and mirrored."""
     n, k = a.shape
     a, turned, step = _matrix(blocks, a)
     memory = blocks.region((n, n), "double")
@@ -80,7 +80,7 @@ def large_gram(blocks: Blocks, a: Value) -> Value:
     ways = (
         _given(blocks, "i8", "U"),
         _given(blocks, "i8", "N" if turned else "T"),
-    )  # Fortran's upper is the lower of rows
+    )  # Fortran's upper triangle is the lower one of rows
     begin = blocks.place(a.lies, "double", ["0", "0"])
     _call(blocks, "dsyrk", [*ways, *whole[:2], one, begin, whole[2], zero, memory.pointer, whole[3]])
 
@@ -93,7 +93,7 @@ def large_gram(blocks: Blocks, a: Value) -> Value:
 
 
 def cholesky(blocks: Blocks, P: Value) -> Value:
-    """The lower triangular L with L L' = P, and what P has above it; NaN where P is not positive definite."""
+    """The lower triangular L with L L' = P, and the upper part of P; NaN where P is not positive definite."""
     n = P.shape[0]
     memory, info = blocks.region((n, n), "double"), blocks.region((1,), "i64")
     blocks.fill(memory, P)

@@ -1,4 +1,4 @@
-"""The natural logarithm of several lanes at once: a call would take them one by one.
+"""The natural logarithm of several lanes at once: a library call takes one at a time.
 
 x = 2^k m with m between the roots of 1/2 and 2; log m by the odd series of s = f / (2 + f), f = m - 1, which ends after s^15;
 an error below one unit in the last place. Coefficients: FreeBSD's msun, e_log.c (Sun Microsystems 1993), from a Remez fit.

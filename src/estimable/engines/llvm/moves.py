@@ -1,4 +1,4 @@
-"""What only moves entries about: nothing is written where the entries can be read from where they lie."""
+"""Operations that only move entries: nothing is written where entries can be read in place."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ def stretched(blocks: Blocks, value: Value, shape: tuple[int, ...], axes: Sequen
 
 
 def _moved(value: Value, shape: tuple[int, ...], source: Callable, strides: Callable | None = None) -> Value:
-    """The entries at other places: `source(index)` says where; `strides(memory)` where they lie in memory."""
+    """The entries at other places: `source(index)` is the original place, `strides(memory)` the place in memory."""
     memory = strides(value.memory) if strides and value.memory else None
     return Value(shape, value.kind, lambda index: value.at(source(index)), memory, value.work)
 
@@ -86,7 +86,7 @@ def sliced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Va
 
 
 def turned(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """Axes run backwards."""
+    """Axes in reverse order."""
     turned = operation.value["dimensions"]
     begin = [count - 1 if axis in turned else 0 for axis, count in enumerate(operation.shape)]
     steps = [-1 if axis in turned else 1 for axis in range(len(begin))]
@@ -139,7 +139,7 @@ def split(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> lis
 
 
 def _starts(blocks: Blocks, indices: list[Value], shape: tuple, size: tuple) -> list[str]:
-    """Where a part begins: inside, as in JAX."""
+    """The start of a part, clamped to the array as in JAX."""
     starts = []
     for index, whole, part in zip(indices, shape, size, strict=True):
         start = index.at([])
@@ -159,7 +159,7 @@ def _clamped(blocks: Blocks, start: str, most: int) -> str:
 
 
 def part(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """The part that begins at an index that is computed."""
+    """The part that begins at a computed index."""
     value = values[0] if values[0].memory else blocks.kept(values[0])
     memory = _from(blocks, value, _starts(blocks, values[1:], value.shape, operation.shape))
     return blocks.lying(memory, operation.shape, operation.kind)
@@ -170,14 +170,14 @@ def _from(blocks: Blocks, value: Value, starts: list[str]) -> Memory:
 
 
 def replaced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """An array of which a part is another."""
+    """An array with a part replaced by another."""
     value, part = blocks.kept(values[0]), values[1]
     blocks.fill(_from(blocks, value, _starts(blocks, values[2:], value.shape, part.shape)), part)
     return value
 
 
 def looked_up(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """Entries at places that are known before; where they are, JAX says itself."""
+    """Entries at known places; JAX itself determines the places."""
     value = values[0] if _plain(values[0]) else blocks.kept(values[0])
     count = math.prod(value.shape)
     places = _places(operation, np.arange(count).reshape(value.shape), values[1:])
@@ -187,7 +187,7 @@ def looked_up(blocks: Blocks, operation: ArrayOperation, values: list[Value]) ->
 
 
 def put(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """An array with entries put at places that are known before."""
+    """An array with entries written to known places."""
     value, update = blocks.kept(values[0]), values[2] if _plain(values[2]) else blocks.kept(values[2])
     count = math.prod(value.shape)
     new = count + np.arange(math.prod(update.shape)).reshape(update.shape)
@@ -208,13 +208,13 @@ def _plain(value: Value) -> bool:
 
 
 def _places(operation: ArrayOperation, moved: np.ndarray, others: list) -> np.ndarray:
-    """Where JAX takes each entry from."""
+    """The place from which JAX takes each entry."""
     if any(isinstance(other, Value) and other.known is None for other in others):
-        raise UnsupportedError(f"{operation.name} at an index that is computed")
+        raise UnsupportedError(f"{operation.name} at a computed index")
     with jax.ensure_compile_time_eval():
         given = [jnp.asarray(other.known if isinstance(other, Value) else other) for other in others]
         outside = {"fill_value": -1} if operation.name == "gather" else {}
         places = np.asarray(PRIMITIVES[operation.name].bind(jnp.asarray(moved), *given, **operation.value | outside))
     if (places < 0).any():
-        raise UnsupportedError(f"{operation.name} at an index outside")
+        raise UnsupportedError(f"{operation.name} at an index outside the array")
     return places

@@ -1,4 +1,4 @@
-"""What each primitive makes of its arrays."""
+"""The rule of each primitive for arrays."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ Rule = Callable[[Blocks, ArrayOperation, list[Value]], Value]
 
 
 def define(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """The array that an operation gives. Raises `UnsupportedError` for a primitive that has no rule."""
+    """The result of an operation. Raises `UnsupportedError` for a primitive without a rule."""
     if is_entrywise(operation.name):
         return each(blocks, operation, values)
     if operation.name not in RULES:
@@ -33,7 +33,7 @@ def _constant(blocks: Blocks, operation: ArrayOperation, values: list[Value]) ->
 
 
 def _all(operation: ArrayOperation, entry: Any) -> Value:
-    """An array of which every entry is the same."""
+    """An array of equal entries."""
     text, known = number(operation.kind, entry), np.full(operation.shape, entry)
     return Value(operation.shape, operation.kind, lambda index: text, known=known)
 

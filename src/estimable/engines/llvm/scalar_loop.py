@@ -1,7 +1,7 @@
-"""The loop over time around a straight line of scalars, as LLVM's assembly.
+"""The loop over time around a straight line of scalars, as LLVM assembly.
 
-What is the same in every row is computed before the loop. What has become the same (`steady_state`) is not computed again
-until something that it depends on changes: a second loop runs the rest of each row meanwhile.
+Values that are the same in every row are computed before the loop. Values that have become constant (`steady_state`) are not
+computed again until something they depend on changes: meanwhile a second loop runs the rest of each row.
 """
 
 from collections.abc import Iterable
@@ -15,10 +15,10 @@ from .scalars import Scalars
 
 
 class RowArray(NamedTuple):
-    """An array in memory, row after row: the scalars of a row (-1: not read), each of them `lanes` items long.
+    """An array in memory, row after row: the scalars of a row (-1: not read), `lanes` items each.
 
-    `kind`: "double", words of eight bytes (see `Scalars`); with one lane, or where lanes lie apart, also "i64" for integers, and
-    "i8" for bools.
+    `kind`: "double", words of eight bytes (see `Scalars`); with one lane, or lanes in separate arrays, also "i64" for integers,
+    and "i8" for bools.
     """
 
     names: tuple[int, ...]
@@ -26,12 +26,12 @@ class RowArray(NamedTuple):
 
 
 class ScalarLoop(NamedTuple):
-    """A program run row by row: which of its inputs are fixed, carried from row to row, or read from the row.
+    """A program run row by row: its inputs are fixed, carried from row to row, or read from the row.
 
-    Its outputs are the next carry, then what is written of each row, then what is written of the last row only. `fixed`,
-    `carry` and `last` lie in memory as words. `seek_steady`: whether to look for what has become the same; if not, nothing is
-    taken to have settled (`kernels/small.settled`). `apart`: the rows of each lane lie in arrays of its own.
-    `counts`: how many entries of the carry, the last ones, count rows or sum over them, and never repeat.
+    Its outputs are the next carry, then those written for each row, then those written for the last row only. `fixed`,
+    `carry` and `last` are words in memory. `seek_steady`: whether to detect values that have become constant; if not, nothing
+    counts as settled (`kernels/small.settled`). `apart`: the rows of each lane have their own arrays. `counts`: the number of
+    entries at the end of the carry that count rows or sum over them, and so never repeat.
     """
 
     program: Program
@@ -52,23 +52,23 @@ class ScalarLoop(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """How much memory the function needs besides its arrays."""
+        """The memory that the function needs in addition to its arrays."""
         return 0
 
     @property
     def pointers(self) -> int:
-        """How many arrays the function takes."""
+        """The number of arrays that the function takes."""
         return 3 + len(self.row) + len(self.each) + self.apart
 
     @property
     def integers(self) -> int:
-        """How many integers it takes before them."""
+        """The number of integers that it takes before them."""
         return 4 if self.apart else 1
 
     def assembly(self, lanes: int) -> str:
         """The function `run(rows, fixed, carry, last, an array of each of row .., of each ..)`.
 
-        Lanes apart: `run(rows, first group, end, last run of all, steps, fixed, carry, ..)`; `steps`: the bytes from run to run
+        With `apart`: `run(rows, first group, end, last run of all, steps, fixed, carry, ..)`; `steps`: the bytes from run to run
         in each array of rows. `fixed`, `carry` and `last` hold one group after another.
         """
         return _ScalarLoopText(self, lanes).write()
@@ -77,9 +77,9 @@ class ScalarLoop(NamedTuple):
 class _ScalarLoopText:
     """The blocks: `entry`; `whole`, row by row; `rest` and `commit` instead of it while a part is steady; `exit`.
 
-    A row of `rest` that finds the part moving again goes back to `whole` before anything of it is written. The carry `i` of a
-    block is called `now<i>` before its row and `after<i>` after it, both words; where one bool says whether the part stays,
-    `other<i>` is what it becomes if not, so that a row need not wait for that bool.
+    A row of `rest` in which the part changes again returns to `whole` before it writes anything. The carry `i` of a block is
+    called `now<i>` before its row and `after<i>` after it, both words. Where a single bool decides whether the part is constant,
+    `other<i>` is its value if not, so that a row need not wait for that bool.
     """
 
     def __init__(self, loop: ScalarLoop, lanes: int):
@@ -106,7 +106,7 @@ class _ScalarLoopText:
         return "\n".join([*sorted(self.scalars.declared), self.scalars.function(self.rows, sizes, body)])
 
     def _entry(self) -> dict[int, str]:
-        """What is the same in every row, and the first carry."""
+        """The values that are the same in every row, and the first carry."""
         self.lines.append("entry:")
         self.scalars.begin(self.rows, self.lines)
         names = {
@@ -119,7 +119,7 @@ class _ScalarLoopText:
         return names
 
     def _whole(self, names: dict[int, str]) -> dict[int, str]:
-        """A whole row; what its scalars are called."""
+        """A whole row; the names of its scalars."""
         word = self.scalars.float
         back = [(f"%whole.now{i}" if i in self.part.carry else f"%rest.now{i}", "%rest") for i in self.carried]
         back = back if self.part.carry else []
@@ -146,14 +146,14 @@ class _ScalarLoopText:
         return names
 
     def _is_steady(self, names: dict[int, str]) -> str:
-        """Whether the part that may be steady is."""
+        """Whether the part that can become steady is steady."""
         if self.part.stays is not None and self.held:
             return names[self.part.stays]
         pairs = [(f"%whole.now{i}", f"%whole.after{i}") for i in sorted(self.part.carry)]
         return self.scalars.all_equal(pairs, FLOAT, self.lines)
 
     def _rest(self, whole: dict[int, str]) -> None:
-        """A row of which a part is as it was, where the choices that the part depends on are as they were."""
+        """A row without its steady part, while the choices that this part depends on are unchanged."""
         self.lines.append("rest:")
         self._phi("%rest.row", "i64", ("%whole.next", "%again"), ("%rest.next", "%commit"))
         for i in self.moving:
@@ -183,11 +183,11 @@ class _ScalarLoopText:
         self.lines.append(f"{name} = phi {kind} " + ", ".join(f"[{value}, {block}]" for value, block in came))
 
     def _name(self, name: str, value: str) -> None:
-        """Give a word a name that is known before."""
+        """Give a word a predefined name."""
         self.lines.append(f"{name} = bitcast {self.scalars.float} {value} to {self.scalars.float}")
 
     def _carry(self, names: dict[int, str], block: str, carried: list[int]) -> dict[int, str]:
-        """The names, with those of the scalars that are carried into this block, and where its row lies in each array."""
+        """The names, extended by the scalars carried into this block, and pointers to its row in each array."""
         names = dict(names)
         for i in carried:
             names[self.loop.carry[i]] = self.scalars.from_memory(self.loop.carry[i], f"%{block}.now{i}", self.lines)
@@ -198,7 +198,7 @@ class _ScalarLoopText:
         return names
 
     def _compute(self, names: dict[int, str], wanted: Iterable[int], block: str) -> dict[int, str]:
-        """The names, with those of the wanted scalars that had none, which are read or computed here, in order."""
+        """The names, extended by the wanted scalars without names, which are read or computed here, in order."""
         names = dict(names)
         for name in wanted:
             if name in names:
@@ -213,7 +213,7 @@ class _ScalarLoopText:
         return names
 
     def _put(self, names: dict[int, str], block: str, carried: list[int]) -> None:
-        """Write what a row leaves, and go on to the next; what is steady is copied from the row before."""
+        """Write the outputs of a row and continue with the next; the steady part is copied from the previous row."""
         steady = self.part.slow if block == "rest" else [False] * len(self.same)
         for i, array in enumerate(self.loop.each):
             self.scalars.row_of(

@@ -1,4 +1,4 @@
-"""Scalars as lines of LLVM's assembly, several runs side by side in SIMD lanes."""
+"""Scalars as lines of LLVM assembly, several runs side by side in SIMD lanes."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from .spelling import ELEMENTS, Word, spelled
 class Scalars:
     """Prints the operations of a program, one line or a few at a time.
 
-    A float lies in memory as it is, a bool as 1.0 or 0.0, and an integer as its 64 bits: each is a word of eight bytes.
+    A float in memory is itself, a bool is 1.0 or 0.0, and an integer its 64 bits: each is a word of eight bytes.
     """
 
     def __init__(self, program: Program, lanes: int):
@@ -22,7 +22,7 @@ class Scalars:
         self.count = 0
 
     def assign(self, text: str, lines: list[str]) -> str:
-        """A new name for what `text` gives."""
+        """A new name for the result of `text`."""
         self.count += 1
         lines.append(f"%t{self.count} = {text}")
         return f"%t{self.count}"
@@ -38,7 +38,7 @@ class Scalars:
         return self.program.operations[name].type
 
     def define(self, name: int, names: dict[int, str], lines: list[str]) -> str:
-        """The scalar `name`, a constant or an operation on scalars that have names."""
+        """The scalar `name`, a constant or an operation on named scalars."""
         operations = self.program.operations
         op = operations[name]
         if op.name == "constant":
@@ -47,26 +47,26 @@ class Scalars:
         return self.operation(op.name, [names[a] for a in op.arguments], types, lines)
 
     def load(self, name: int, base: str, entry: int, kind: str, lines: list[str]) -> str:
-        """The scalar `name` from an entry of what `base` points to."""
+        """The scalar `name` from an entry of `base`."""
         if kind == "double":
             return self.from_memory(name, self.read(base, entry, lines), lines)
         byte = self.assign(f"load i8, ptr {self.place(base, entry, kind, lines)}", lines)
         return self.assign(f"icmp ne i8 {byte}, 0", lines)
 
     def read(self, base: str, entry: int, lines: list[str]) -> str:
-        """The word at an entry of what `base` points to."""
+        """The word at an entry of `base`."""
         return self.assign(f"load {self.float}, ptr {self.place(base, entry, 'double', lines)}, align 8", lines)
 
     def write(self, value: str, base: str, entry: int, lines: list[str]) -> None:
-        """Write a word to an entry of what `base` points to."""
+        """Write a word to an entry of `base`."""
         lines.append(f"store {self.float} {value}, ptr {self.place(base, entry, 'double', lines)}, align 8")
 
     def place(self, base: str, entry: int, kind: str, lines: list[str]) -> str:
-        """A pointer to an entry of what `base` points to."""
+        """A pointer to an entry of `base`."""
         return self.assign(f"getelementptr inbounds {kind}, ptr {base}, i64 {entry * self.lanes}", lines)
 
     def store(self, name: int, value: str, base: str, entry: int, kind: str, lines: list[str]) -> None:
-        """Write the scalar `name` to an entry of what `base` points to."""
+        """Write the scalar `name` to an entry of `base`."""
         if kind == "double":
             self.write(self.in_memory(name, value, lines), base, entry, lines)
             return
@@ -74,19 +74,19 @@ class Scalars:
         lines.append(f"store {kind} {held}, ptr {self.place(base, entry, kind, lines)}")
 
     def copy(self, base: str, source: int, target: int, kind: str, lines: list[str]) -> None:
-        """Write what one entry of what `base` points to holds to another."""
+        """Copy one entry of `base` to another."""
         held = self.float if kind == "double" else kind
         align = 1 if kind == "i8" else 8
         value = self.assign(f"load {held}, ptr {self.place(base, source, kind, lines)}, align {align}", lines)
         lines.append(f"store {held} {value}, ptr {self.place(base, target, kind, lines)}, align {align}")
 
     def row_of(self, name: str, base: str, kind: str, items: int, row: str, lines: list[str]) -> None:
-        """`name` points to a row of what `base` points to."""
+        """Point `name` to a row of `base`."""
         offset = self.assign(f"mul i64 {row}, {items * self.lanes}", lines)
         lines.append(f"{name} = getelementptr inbounds {kind}, ptr {base}, i64 {offset}")
 
     def begin(self, rows: list[str], lines: list[str]) -> None:
-        """Nothing: each array of rows holds those of all lanes."""
+        """No lines: each array of rows holds those of all lanes."""
 
     def function(self, rows: list[str], sizes: list[int], body: str) -> str:
         """The function that runs one group of runs side by side."""
@@ -99,12 +99,12 @@ class Scalars:
         return self.operation(row_of, [value], (self.type_of(name),), lines) if row_of else value
 
     def from_memory(self, name: int, value: str, lines: list[str]) -> str:
-        """A word as the scalar that it is."""
+        """The scalar in a word."""
         row_of = {FLOAT: "", INTEGER: "bits", BOOL: "to_bool"}[self.type_of(name)]
         return self.operation(row_of, [value], (FLOAT,), lines) if row_of else value
 
     def all_equal(self, pairs: list[tuple[str, str]], type_: str, lines: list[str]) -> str:
-        """Whether the two of every pair are the same to the last bit, in all lanes."""
+        """Whether the values of every pair are bitwise equal, in all lanes."""
         equal = self.constant(True)
         for a, b in pairs:
             if type_ == FLOAT:

@@ -1,4 +1,4 @@
-"""The rows of the table of primitives in LLVM's words."""
+"""The rows of the table of primitives in LLVM's notation."""
 
 import re
 import struct
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..program.primitives import BOOL, FLOAT, INTEGER, UnsupportedError, row
 
-ARGUMENT = re.compile(r"(\{\w+\}) \{[^{}]*\}")  # of a call: its type and what it is called
+ARGUMENT = re.compile(r"(\{\w+\}) \{[^{}]*\}")  # an argument of a call: its type and its name
 ELEMENTS = {FLOAT: "double", INTEGER: "i64", BOOL: "i1"}
 
 
@@ -34,9 +34,9 @@ class Word(NamedTuple):
 
 
 class Spelling(NamedTuple):
-    """The lines of a row, for so many lanes: {0}, {1}, {2} are its arguments, {3}, {4}, .. the lines before.
+    """The lines of a row for a number of lanes: {0}, {1}, {2} are its arguments, {3}, {4}, .. the preceding lines.
 
-    `by_lane`: whether it is a call of the C library, which takes one lane at a time.
+    `by_lane`: whether it is a call of the C library, which processes one lane at a time.
     """
 
     lines: tuple[str, ...]
@@ -46,7 +46,7 @@ class Spelling(NamedTuple):
 
 @cache
 def spelled(name: str, types: tuple[str, ...], lanes: int) -> Spelling:
-    """A row of the table in LLVM's words. Raises `UnsupportedError` where there is none, or no such function."""
+    """A row of the table in LLVM's notation. Raises `UnsupportedError` where there is no such row or function."""
     lines = row(name, types).llvm
     functions = [line[line.index("@") + 1 : line.index("(")] for line in lines if line.startswith("call")]
     from_library = [function for function in functions if not function.startswith("llvm.")]
@@ -65,13 +65,13 @@ def spelled(name: str, types: tuple[str, ...], lanes: int) -> Spelling:
 
 
 def hexadecimal(value: float) -> str:
-    """A float as LLVM writes it, to the last bit."""
+    """A float in LLVM's notation, to the last bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
 @cache
 def provide_function(name: str) -> None:
-    """Refuse a function of the C library that this process does not have: LLVM would end the process. `UnsupportedError`."""
+    """Raise `UnsupportedError` for a function that the C library of this process lacks: LLVM would end the process."""
     import llvmlite.binding as llvm
 
     if llvm.address_of_symbol(name) is None:

@@ -1,4 +1,4 @@
-"""Sums and what else runs through an array: reductions, products, running sums, and where the largest entry is."""
+"""Reductions of arrays: sums, products, running sums, and the index of the largest entry."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def reduced(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> V
 def _reduced(blocks: Blocks, name: str, value: Value, axes: Sequence[int]) -> Value:
     """A reduction, written to memory at once.
 
-    Where the last axis is reduced, entry by entry; otherwise row upon row, so that the innermost loop runs along memory.
+    If it reduces the last axis, entry by entry; otherwise row by row, so that the innermost loop runs along memory.
     """
     kept = [axis for axis in range(len(value.shape)) if axis not in axes]
     shape = tuple(value.shape[axis] for axis in kept)
@@ -36,7 +36,7 @@ def _reduced(blocks: Blocks, name: str, value: Value, axes: Sequence[int]) -> Va
 
 
 def _entries(blocks: Blocks, name: str, value: Value, kept: list[int], axes: list[int], memory: Memory) -> None:
-    """Each entry of a reduction after the other."""
+    """The entries of a reduction, one after the other."""
 
     def total(place: dict[int, str], axes: list[int], so_far: str) -> str:
         if not axes:
@@ -55,7 +55,7 @@ def _entries(blocks: Blocks, name: str, value: Value, kept: list[int], axes: lis
 
 
 def _rows(blocks: Blocks, name: str, value: Value, kept: list[int], axes: list[int], memory: Memory) -> None:
-    """Each row of a reduction after the other, one row of the array upon another."""
+    """The rows of a reduction, one after the other, by adding rows of the array."""
     kind, (*outer, last) = value.kind, kept
 
     def write(index: list[str]) -> None:
@@ -77,7 +77,7 @@ def _rows(blocks: Blocks, name: str, value: Value, kept: list[int], axes: list[i
 
 
 def _empty(name: str, kind: str) -> str:
-    """What a reduction begins with."""
+    """The initial value of a reduction."""
     return number(kind, empty(name, np.dtype(DTYPES[kind])))
 
 
@@ -87,7 +87,7 @@ def _entry(value: Value, place: dict[int, str]) -> str:
 
 
 def _joined(blocks: Blocks, name: str, kind: str, total: str, term: str) -> str:
-    """One more term of a sum, or of what else is folded; the order of a sum is left open."""
+    """One more term of a sum or another fold; the order of a sum is not fixed."""
     if kind == "double" and name in ("add", "mul"):
         return blocks.assign(f"f{name} reassoc contract double {total}, {term}")
     return scalar(blocks, name, [kind, kind], [total, term])
@@ -104,7 +104,7 @@ def product(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> V
         return large_gram(blocks, a) if alike else large_product(blocks, a, b)
     rows, others = len(a.shape) - 1, len(b.shape) - 1
     steps = b.memory.strides if b.memory else ()
-    along = len(steps) > 1 and steps[-2] == 1 != steps[-1]  # rows of b follow each other where its last axis does not
+    along = len(steps) > 1 and steps[-2] == 1 != steps[-1]  # rows of b are contiguous where its last axis is not
     k = rows if along else rows + others
 
     def at(index: list[str]) -> str:
@@ -126,7 +126,7 @@ def _last(blocks: Blocks, value: Value, axis: int) -> Value:
 
 
 def extreme(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
-    """Where the largest (least) entry along an axis is: the first one, and the first NaN before all."""
+    """The index of the largest (least) entry along an axis: the first of several; the first NaN takes precedence."""
     value = _last(blocks, values[0], operation.value["axes"][0])
     kind, beyond = value.kind, "gt" if operation.name == "argmax" else "lt"
     memory = blocks.region(operation.shape, "i64")

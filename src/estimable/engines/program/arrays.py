@@ -1,7 +1,7 @@
-"""From the jaxpr of a step to a list of operations on arrays: for models that are too large for a straight line of scalars.
+"""From the jaxpr of a step to a list of operations on arrays, for models too large for a straight line of scalars.
 
-Calls are replaced by what they call, equal operations are one, what no output needs is dropped, and arithmetic on known
-scalars, such as indices, is done here.
+Calls are inlined, equal operations merged, unused operations dropped, and arithmetic on known scalars, such as indices, is
+done here.
 """
 
 import math
@@ -22,17 +22,17 @@ from .reductions import FOLDS, RUNNING
 KINDS = {FLOAT: "double", INTEGER: "i64", BOOL: "i1"}
 TYPES = {kind: type_ for type_, kind in KINDS.items()}
 DTYPES = {"double": float, "i64": int, "i1": bool}
-FEW = 64  # entries of arrays of indices that are worked out here
+FEW = 64  # entries of index arrays that are computed here
 REPEATED = ("num_consts", "num_carry", "length", "reverse")  # how a scan repeats its program
-SEVERAL = {"scan", "cond", "split"}  # results, even if it is but one
-WRAPPED = {*FOLDS, *RUNNING, "iota"}  # what may leave the range of an integer of few bits, besides what is entrywise
+SEVERAL = {"scan", "cond", "split"}  # a list of results, even for one
+WRAPPED = {*FOLDS, *RUNNING, "iota"}  # non-elementwise operations whose result may leave the range of a narrow integer
 
 
 class ArrayOperation(NamedTuple):
-    """One array: the primitive, the arrays it takes, its shape and kind, and the value of a constant or the parameters.
+    """One array: the primitive, its arguments, its shape and kind, and the value of a constant or the parameters.
 
-    The parameters of what works entry by entry are an `Entrywise`. A primitive of several results gives none itself (its shape
-    is ()): each is a "result" of it, `value` says which.
+    The parameters of an elementwise operation are an `Entrywise`. A primitive with several results has none itself (its shape
+    is ()): each is a "result" of it, and `value` is its index.
     """
 
     name: str
@@ -43,7 +43,7 @@ class ArrayOperation(NamedTuple):
 
 
 class Repeated(NamedTuple):
-    """What a scan repeats: a program of (constants, carry, one row of each array) to (carry, a row of each result)."""
+    """The body of a scan: a program from (constants, carry, one row of each array) to (carry, a row of each result)."""
 
     program: "Arrays"
     constants: int
@@ -53,13 +53,13 @@ class Repeated(NamedTuple):
 
 
 class Branches(NamedTuple):
-    """What a choice chooses from: the first for 0, the second for 1, .."""
+    """The branches of a choice: the first for 0, the second for 1, .."""
 
     programs: tuple["Arrays", ...]
 
 
 class Arrays(NamedTuple):
-    """Operations in order; which of them the inputs are (-1: not needed) and which the outputs; shape and kind of each input."""
+    """Operations in order; the indices of inputs (-1: not needed) and outputs; shape and kind of each input."""
 
     operations: tuple[ArrayOperation, ...]
     inputs: tuple[int, ...]
@@ -72,7 +72,7 @@ class Arrays(NamedTuple):
 
 
 def lower(closed: ClosedJaxpr) -> Arrays:
-    """The operations of what has been traced. Raises `UnsupportedError` where an array is of a kind unknown here."""
+    """The operations of a trace. Raises `UnsupportedError` for an array of an unknown kind."""
     return _lowered(closed.jaxpr, closed.consts)
 
 
@@ -91,7 +91,7 @@ class _ArrayLine:
         self.inside: dict[tuple, Repeated | Branches] = {}
 
     def add(self, operation: ArrayOperation) -> int:
-        """The name of an operation, new or met before."""
+        """The name of an operation, new or existing."""
         key = (*operation[:4], _key(operation.value))
         if key not in self.found:
             self.found[key] = len(self.operations)
@@ -147,7 +147,7 @@ class _ArrayLine:
         return found
 
     def changes_nothing(self, name: str, parameters: dict, arguments: list[int]) -> bool:
-        """Whether an equation gives its argument back: as the transpose of a product a a' does."""
+        """Whether an equation returns its argument unchanged, such as the transpose of a product a a'."""
         if name != "transpose":
             return name in SAME
         product = self.operations[arguments[0]]
@@ -159,7 +159,7 @@ class _ArrayLine:
         return along and turned.name == "transpose" and turned.arguments == (a,) and parameters["permutation"] == (1, 0)
 
     def inner(self, name: str, parameters: dict) -> Any:
-        """The parameters, with the programs inside as such: each is worked out once."""
+        """The parameters, with the inner programs lowered, each once."""
         if name not in ("scan", "cond"):
             return parameters
         inside = (parameters["jaxpr"],) if name == "scan" else parameters["branches"]
@@ -185,7 +185,7 @@ class _ArrayLine:
         return self.add(operation) if value is None else self.constant(value)
 
     def program(self, inputs: list[int], outputs: list[int]) -> Arrays:
-        """What the outputs need, renumbered."""
+        """The operations that the outputs need, renumbered."""
         needed, stack = set(), list(outputs)
         while stack:
             name = stack.pop()
@@ -203,7 +203,7 @@ class _ArrayLine:
 
 
 def _known(operation: ArrayOperation, values: list[np.ndarray]) -> np.ndarray | None:
-    """What an operation gives for known arrays; None where it is not known how, or where that is left to the machine."""
+    """The result of an operation on known arrays; None where it cannot be computed here, or is left to the machine."""
     name, shape, how = operation.name, operation.shape, operation.value
     if math.prod(shape) > FEW:
         return None

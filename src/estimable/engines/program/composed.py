@@ -1,6 +1,6 @@
-"""What JAX does entry by entry, as rows of the table of primitives: for names of scalars, for known values, for lines of LLVM.
+"""Elementwise operations of JAX as rows of the table of primitives: for names of scalars, known values, and lines of LLVM.
 
-`do.each(name, ..)` is a row applied, `do.constant(value)` a known scalar: so each primitive is composed here once.
+`do.each(name, ..)` applies a row, `do.constant(value)` is a known scalar: so each primitive is composed here once.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ Entry = TypeVar("Entry")
 
 
 class Entries(Protocol[Entry]):
-    """What entries are made of."""
+    """The operations on entries."""
 
     def each(self, name: str, *operands: Entry) -> Entry:
         """A row of the table applied to entries."""
@@ -29,7 +29,7 @@ class Entries(Protocol[Entry]):
 
 
 class Entrywise(NamedTuple):
-    """An equation of entries: the parameters of the primitive, and the dtypes that it takes and gives."""
+    """An elementwise equation: the parameters of the primitive, and the dtypes of its arguments and result."""
 
     parameters: dict
     given: tuple[np.dtype, ...]
@@ -37,25 +37,25 @@ class Entrywise(NamedTuple):
 
     @classmethod
     def of(cls, equation: JaxprEqn) -> "Entrywise":
-        """That of an equation of a jaxpr."""
+        """The record of an equation of a jaxpr."""
         return cls(
             equation.params, tuple([array_of(v).dtype for v in equation.invars]), array_of(equation.outvars[0]).dtype
         )
 
 
 def is_entrywise(name: str) -> bool:
-    """Whether a primitive is one that works entry by entry."""
+    """Whether a primitive is elementwise."""
     return name in COMPOSED or name in NAMES
 
 
 def composed(do: Entries[Entry], name: str, how: Entrywise, *operands: Entry) -> Entry:
-    """A primitive applied to entries. Raises `UnsupportedError` where the table has no rows for it."""
+    """A primitive applied to entries. Raises `UnsupportedError` where the table has no row for it."""
     result = COMPOSED[name](do, how, *operands) if name in COMPOSED else do.each(name, *operands)
     return do.each(NARROW[how.result], result) if how.result in NARROW else result
 
 
 class Values:
-    """Known values. Raises `UnsupportedError` where an operation on them is left to the machine."""
+    """Operations on known values. Raises `UnsupportedError` where an operation is left to the machine."""
 
     def each(self, name: str, *values: Scalar) -> Scalar:
         """A row of the table, folded."""
@@ -75,7 +75,7 @@ def type_of_value(value: Scalar) -> str:
 
 
 def _power(do: Entries[Entry], how: Entrywise, base: Entry) -> Entry:
-    """By squaring, as JAX does it."""
+    """Power by squaring, as in JAX."""
     exponent, one = how.parameters["y"], PYTHON[type_of(how.result)](1)
     power, left = None, abs(exponent)
     while left:
@@ -102,7 +102,7 @@ def _chosen(do: Entries[Entry], how: Entrywise, which: Entry, *cases: Entry) -> 
 
 
 def _converted(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
-    """Integers of fewer bits saturate where they come from a float, and wrap where they come from an integer."""
+    """Conversion: narrow integers saturate from a float, and wrap from an integer."""
     old, new = type_of(how.given[0]), type_of(how.result)
     if old == new:
         return x
@@ -122,13 +122,13 @@ def _raised(do: Entries[Entry], how: Entrywise, base: Entry, exponent: Entry) ->
 
 
 def _as(do: Entries[Entry], kind: str, dtype: np.dtype, x: Entry) -> Entry:
-    """The integer with the same bits, of the same width, with a sign (kind "i") or without one ("u")."""
+    """The integer with the same bits and width, signed (kind "i") or unsigned ("u")."""
     name = NARROW.get(np.dtype(f"{kind}{dtype.itemsize}"))
     return do.each(name, x) if name else x
 
 
 def _shifted_right(do: Entries[Entry], how: Entrywise, x: Entry, by: Entry) -> Entry:
-    """The sign is that of the highest bit, also of an unsigned integer."""
+    """Arithmetic shift: the highest bit is the sign, also of an unsigned integer."""
     return do.each("shift_right_arithmetic", _as(do, "i", how.result, x), by)
 
 

@@ -1,7 +1,7 @@
-"""Which entries of a state stay what they are at the start, found without lowering the step again for each that does not.
+"""The entries of a state that keep their initial value, found without lowering the step again for each that does not.
 
-All are taken as constants at first. Where the next value of one is something else, it is none, and what depends on it is
-looked at again: each scalar stops being a constant at most once.
+All are assumed constant at first. An entry whose next value differs is not constant, and its dependents are evaluated again:
+each scalar stops being a constant at most once.
 """
 
 import heapq
@@ -12,13 +12,13 @@ from .primitives import folded, row
 from .simplification import simplify
 from .straight_line import Program, ScalarOperation
 
-VARIES = object()  # the value of what is no constant
+VARIES = object()  # the value of a scalar that is not constant
 
 
 def constant_entries(known: dict[tuple[int, int], Any], step: Program, fixed: int) -> dict[tuple[int, int], Any]:
-    """Those of the entries `known`, (input array, entry), that `step` leaves as they are.
+    """The entries of `known`, (input array, entry), that `step` leaves unchanged.
 
-    `step` has been lowered with none of them known; its outputs begin with the next values of its inputs from array `fixed` on.
+    `step` was lowered with none of them known; its outputs begin with the next values of its inputs from array `fixed` on.
     """
     values = _Values(step, known)
     of = {place: int(step.outputs[place[0] - fixed].ravel()[place[1]]) for place in known}
@@ -36,7 +36,7 @@ def constant_entries(known: dict[tuple[int, int], Any], step: Program, fixed: in
 
 
 class _Values:
-    """The constant that each scalar is, or VARIES, where some inputs are constants."""
+    """The constant value of each scalar, or VARIES, given constant values of some inputs."""
 
     def __init__(self, step: Program, known: dict):
         self.step, self.users = step, defaultdict(list)
@@ -47,7 +47,7 @@ class _Values:
                 self.users[argument].append(name)
 
     def without(self, known: dict, inputs: list[int]) -> list[int]:
-        """Look again at `inputs` and at what depends on them: the scalars whose value is another now, in order."""
+        """Evaluate `inputs` and their dependents again: the scalars whose value has changed, in order."""
         waiting, changed = [name for name in inputs if name >= 0], []
         heapq.heapify(waiting)
         while waiting:
@@ -61,7 +61,7 @@ class _Values:
         return changed
 
     def value(self, operation: ScalarOperation, known: dict) -> Any:
-        """The constant that a scalar is, or VARIES."""
+        """The constant value of a scalar, or VARIES."""
         name, arguments = operation.name, operation.arguments
         if name == "constant":
             return operation.value

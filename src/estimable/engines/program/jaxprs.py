@@ -1,4 +1,4 @@
-"""What a jaxpr calls, and what its names are here."""
+"""The calls in a jaxpr, and the names of its primitives here."""
 
 from typing import Any, TypeAlias
 
@@ -14,21 +14,21 @@ CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_v
 
 
 def name_of(equation: JaxprEqn) -> str:
-    """The primitive of an equation. Raises `UnsupportedError` where it does something besides its results."""
+    """The primitive of an equation. Raises `UnsupportedError` where it has side effects."""
     name: str = equation.primitive.name
     if name not in CALLS and (equation.effects or not equation.outvars):
-        raise UnsupportedError(f"the primitive {name} does something besides its results")
+        raise UnsupportedError(f"the primitive {name} has side effects")
     return "add" if name == "add_any" else name
 
 
 def called(parameters: dict) -> tuple[Any, Any]:
-    """The jaxpr that is called, and its constants."""
+    """The called jaxpr and its constants."""
     inner = next(parameters[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr", "call") if name in parameters)
     return (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, ())
 
 
 def array_of(atom: Atom) -> ShapedArray:
-    """The shape and type of an array in a jaxpr. Raises `UnsupportedError` for what is no array."""
+    """The shape and type of an array in a jaxpr. Raises `UnsupportedError` for anything else."""
     if not isinstance(atom.aval, ShapedArray):
         raise UnsupportedError(f"a value of the kind {type(atom.aval).__name__}")
     return atom.aval

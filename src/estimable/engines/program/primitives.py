@@ -1,15 +1,15 @@
-"""One table of primitives: what an operation on scalars is called, takes and gives, in Python, LLVM, JAX and C.
+"""One table of primitives: name, arguments and result of an operation on scalars, in Python, LLVM, JAX and C.
 
 A scalar is a float (float64), an integer (64 bits, which wraps) or a bool. An integer of fewer bits is held in 64, and one of
 the rows `int8` to `uint32` follows each operation that may leave its range. XLA is the reference:
 
-- NaN propagates, comparisons with it are false (`ne`: true), and a zero keeps its sign, where a row does not say otherwise.
+- NaN propagates, comparisons with it are false (`ne`: true), and a zero keeps its sign, unless a row says otherwise.
 - The order of zeros: max(-0, 0) = 0 and min(0, -0) = -0.
 - XLA flushes subnormal floats to zero; machine code keeps them.
-- An operation that is exact or correctly rounded gives XLA's bits. `ulps` is by how many units in the last place XLA's own result
-  may be off where it is not: Python, LLVM and C call the C library, which is within a few.
+- An exact or correctly rounded operation gives XLA's bits. For the others `ulps` is the error of XLA's own result in units
+  of the last place: Python, LLVM and C call the C library, which is within a few.
 
-An operation with no row is refused: another engine runs the step.
+An operation without a row raises an error: another engine runs the step.
 """
 
 import math
@@ -33,14 +33,14 @@ LETTERS = {"f": FLOAT, "i": INTEGER, "b": BOOL}
 
 
 class UnsupportedError(Exception):
-    """The step holds something that has no program; another engine must run it."""
+    """A part of the step has no program; another engine must run it."""
 
 
 class Primitive(NamedTuple):
     """A row of the table.
 
     `fold`: the result for known arguments; where it raises, or gives an infinity, a NaN or another type, nothing is folded.
-    `llvm`: lines of assembly, the last of which is the result; {a}, {b}, {c} are the arguments, {0}, {1}, .. the lines before,
+    `llvm`: lines of assembly; the last is the result; {a}, {b}, {c} are the arguments, {0}, {1}, .. the preceding lines,
     {f}, {i}, {p} the types float, integer and bool (one, or a vector of them), {f:0.5} a constant of that type, and {sf}, {si}
     their names in intrinsics. `c`: an expression of C99. `rule`: what is special about NaN, infinities, zeros and limits.
     """
@@ -65,7 +65,7 @@ def row(name: str, types: tuple[str, ...]) -> Primitive:
 
 
 def folded(found: Primitive, values: list) -> Any:
-    """What a primitive gives for known arguments; None where that is left to the machine."""
+    """The result of a primitive for known arguments; None where that is left to the machine."""
     try:
         value = found.fold(*values)
     except (ArithmeticError, ValueError):
@@ -83,7 +83,7 @@ def type_of(dtype: np.dtype) -> str:
 
 
 def wrapped(value: int, bits: int = 64, signed: bool = True) -> int:
-    """The integer of so many bits that agrees with this one in them."""
+    """The integer wrapped to a number of bits."""
     value %= 1 << bits
     return value - (1 << bits) if signed and value >> (bits - 1) else value
 
@@ -140,7 +140,7 @@ def _to_nearest(method: lax.RoundingMethod) -> Callable[[Any], Any]:
 
 
 def _magnitude(a: Array) -> Any:
-    """abs: XLA takes abs of a product x x for the product, although that may wrap."""
+    """abs: XLA replaces abs of a product x x by the product, although that may wrap."""
     return lax.max(a, lax.neg(a))
 
 
@@ -149,13 +149,13 @@ def _narrowed(dtype: str) -> Callable[[Any], Any]:
 
 
 def _intrinsic(name: str, type_: str = "f", arguments: int = 1) -> str:
-    """A call of one of LLVM's functions of arguments and result of one type."""
+    """A call of an LLVM intrinsic with arguments and result of one type."""
     given = ", ".join(f"{{{type_}}} {{{letter}}}" for letter in "abc"[:arguments])
     return f"call {{{type_}}} @llvm.{name}.{{s{type_}}}({given})"
 
 
 def _library(name: str, jax: Callable, fold: Callable, ulps: int, llvm: str = "") -> tuple:
-    """A row of a function of the C library; `llvm`: the intrinsic that calls it."""
+    """The row of a function of the C library; `llvm`: the intrinsic that calls it."""
     line = _intrinsic(llvm) if llvm else f"call {{f}} @{name}({{f}} {{a}})"
     return jax.__name__, "f:f", fold, line, jax, f"{name}({{a}})", "", ulps
 
@@ -172,7 +172,7 @@ def _comparisons(type_: str, instruction: str, conditions: tuple[str, ...]) -> l
 
 
 def _selections() -> list[tuple]:
-    """The rows select of a bool, what it chooses where it is true, and what where it is false."""
+    """The rows `select`: a bool, the value where it is true, and the value where it is false."""
     return [
         ("select", f"b{t}{t}:{t}", lambda p, a, b: a if p else b, f"select {{p}} {{a}}, {{{w}}} {{b}}, {{{w}}} {{c}}",
          lax.select, "({a} ? {b} : {c})", "")

@@ -1,4 +1,4 @@
-"""What only moves entries about, on arrays of the names of scalars: it costs nothing, and JAX itself says where they go."""
+"""Operations that only move entries, on arrays of scalar names: they cost nothing, and JAX itself determines the places."""
 
 import math
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def _sliced(
     return array[tuple(map(slice, start_indices, limit_indices, steps))]
 
 
-BY_NUMPY: dict[str, Callable] = {  # the same as JAX's own, without compiling anything
+BY_NUMPY: dict[str, Callable] = {  # the same as in JAX, without compilation
     "broadcast_in_dim": _spread,
     "slice": _sliced,
     "concatenate": lambda *arrays, dimension: np.concatenate(arrays, dimension),
@@ -65,17 +65,17 @@ def indexed(line: ScalarNames, equation: JaxprEqn, arrays: list[np.ndarray]) -> 
             continue
         values = [line.values[entry] for entry in array.ravel()]
         if any(v is None for v in values):
-            raise UnsupportedError(f"{name} at an index that is computed")
+            raise UnsupportedError(f"{name} at a computed index")
         operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), array_of(equation.invars[i]).dtype))
     with jax.ensure_compile_time_eval():
         result = np.asarray(equation.primitive.bind(*operands, **parameters))
     if (result < 0).any():
-        raise UnsupportedError(f"{name} at an index outside")
+        raise UnsupportedError(f"{name} at an index outside the array")
     return result
 
 
 def _gathered(line: ScalarNames, equation: JaxprEqn, array: np.ndarray, indices: np.ndarray) -> np.ndarray | None:
-    """What is gathered at known indices that are inside, as rows of a matrix, without JAX; None for anything else."""
+    """A gather at known indices inside the array, as rows of a matrix, without JAX; None for anything else."""
     numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
     leading, values = indices.shape[:-1], [line.values[entry] for entry in indices.ravel()]
     inner = tuple(size for axis, size in enumerate(sizes) if axis not in numbers.collapsed_slice_dims)

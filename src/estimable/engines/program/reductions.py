@@ -1,4 +1,4 @@
-"""What runs through an array (sums, products of matrices, where the largest entry is), on arrays of the names of scalars."""
+"""Reductions (sums, matrix products, index of the largest entry), on arrays of scalar names."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from .primitives import BOOL, FLOAT, Scalar, type_of
 
 
 class ScalarNames(Protocol):
-    """Scalars in order, of which arrays of names are made."""
+    """Scalars in order, the source of arrays of names."""
 
     values: list[Any]
 
@@ -31,7 +31,7 @@ RUNNING = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
 
 
 def empty(name: str, dtype: np.dtype) -> Any:
-    """What a row of the table gives for no entries at all."""
+    """The result of a row of the table for no entries."""
     kind = type_of(dtype)
     if name in ("max", "min"):
         least = name == "max"
@@ -75,7 +75,7 @@ def _running(line: ScalarNames, equation: JaxprEqn, array: np.ndarray) -> np.nda
 
 
 def _extreme(line: ScalarNames, equation: JaxprEqn, array: np.ndarray) -> np.ndarray:
-    """Where the largest (least) entry along an axis is: the first one, and the first NaN before all."""
+    """The index of the largest (least) entry along an axis: the first of several; the first NaN takes precedence."""
     (axis,) = equation.params["axes"]
     rows, beyond = np.moveaxis(array, axis, -1), "gt" if equation.primitive.name == "argmax" else "lt"
     best, where = rows[..., 0], np.broadcast_to(line.constant(0), rows.shape[:-1])

@@ -1,4 +1,4 @@
-"""Operations on scalars of which some are known, and that need not be computed."""
+"""Operations on partly known scalars that need not be computed."""
 
 import math
 from typing import Any
@@ -7,14 +7,14 @@ NEUTRAL: dict[str, tuple] = {"add": (0.0, 0), "mul": (1.0, 1), "and": (True, -1)
 ABSORBING: dict[str, tuple] = {"mul": (0.0, 0), "and": (False, 0), "or": (True, -1)}
 NEUTRAL_RIGHT: dict[str, tuple] = {"sub": (0.0, 0), "div": (1.0, 1)}
 SIMPLER = {*NEUTRAL, *ABSORBING, *NEUTRAL_RIGHT}
-PROPAGATING = {"add", "sub", "mul", "div"}  # what is NaN where one of two floats is
+PROPAGATING = {"add", "sub", "mul", "div"}  # NaN where one of two floats is NaN
 
 
 def simplify(name: str, arguments: tuple[int, ...], values: list) -> int | tuple | None:
-    """The scalar that an operation gives, or (constant,), or None. `values`: the constants among the arguments, else None.
+    """The scalar equal to an operation, or (constant,), or None. `values`: the constants among the arguments, else None.
 
-    A product with a zero, and a quotient of one, is zero whatever the other factor becomes: the zero is structural. The exception
-    is a factor that is itself a constant NaN or infinity.
+    A product with a constant zero, and a quotient of one, is zero for any other factor: the zero is structural. The exception is
+    a factor that is itself a constant NaN or infinity.
     """
     if name == "select":
         return _selected(arguments, values)

@@ -1,22 +1,22 @@
-"""What a row computes again although nothing that it depends on has changed since the row before.
+"""The part of a row that is computed again although nothing it depends on has changed since the previous row.
 
-A covariance without missing data settles: the numbers that are carried from row to row become the same to the last bit, and
-whatever depends on them alone, and on the same choices, is the same too. Found on the scalars, without a word on covariances.
+A covariance without missing data settles: the numbers carried from row to row become bitwise constant, and so does everything
+that depends only on them and on unchanged choices. It is found on the scalars, without knowledge of covariances.
 """
 
 from typing import Any, NamedTuple
 
 from .straight_line import Program
 
-WORTH = 64  # operations: less is computed as fast as it is compared
+WORTH = 64  # operations: fewer are computed as fast as compared
 
 
 class SteadyPart(NamedTuple):
     """A part of a loop that is constant once its own state is.
 
-    `carry`: its entries of the carry; `slow`: for each scalar, whether it depends on those, and on `choices`, alone;
-    `choices`: the bools that the rest computes in each row, and that the part depends on. `stays`: the bool that chooses for
-    each entry between what it was and something else, if there is one for all.
+    `carry`: its entries of the carry; `slow`: for each scalar, whether it depends only on those and on `choices`; `choices`: the
+    bools that the rest computes in each row and the part depends on. `stays`: the bool that chooses for each entry between its
+    old value and another, if one bool decides for all.
     """
 
     carry: frozenset[int]
@@ -35,7 +35,7 @@ def same_in_every_row(loop: Any) -> list[bool]:
 
 
 def steady_part(loop: Any, same: list[bool]) -> SteadyPart | None:
-    """The largest such part; None where it would save nothing. `same`: the scalars that are the same in every row."""
+    """The largest steady part; None where it would save nothing. `same`: the scalars that are the same in every row."""
     carry = set(range(len(loop.carry) - loop.counts))
     while True:
         slow = _slow(loop, same, carry)
@@ -54,7 +54,7 @@ def steady_part(loop: Any, same: list[bool]) -> SteadyPart | None:
 
 
 def _stays(loop: Any, carry: set[int]) -> int | None:
-    """The one condition under which every entry is chosen to stay as it is."""
+    """The single condition under which every entry keeps its value."""
     nexts = [(loop.carry[i], loop.program.operations[loop.next_carry[i]]) for i in carry]
     chosen = all(op.name == "select" and op.arguments[1] == now for now, op in nexts)
     conditions = {op.arguments[0] for _, op in nexts} if chosen else set()
@@ -62,7 +62,7 @@ def _stays(loop: Any, carry: set[int]) -> int | None:
 
 
 def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
-    """Whether each scalar moves with these entries of the carry and with bools alone."""
+    """Whether each scalar depends only on these entries of the carry and on bools."""
     own = {loop.carry[i] for i in carry}
     slow: list[bool] = []
     for i, op in enumerate(loop.program.operations):

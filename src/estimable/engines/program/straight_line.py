@@ -1,7 +1,7 @@
 """From the jaxpr of a step to a straight line of scalar operations.
 
-Arrays become arrays of the names of scalars, so that whatever only moves entries about costs nothing. Equal operations on
-equal scalars are one (a symmetric matrix is computed once), constants are folded, and what no output needs is dropped.
+Arrays become arrays of scalar names, so that moving entries costs nothing. Equal operations on equal scalars are merged (a
+symmetric matrix is computed once), constants are folded, and unused operations are dropped.
 """
 
 import math
@@ -21,13 +21,13 @@ from .rearrangement import INDEXED, MOVES, indexed, moved
 from .reductions import REDUCTIONS
 from .simplification import simplify
 
-MOST = 10_000  # operations: above it compilation takes seconds, and arrays are as good
+MOST = 10_000  # operations: above this, compilation takes seconds, and arrays are as fast
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
-HOISTED = {"div", "sqrt", "log"}  # slow, and without effect on what is not chosen
+HOISTED = {"div", "sqrt", "log"}  # slow, and without side effects
 
 
 class ScalarOperation(NamedTuple):
-    """One scalar: the operation's name, the scalars it takes, the value of a constant or the place of an input, and its type."""
+    """One scalar: the name of the operation, its arguments, the value of a constant or the place of an input, and its type."""
 
     name: str
     arguments: tuple[int, ...] = ()
@@ -53,10 +53,10 @@ def lower(function: Callable, *arguments: Any, known: dict[tuple[int, int], Any]
 
 
 def lower_jaxpr(closed: ClosedJaxpr, known: dict[tuple[int, int], Any] | None = None, most: int = MOST) -> Program:
-    """The straight line of what has been traced. Raises `UnsupportedError`.
+    """The straight line of a trace. Raises `UnsupportedError`.
 
-    `known`: the values of input entries (array, entry) that are always the same, as the zeros of a triangular matrix.
-    `most`: the operations that it may have.
+    `known`: the values of constant input entries (array, entry), such as the zeros of a triangular matrix.
+    `most`: the largest number of operations.
     """
     line = _ScalarLine(known or {}, most)
     names = [line.inputs(i, array_of(v)) for i, v in enumerate(closed.jaxpr.invars)]
@@ -75,7 +75,7 @@ class _ScalarLine:
         self.found: dict[tuple, int] = {}
 
     def add(self, operation: ScalarOperation) -> int:
-        """The name of an operation, new or met before."""
+        """The name of an operation, new or existing."""
         value = operation.value
         key = (operation.name, operation.arguments, repr(value), type(value))
         if key not in self.found:
@@ -104,7 +104,7 @@ class _ScalarLine:
         return np.array([self.known_scalar(cast(v)) for v in array.ravel()], int).reshape(array.shape)
 
     def constant(self, value: Scalar) -> np.ndarray:
-        """The name of a known scalar, as an array of no axes."""
+        """The name of a known scalar, as a zero-dimensional array."""
         return np.array(self.known_scalar(value))
 
     def known_scalar(self, value: Scalar) -> int:
@@ -119,7 +119,7 @@ class _ScalarLine:
             return self.known_scalar(known)
         if name in HOISTED and (chosen := self.operations[arguments[-1]]).name == "select":
             condition, first, second = chosen.arguments
-            if self.values[second] is not None:  # chosen after, not before: the choice is made while the division runs
+            if self.values[second] is not None:  # chosen afterwards: the choice is made while the division runs
                 branches = (self.scalar(name, *arguments[:-1], branch) for branch in (first, second))
                 return self.scalar("select", condition, *branches)
         simpler = simplify(name, arguments, values)
@@ -164,7 +164,7 @@ class _ScalarLine:
         return [self.result(name, equation, arrays)]
 
     def result(self, name: str, equation: JaxprEqn, arrays: list[np.ndarray]) -> np.ndarray:
-        """Names of the result of one equation that has one."""
+        """Names of the result of an equation with a single result."""
         aval = array_of(equation.outvars[0])
         kind, dtype = type_of(aval.dtype), aval.dtype
         if name in INDEXED:
@@ -186,7 +186,7 @@ class _ScalarLine:
         return result
 
     def program(self, inputs: list[np.ndarray], outputs: list[np.ndarray]) -> Program:
-        """What the outputs need, renumbered."""
+        """The operations that the outputs need, renumbered."""
         needed, stack = set(), [int(name) for array in outputs for name in array.ravel()]
         while stack:
             name = stack.pop()

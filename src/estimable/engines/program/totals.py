@@ -1,4 +1,4 @@
-"""What a run comes to, as scalars that its rows carry: the sum of the log-likelihoods, and the first failure.
+"""The totals of a run, as scalars carried by its rows: the sum of the log-likelihoods, and the first failure.
 
 The sum is Kahan's (Communications of the ACM 8 (1965) 40), so that its rounding does not grow with the rows.
 """
@@ -12,7 +12,7 @@ COUNTS = 4  # scalars that `totalled` adds
 
 
 class Totals(NamedTuple):
-    """The sum, what it has lost to rounding, the code of the first failure or 0, and the rows before it."""
+    """The sum, its compensation for rounding, the code of the first failure or 0, and the rows before it."""
 
     sum: int
     lost: int
@@ -24,7 +24,7 @@ def totalled(program: Program, log_likelihood: int, outcome: int) -> tuple[Progr
     """The program with the totals, and their names before and after a row; they begin at 0. Raises `UnsupportedError`."""
     operations = list(program.operations)
     if [operations[name].type for name in (log_likelihood, outcome)] != [FLOAT, INTEGER]:
-        raise UnsupportedError("a log-likelihood that is no float, or an outcome that is no integer")
+        raise UnsupportedError("a log-likelihood that is not a float, or an outcome that is not an integer")
 
     def append(operation: ScalarOperation) -> int:
         operations.append(operation)
