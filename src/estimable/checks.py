@@ -294,7 +294,7 @@ def counted(count: int, noun: str) -> str:
 
 def suggestion(wrong: Any, options: Iterable[str]) -> str:
     """' Did you mean ...?' if one of the options is similar, else an empty string."""
-    near = difflib.get_close_matches(wrong, list(options), n=1, cutoff=0.6) if isinstance(wrong, str) else []
+    near = difflib.get_close_matches(wrong if isinstance(wrong, str) else short(wrong), list(options), n=1, cutoff=0.6)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
