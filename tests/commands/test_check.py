@@ -125,7 +125,7 @@ def test_a_model_that_varies_is_judged_over_its_rows(run, tmp_path):
 
 def test_what_is_wrong_is_said(run, write_model):
     write_model(HIDING)
-    assert "there" in run("check", "other.toml").stderr
+    assert "other.toml does not exist" in run("check", "other.toml").stderr
     assert run("check", "other.toml").code == 2
     assert "--dt is for continuous models: this one has dt = 1 s." in run("check", "model.toml", "--dt", "1").stderr
     refused = run("check", "model.toml", "--horizon", "2.5", "--json")

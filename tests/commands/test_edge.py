@@ -69,7 +69,7 @@ def test_json_without_a_command_is_refused(run):
 
 def test_json_may_stand_before_the_command(run):
     assert run("--json", "gain", "flight.csv", "--model", "model.toml").json["command"] == "gain"
-    assert "none.csv is not there" in run("--json", "gain", "none.csv", "--model", "model.toml").json["message"]
+    assert "none.csv does not exist" in run("--json", "gain", "none.csv", "--model", "model.toml").json["message"]
 
 
 def test_the_program_itself_and_its_exit_code():
@@ -80,7 +80,7 @@ def test_the_program_itself_and_its_exit_code():
     failed = subprocess.run([*program, "gain", "none.csv", "--model", "none.toml"], capture_output=True, text=True)
     assert (failed.returncode, failed.stdout) == (2, "")
     assert failed.stderr.startswith("Error: ")
-    assert "none.toml is not there" in failed.stderr
+    assert "none.toml does not exist" in failed.stderr
 
 
 def test_help_loads_neither_pandas_nor_plotly_nor_scipy():

@@ -50,7 +50,7 @@ def test_bursts_and_other_plants(run):
         (("simulate", "output-error", "--set", "c=1"), "no setting 'c'"),
         (("simulate", "output-error", "--input-arrival", "2"), "`--input-arrival` must be at most 1. Got 2."),
         (("identify", "run.csv", "--method", "arx"), "no identifier 'arx'"),
-        (("identify", "none.csv"), "none.csv is not there"),
+        (("identify", "none.csv"), "none.csv does not exist"),
         (("identify", "run.csv", "--output", "z"), "z"),
         (("identify", "run.csv", "--set", "na=1", "--set", "nb=1", "--set", "colour=1"), "has the settings"),
     ],

@@ -41,7 +41,7 @@ def test_a_record_that_is_empty_or_not_there(run, tmp_path):
     (tmp_path / "flight.csv").write_text("")
     check_refused(run, tmp_path, ["flight.csv", "is empty"])
     (tmp_path / "flight.csv").unlink()
-    check_refused(run, tmp_path, ["flight.csv is not there"])
+    check_refused(run, tmp_path, ["flight.csv does not exist"])
 
 
 def test_an_input_that_is_not_known(run, tmp_path, write_record):
@@ -66,7 +66,7 @@ def test_wrong_model_files(run, tmp_path, change_model, old, new, says):
 
 def test_a_model_file_that_is_not_there(run, tmp_path):
     (tmp_path / "model.toml").unlink()
-    check_refused(run, tmp_path, ["model.toml is not there"])
+    check_refused(run, tmp_path, ["model.toml does not exist"])
 
 
 def test_a_model_file_without_a_gain(run, tmp_path):

@@ -103,14 +103,14 @@ def test_too_little_to_judge_by_is_said():
         cross_correlation(np.ones(5), np.arange(5.0), lags=1)
     with pytest.raises(InputError, match="the input is constant"):
         cross_correlation(np.ones(50), np.ones(50), lags=1)
-    with pytest.raises(InputError, match=r"equally long\. Got 3 and 4"):
+    with pytest.raises(InputError, match=r"the same length\. Got 3 and 4"):
         cross_correlation(np.ones(3), np.ones(4))
     record = draw(1)[0]
     blind = estimate(Kalman(loop()), record, prior=PRIOR, keep="means")
     with pytest.raises(InputError, match="no innovations with their covariances"):
         check_innovations(blind, record)
     whole = estimate(Kalman(loop()), record, prior=PRIOR)
-    with pytest.raises(InputError, match="must be the record that the result was made of: 300 rows"):
+    with pytest.raises(InputError, match="must be the record of the result, with 300 rows"):
         check_innovations(whole, record[:100])
     with pytest.raises(InputError, match="`false_alarm` must be greater than 0"):
         check_innovations(whole, record, false_alarm=0.0)

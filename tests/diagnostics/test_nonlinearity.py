@@ -39,4 +39,4 @@ def test_the_sentence_follows_the_size():
     assert "use SecondOrderKalman or UnscentedKalman." in about(lambda x, u, θ: x**2, 0.1).sentence
     strong = about(lambda x, u, θ: jnp.sin(3 * x), 0.5)
     assert strong.third_order.max() > 0.3
-    assert "the second order does not hold either" in strong.sentence
+    assert "the second order is not sufficient either" in strong.sentence

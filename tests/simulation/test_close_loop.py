@@ -172,7 +172,7 @@ def test_a_continuous_plant_needs_a_step():
 
 @pytest.mark.parametrize(("given", "sentence"), [
     ({"actuator": -1.0}, "`actuator` must be greater than 0"),
-    ({"actuator": 20.0}, r"`model` must be continuous \(dt = 0\) to move together"),
+    ({"actuator": 20.0}, r"`model` must be continuous \(dt = 0\), because `actuator` moves"),
     ({"limits": (1.0, -1.0)}, "the first below the second"),
     ({"rate": 0.0}, "`rate` must be greater than 0"),
     ({"quantum": 0.0}, "`quantum` must be greater than 0"),

@@ -45,7 +45,7 @@ class Nonlinearity(NamedTuple):
         at = f"the extended filter's prediction of {which!r} is biased by {worst:.2g} sigma at row {row}"
         if third > STRONG:
             return (
-                f"{at}, and third derivatives of h change its slope by {third:.2g} sigma: the second order does not hold "
+                f"{at}, and third derivatives of h change its slope by {third:.2g} sigma: the second order is not sufficient "
                 "either. Start from a smaller covariance, sample faster, or use a particle filter."
             )
         if worst > WORTH:
