@@ -36,6 +36,23 @@ def test_demo_is_gain_on_the_packaged_flight(run):
     assert {**demo.json, "command": "gain", "report": None} == gain.json
 
 
+@pytest.mark.parametrize(("command", "answer"), [
+    (("demo",), "after"), (("gain", "flight.csv", "--model", "model.toml"), "after"),
+    (("estimate", "flight.csv", "--model", "model.toml", "--filter", "unknown-gain"), "gain"),
+])  # fmt: skip
+def test_the_answer_comes_first_and_the_files_last(run, command, answer):
+    """In 80 columns: findings and table in twelve lines, then the plot and the checks, then what was read."""
+    lines = run(*command).stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    (row,) = [i for i, line in enumerate(lines) if line.split()[:1] == [answer]]
+    assert row < 12
+    checks, files = (
+        next(i for i, line in enumerate(lines) if re.match(start, line))
+        for start in ("Innovation check", r"\S+\.toml, filter")
+    )
+    assert row < checks < files
+
+
 def test_demo_and_gain_write_a_page(run, tmp_path):
     run("demo", "--report", "demo.html")
     run(*CALL, "--report", "gain.html", "--set", "walk=0.05", "--json")

@@ -67,13 +67,15 @@ def as_text(run: FilterRun) -> list[Any]:
     check = innovation_checks.innovation_check(run.judged)
     note = [run.result.names.note] if run.result.names.note else []
     return [
-        *header(run),
+        *innovation_checks.warning(check),
         *note,
-        "",
         table,
-        f"Log-likelihood: {run.result.log_likelihood:.6g}.",
+        "",
         innovation_checks.sentence(check),
         *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
+        f"Log-likelihood: {run.result.log_likelihood:.6g}.",
+        "",
+        *header(run),
     ]
 
 

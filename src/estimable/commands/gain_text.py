@@ -49,13 +49,14 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
 
 
 def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[Any]:
-    """What `gain` and `demo` print as text: the files, the gain before and after, the gain over time, and the check."""
+    """What `gain` and `demo` print as text: the findings and the gain before and after, its plot, the check, and the files."""
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
     return [
-        *header(run), "", _table(run, summary, "±" if unicode else "+/-"), *findings(summary, check), "",
+        *findings(summary, check), "", _table(run, summary, "±" if unicode else "+/-"), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",
         innovation_checks.sentence(check), *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
+        "", *header(run),
     ]  # fmt: skip
 
 
