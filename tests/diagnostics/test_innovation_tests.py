@@ -107,7 +107,7 @@ def test_too_little_to_judge_by_is_said():
         cross_correlation(np.ones(3), np.ones(4))
     record = draw(1)[0]
     blind = estimate(Kalman(loop()), record, prior=PRIOR, keep="means")
-    with pytest.raises(InputError, match="no innovations with their covariances"):
+    with pytest.raises(InputError, match="no innovations with covariances"):
         check_innovations(blind, record)
     whole = estimate(Kalman(loop()), record, prior=PRIOR)
     with pytest.raises(InputError, match="must be the record of the result, with 300 rows"):
