@@ -100,9 +100,9 @@ def test_a_stack_is_asked_for_as_a_stack(refused):
     assert sentence.endswith("Got (1, 1). A stack of matrices is needed: write nested lists, as in [[[1.0]]].")
 
 
-def test_a_mask_over_outputs_says_how_to_write_what_is_not_known(refused):
-    assert refused(lambda: Record(MASKED)) == [
-        "`y` has masked entries, and a mask is not read: pass y.filled(np.nan), where NaN means unknown."
+def test_a_mask_over_inputs_says_how_to_write_what_is_not_known(refused):
+    assert refused(lambda: Record(np.zeros(len(MASKED)), MASKED)) == [
+        "`u` has masked entries, and a mask is not read: pass u.filled(np.nan), where NaN means unknown."
     ]
 
 

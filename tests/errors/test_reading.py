@@ -103,14 +103,14 @@ TEXTS = {
         "t,y,u\n0,1,2\n2,3,4\n1,5,6\n",
         (
             "the time column 't' must increase. From row 2 to row 3 below the header it goes from 2.0 to "
-            "1.0 s: sort the rows, and drop repeated ones."
+            "1.0 s: sort the rows by time."
         ),
     ),
     "time repeated": (
-        "t,y,u\n0.5,1,2\n0.5,3,4\n",
+        "t,y,u\n0.5,1,2\n0.5,3,2\n",
         (
-            "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.5 to "
-            "0.5 s: sort the rows, and drop repeated ones."
+            "two rows have the time 0.5 s, and both have a value of 'y'. Rows at one instant are merged into one row "
+            "only if each channel has one value there: drop one of them, or take their mean."
         ),
     ),
     "time of the day": (
@@ -124,7 +124,7 @@ TEXTS = {
         "t,y,u\n2026-01-01 00:00:01,1,2\n2026-01-01 00:00:00,3,4\n",
         (
             "the time column 't' must increase. From row 1 to row 2 below the header it goes from 0.0 to "
-            "-1.0 s: sort the rows, and drop repeated ones."
+            "-1.0 s: sort the rows by time."
         ),
     ),
 }
@@ -322,9 +322,19 @@ FRAMES = {
         FRAME.assign(t=[DAYS[0], pd.NaT, DAYS[1]]),
         "the time column 't' must not be empty or NaN. Row 2 below the header is.",
     ),
-    "periods": (
-        FRAME.assign(t=pd.period_range("2026", periods=3)),
-        ("the time column 't' must hold seconds, or timestamps like 2026-01-31 12:00:00.5. It holds period[D]."),
+    "nanoseconds": (
+        FRAME.assign(t=1_700_000_000_000_000_000 + np.arange(3) * 10_000_000),
+        (
+            "the time column 't' must hold seconds. It holds numbers up to 1.7e+18, which are nanoseconds since 1970, probably: "
+            "convert the column by pd.to_datetime(column, unit='ns')."
+        ),
+    ),
+    "milliseconds": (
+        FRAME.assign(t=1_700_000_000_000 + np.arange(3) * 10),
+        (
+            "the time column 't' must hold seconds. It holds numbers up to 1.7e+12, which are milliseconds since 1970, probably: "
+            "convert the column by pd.to_datetime(column, unit='ms')."
+        ),
     ),
 }
 
@@ -348,7 +358,7 @@ def test_a_table_is_refused_with_the_column_at_fault(refused, frame, sentence):
             DAYS[::-1],
             (
                 "the index must increase. From row 1 to row 2 below the header it goes from 0.0 to -86400.0 s: "
-                "sort the rows, and drop repeated ones."
+                "sort the rows by time."
             ),
         ),
     ],

@@ -27,13 +27,13 @@ RECORDS = {
     ),
     "t back": (
         dict(t=[0.0, 2.0, 1.0]),
-        ("`t` must increase. From t[1] to t[2] it goes from 2.0 to 1.0 s: sort the rows, and drop repeated ones."),
+        ("`t` must increase. From t[1] to t[2] it goes from 2.0 to 1.0 s: sort the rows by time."),
     ),
     "t repeated": (
         dict(t=[1.5e9, 1.5e9, 1.5e9 + 1]),
         (
-            "`t` must increase. From t[0] to t[1] it goes from 1500000000.0 to 1500000000.0 s: sort the rows, and "
-            "drop repeated ones."
+            "two rows have the time 1500000000 s, and both have a value of 'y1'. Rows at one instant are merged into one row "
+            "only if each channel has one value there: drop one of them, or take their mean."
         ),
     ),
     "t NaN": (dict(t=[0.0, np.nan, 2.0]), "`t` must not hold NaN. First at index 1."),

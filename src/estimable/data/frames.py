@@ -12,7 +12,9 @@ from .na_values import without_na
 if TYPE_CHECKING:
     import pandas as pd
 
-REMEDY = "sort the rows, and drop repeated ones"
+LATEST = 1e11  # [s] of a record: 3,000 years
+EPOCHS = ((1e17, "nanoseconds", "ns"), (1e14, "microseconds", "us"), (LATEST, "milliseconds", "ms"))
+REMEDY = "sort the rows by time"
 
 
 def channels_of(
@@ -113,7 +115,7 @@ def _time(
 
     index = frame.index
     if time is None:
-        timed = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex) or index.name == "time"
+        timed = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex | pd.PeriodIndex) or index.name == "time"
         return _seconds(index.to_series(), "the index", faults) if timed and dt is None else None
     if not isinstance(time, str):
         faults.add(f"`time` must be the name of one column. Got {checks.short(time)}.")
@@ -136,6 +138,8 @@ def _seconds(column: "pd.Series", label: str, faults: checks.Faults) -> np.ndarr
     if column.isna().any():
         faults.add(f"{label} must not be empty or NaN. Row {int(np.argmax(column.isna())) + 1} below the header is.")
         return None
+    if isinstance(column.dtype, pd.PeriodDtype):
+        column = column.dt.to_timestamp()
     if column.dtype.kind not in "mMfiub":
         stamps = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
         column = stamps if stamps.notna().all() else column
@@ -144,7 +148,14 @@ def _seconds(column: "pd.Series", label: str, faults: checks.Faults) -> np.ndarr
         t = since.dt.total_seconds().to_numpy(float)
     else:
         t = _as_numbers(column, label, "seconds, or timestamps like 2026-01-31 12:00:00.5", faults)
-    if t is not None and np.any(back := np.diff(t) <= 0):
+        if t is not None and np.abs(t).max() > LATEST:
+            word, unit = next((word, unit) for size, word, unit in EPOCHS if np.abs(t).max() > size)
+            faults.add(
+                f"{label} must hold seconds. It holds numbers up to {np.abs(t).max():.6g}, which are {word} since 1970, "
+                f"probably: convert the column by pd.to_datetime(column, unit={unit!r})."
+            )
+            return None
+    if t is not None and np.any(back := np.diff(t) < 0):
         row = int(np.argmax(back)) + 1
         faults.add(
             f"{label} must increase. From row {row} to row {row + 1} below the header it goes from {float(t[row - 1])} "

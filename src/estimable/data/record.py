@@ -13,6 +13,7 @@ from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
 from .frames import REMEDY, channels_of
+from .messy import measured, one_row_an_instant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +28,7 @@ class Record:
     """Measured outputs and logged inputs, row by row.
 
     Row k: `y[k]` was measured at `t[k]`; `u[k]` was applied from `t[k]` to `t[k+1]`: constant (`hold="zero_order"`) or
-    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN is an output not seen, for each channel. `u` (T, m):
+    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN, None or a mask is an output not seen. `u` (T, m):
     the inputs sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing;
     without either, the record uses the step of a discrete model. `arrived` (T, m): 1 if the input was applied, 0 if the
     network lost it (the actuator then applies "zero" or its last input, "hold", as `lost` says), NaN if unknown. `outputs`
@@ -58,7 +59,7 @@ class Record:
 
     def __post_init__(self):
         faults = checks.Faults()
-        y = faults.array("y", column(self.y), "T p", nan=True)
+        y = faults.array("y", column(measured(self.y)), "T p", nan=True)
         u = self.u
         if u is None and y is not None:
             u = np.zeros((len(y), 0))
@@ -70,12 +71,19 @@ class Record:
         faults.choice("hold", self.hold, HOLDS)
         faults.choice("lost", self.lost, LOST)
         arrived = None if self.arrived is None else _read_arrived(self.arrived, self.hold, faults)
-        dt, t = _read_time(self.dt, self.t, 0 if y is None else len(y), faults)
+        dt = None if self.dt is None else faults.number("dt", self.dt, above=0.0, unit="seconds")
+        t = _read_times(self.t, 0 if y is None else len(y), faults)
         names = {
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
         }
         units = _read_units(self.units, names["outputs"] + names["inputs"], faults)
+        if t is not None and y is not None and not faults.sentences:
+            channels = {"y": y, "u": u, "arrived": arrived}
+            labels = {"y": names["outputs"], "u": names["inputs"], "arrived": names["inputs"]}
+            t, channels = one_row_an_instant(t, channels, labels, faults)
+            y, u, arrived = channels["y"], channels["u"], channels["arrived"]
+        dt, t = _read_step(dt, t, 0 if y is None else len(y), faults)
         faults.finish()
         set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, units=units, **names)
 
@@ -218,26 +226,31 @@ def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndar
     return read
 
 
-def _read_time(
-    dt: float | None, t: Numbers | None, rows: int, faults: checks.Faults
-) -> tuple[float | None, np.ndarray | None]:
-    """The regular step (None if there is none) and the times (None if the record has none)."""
-    if dt is not None:
-        dt = faults.number("dt", dt, above=0.0, unit="seconds")
+def _read_times(t: Numbers | None, rows: int, faults: checks.Faults) -> np.ndarray | None:
+    """The times, which never go back; None if the record has none, or they are at fault."""
     if t is None:
-        return dt, None if dt is None else np.arange(rows) * dt
+        return None
     faults.learn("T", rows, f"`y` has {rows} rows")
     if getattr(getattr(t, "dtype", None), "kind", "f") in "mM":
         faults.add("`t` must be seconds, not dates. Did you mean `(t - t[0]) / np.timedelta64(1, 's')`?")
-        return dt, None
+        return None
     times = faults.array("t", t, "T")
     if times is None or rows == 0:
-        return dt, None
-    if np.any(back := np.diff(times) <= 0):
+        return None
+    if np.any(back := np.diff(times) < 0):
         k = int(np.argmax(back))
         before, after = float(times[k]), float(times[k + 1])
         faults.add(f"`t` must increase. From t[{k}] to t[{k + 1}] it goes from {before} to {after} s: {REMEDY}.")
-        return dt, None
+        return None
+    return times
+
+
+def _read_step(
+    dt: float | None, times: np.ndarray | None, rows: int, faults: checks.Faults
+) -> tuple[float | None, np.ndarray | None]:
+    """The regular step (None if there is none) and the times (None if the record has none)."""
+    if times is None:
+        return dt, None if dt is None else np.arange(rows) * dt
     if rows == 1:
         return dt, times
     mean, regular = float((times[-1] - times[0]) / (rows - 1)), _regular_step(times)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..data.messy import without_wild
 from ..data.record import Record, match, scatter
 from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
@@ -72,7 +73,7 @@ def bind(
         faults.finish()
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
-    y = _columns_of(rows.y, outputs)
+    y = without_wild(_columns_of(rows.y, outputs), names.outputs)
     seen = ~np.isnan(y)
     samples = Sample(y if seen.all() else np.where(seen, y, 0.0), seen, u, arrived)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
