@@ -14,6 +14,7 @@ from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample, Stacked
+from .time_unit import check_time_unit
 
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
 
@@ -62,6 +63,7 @@ def bind(
     if algorithm.has_state_prior:
         check_prior(prior, model, faults)
     _check_time(model, record, faults)
+    check_time_unit(model, record, faults)
     algorithm.check_record(len(record), faults)
     faults.finish()
     u, arrived = _fates(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
