@@ -122,7 +122,7 @@ def test_a_wrong_call_is_refused_in_words():
     record = simulate(TRUE, seed=1, steps=20).record
     with pytest.raises(InputError, match=r"`free` must name covariances: 'Q', 'R'\. Got 'q'"):
         fit_noise(START, record, prior=PRIOR, free=("q",))
-    with pytest.raises(InputError, match="`free` names nothing"):
+    with pytest.raises(InputError, match="`free` is empty: name at least one covariance"):
         fit_noise(START, record, prior=PRIOR, free=())
     with pytest.raises(InputError, match="`Q` starts from a variance of zero for 'x1'"):
         fit_noise(Kalman(replace(TRUE, Q=np.zeros((1, 1)))), record, prior=PRIOR, free="Q")
