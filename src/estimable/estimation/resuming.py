@@ -18,7 +18,7 @@ def check_state(progress: Any) -> None:
     try:
         after, info = jax.eval_shape(lambda state: _cycle(progress, state, held), progress.state)
         fits = _shapes(after) == _shapes((progress.state, progress.held)) and info.mean.shape == (len(names.states),)
-    except Exception:  # a step assumes a valid state, and may fail anywhere
+    except Exception:  # a step may fail anywhere in a state of another algorithm
         fits = False
     if not fits:
         checks.refuse(
