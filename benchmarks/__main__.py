@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 
 def workloads(quick):
-    """(what makes its rows, name, sizes) of each workload."""
+    """(function of its rows, name, sizes) of each workload."""
     T, runs, steps, rows = (10_000, 1_000, 1_000, 1_000) if quick else (100_000, 10_000, 2_000, 2_000)
     return [
         (one_record, f"W1 one record, n=4 p=2, T={T:,}", T, 0.0),
@@ -42,7 +42,7 @@ def workloads(quick):
 
 
 def chosen(workloads, only):
-    """Those that `only` names, as in "W1,W7"; all of them for none. Raises `ValueError` for a name that there is not."""
+    """The workloads that `only` names, as in "W1,W7"; all of them without names. Raises `ValueError` for an unknown name."""
     names = {each[1].split()[0] for each in workloads}
     words = {word.strip() for word in only.split(",")} if only else names
     if words - names:
@@ -51,13 +51,13 @@ def chosen(workloads, only):
 
 
 def measured(some):
-    """Their rows, with nothing on the disk to begin with; what has run is told on stderr."""
+    """Their rows, starting with an empty disk cache; progress goes to stderr."""
     rows, start = [], time.perf_counter()
     with tempfile.TemporaryDirectory() as cache, mock.patch.dict(os.environ, ESTIMABLE_CACHE=cache):
         for make, name, *sizes in some:
-            for told in make(name, *sizes):
-                print(f"{time.perf_counter() - start:6.1f} s  {name}: {told['contender']}", file=sys.stderr, flush=True)
-                rows.append(told)
+            for one in make(name, *sizes):
+                print(f"{time.perf_counter() - start:6.1f} s  {name}: {one['contender']}", file=sys.stderr, flush=True)
+                rows.append(one)
     return rows
 
 
@@ -65,12 +65,12 @@ def parser():
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, prog="python -m benchmarks")
     options.add_argument(
-        "--quick", action="store_true", help="a tenth of the rows and runs: two minutes in place of ten"
+        "--quick", action="store_true", help="a tenth of the rows and runs: two minutes instead of ten"
     )
-    options.add_argument("--json", action="store_true", help="rows as JSON in place of a table")
+    options.add_argument("--json", action="store_true", help="rows as JSON instead of a table")
     options.add_argument("--markdown", action="store_true", help="write docs/benchmarks.md too")
     options.add_argument(
-        "--only", default="", metavar="W1,W7", help="some workloads; not with --markdown, which is of all"
+        "--only", default="", metavar="W1,W7", help="only some workloads; not with --markdown, which needs all"
     )
     return options
 

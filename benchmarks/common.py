@@ -1,4 +1,4 @@
-"""What the workloads share: timing, one row of the table, problems, and the exact loop that accuracy is measured against."""
+"""Shared by the workloads: timing, a row of the table, problems, and the exact loop as the reference of accuracy."""
 
 import time
 
@@ -7,17 +7,17 @@ import numpy as np
 from estimable import Prior, Record, StateSpace, simulate
 
 REPEATS = 5
-LONG = 2.0  # seconds after which a run is repeated no more
+LONG = 2.0  # seconds above which a run is not repeated
 
 
 def best(run, repeats=REPEATS):
-    """Shortest of a few runs after a warm-up, in seconds, with the first one and the result; one run where they are long."""
+    """Shortest of a few runs after a warm-up, in seconds, with the first one and the result; a single run if it is long."""
     start = time.perf_counter()
     result = run()
     first = time.perf_counter() - start
     times = []
     while not times or (len(times) < repeats and sum(times) < LONG):
-        del result  # a large one leaves the memory before the next comes
+        del result  # frees the memory of a large one before the next
         start = time.perf_counter()
         result = run()
         times.append(time.perf_counter() - start)
@@ -27,9 +27,9 @@ def best(run, repeats=REPEATS):
 def row(
     workload, contender, seconds=None, first_call=None, error=None, log_likelihood_error=None, absent=None, whose="ours"
 ):
-    """One contender, `whose` it is: "ours", "library" or "by hand".
+    """The row of a contender; `whose`: "ours", "library" or "by hand".
 
-    `error`: the largest of a mean against the exact loop, or the residual of an equation, relative.
+    `error`: the largest error of a mean against the exact loop, or the relative residual of an equation.
     """
     return {"workload": workload, "contender": contender, "seconds": seconds, "first_call": first_call, "error": error,
             "log_likelihood_error": log_likelihood_error, "absent": absent, "whose": whose}  # fmt: skip
@@ -52,7 +52,7 @@ def recorded(model, prior, T, missing=0.0):
 
 
 def textbook(model, prior, y):
-    """The conventional filter in a NumPy loop that deletes rows: what a person writes first, and the accuracy's yardstick."""
+    """The conventional filter in a NumPy loop that deletes rows: the obvious first version, and the reference of accuracy."""
     A, C, Q, R = model.A, model.C, model.Q, model.R
     x, P, total, means = prior.mean, prior.covariance, 0.0, np.empty((len(y), model.n))
     for k, sample in enumerate(y):

@@ -1,4 +1,4 @@
-"""W7: Riccati and Lyapunov equations, the residual beside the time."""
+"""W7: Riccati and Lyapunov equations, with residual and time."""
 
 import importlib.util
 
@@ -45,7 +45,7 @@ def _problem(n, radius=1.02):
 
 
 def _slycot(routine, *arguments, **options):
-    """A function that gives slycot's X; None where it is not installed."""
+    """A function that returns slycot's X; None where it is not installed."""
     if importlib.util.find_spec("slycot") is None:
         return None
     import slycot

@@ -31,7 +31,7 @@ BANKS = {
 
 
 def compared(name, contender, run, exact, repeats, whose="ours"):
-    """The row of a contender that gives (means, log-likelihood), either of them None; `run` may say why it is absent."""
+    """The row of a contender that returns (means, log-likelihood), either of them None; `run` may be why it is absent."""
     if isinstance(run, str):
         return row(name, contender, absent=run, whose=whose)
     seconds, first, (means, total) = best(run, repeats)
@@ -41,7 +41,7 @@ def compared(name, contender, run, exact, repeats, whose="ours"):
 
 
 def ours(model, prior, record, engine, keep="all", ran=None):
-    """A function that gives our (means, log-likelihood); the set `ran` then has the engine that ran."""
+    """A function that returns our (means, log-likelihood); the set `ran` then holds the engine that ran."""
     ran = set() if ran is None else ran
 
     def run():
@@ -53,7 +53,7 @@ def ours(model, prior, record, engine, keep="all", ran=None):
 
 
 def one_record(name, T, missing):
-    """W1 and W3: one record of n = 4, p = 2; who else runs it keeps everything."""
+    """W1 and W3: one record of n = 4, p = 2; the other contenders store everything."""
     model, prior = problem(4, 2)
     record = recorded(model, prior, T, missing)
     exact = textbook(model, prior, record.y)
@@ -90,7 +90,7 @@ def bank(name, runs, T):
     algorithms, stacked = stack([Kalman(model) for model in models]), stack([Record(each, dt=1) for each in y])
     exact = np.array([textbook(models[i], prior, y[i])[1] for i in range(20)])
 
-    def told(contender, run, repeats, whose="ours"):
+    def row_of(contender, run, repeats, whose="ours"):
         if isinstance(run, str):
             return row(name, contender, absent=run, whose=whose)
         seconds, first, totals = best(run, repeats)
@@ -102,13 +102,13 @@ def bank(name, runs, T):
         def run(engine=engine):
             return estimate_bank(algorithms, stacked, prior=prior, engine=engine, keep="likelihood").log_likelihood
 
-        yield told(f"estimable {engine}, keep=likelihood", run, 5)
+        yield row_of(f"estimable {engine}, keep=likelihood", run, 5)
     matrices = [np.stack([getattr(model, letter) for model in models]) for letter in "ACQR"]
     for threads in (1, os.cpu_count()):
         run = handwritten.bank(threads, *matrices, prior, y)
-        yield told(f"hand-written C, 8 lanes, threads={threads}", run, 5, "by hand")
+        yield row_of(f"hand-written C, 8 lanes, threads={threads}", run, 5, "by hand")
     for contender, make in BANKS.items():
-        yield told(contender, make(*matrices, prior, y), 2, "library")
+        yield row_of(contender, make(*matrices, prior, y), 2, "library")
 
 
 def one_step(name, n, p, steps):
@@ -125,15 +125,15 @@ def one_step(name, n, p, steps):
             continue
         means = stepped(running, y)
         first = time.perf_counter() - start
-        seconds, *_ = best(lambda running=running: stepped(running, y), 3)  # the run goes on
+        seconds, *_ = best(lambda running=running: stepped(running, y), 3)  # the run continues
         yield row(name, contender, seconds / steps, first, float(np.abs(means - exact[0]).max()))
     for contender, make in (("filterpy", peers.filterpy), ("kalman-py", peers.kalman_py_online)):
-        told = compared(name, contender, make(model, prior, y, "means"), exact, 3, "library")
-        yield told | {"seconds": told["seconds"] and told["seconds"] / steps}
+        measured = compared(name, contender, make(model, prior, y, "means"), exact, 3, "library")
+        yield measured | {"seconds": measured["seconds"] and measured["seconds"] / steps}
 
 
 def stepped(running, y):
-    """The mean after each correction, read as it comes, as the others do."""
+    """The mean after each correction, read at once, as for the others."""
     means = np.empty((len(y), running.algorithm.model.n))
     for k, sample in enumerate(y):
         means[k] = running.correct(sample).mean
@@ -142,7 +142,7 @@ def stepped(running, y):
 
 
 def large(name, n, p, T, keep, missing):
-    """W5 and W12: one record of a larger model, by the engine that is taken and by XLA."""
+    """W5 and W12: one record of a larger model, by the chosen engine and by XLA."""
     model, prior = problem(n, p)
     record = recorded(model, prior, T, missing)
     exact = textbook(model, prior, record.y)

@@ -1,4 +1,4 @@
-"""The hand-written C loops, compiled where there is a compiler; a sentence stands in their place where there is none."""
+"""The hand-written C loops, compiled where there is a compiler; otherwise a message replaces them."""
 
 import ctypes
 import functools

@@ -1,4 +1,4 @@
-"""W8: many closed loops of the F-16 whose gain is estimated in the loop, and what is asked of each."""
+"""W8: many closed loops of the F-16 with the gain estimated in the loop, and a summary of each."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .common import best, row
 
 
 def loops(name, runs):
-    """Under the thesis's window of 30 samples, and under a change detector; each error: against a few runs on XLA."""
+    """With the thesis's window of 30 samples, and with a change detector; each error: against a few runs on XLA."""
     model, prior = f16.short_period(), es.Prior([0.0, 0.0], np.zeros((2, 2)))
     window = es.MovingWindow(es.UnknownGain(model, es.Prior([0.8], [[0.4]])), 30)
     estimators = {"window of 30, bounded, smoothed": es.Smoothed(es.Bounded(window, 0.0, 1.0), 0.9),

@@ -1,4 +1,4 @@
-"""W10: the nonlinear filters beside the Kalman filter, at equal n and p; the first row is what the ratios are to."""
+"""W10: the nonlinear filters compared with the Kalman filter, at equal n and p; ratios are to the first row."""
 
 import jax.numpy as jnp
 
@@ -15,7 +15,7 @@ FILTERS = {
 
 
 def nonlinear(name, T, keep):
-    """n = 4, p = 2: a sine in f and a product in h, which every state and output has."""
+    """n = 4, p = 2: every state has a sine in f, and every output a product in h."""
     linear, prior = problem(4, 2)
     A, C = jnp.asarray(linear.A), jnp.asarray(linear.C)
     model = NonlinearModel(

@@ -1,7 +1,7 @@
-"""The other libraries that filter one record: each a function of (model, prior, y, keep) that gives what runs it.
+"""The other libraries that filter one record: each a function of (model, prior, y, keep) that returns a runner.
 
-What runs it gives (means, log-likelihood or None). In its place stands a sentence where the library is not installed, or would
-not do the same: `library` catches the first, the functions say the second. `keep`: "all", means and covariances, or "means".
+A runner returns (means, log-likelihood or None). A message replaces it where the library is not installed (from `library`), or
+would not compute the same (from the functions). `keep`: "all", means and covariances, or "means".
 """
 
 import functools
@@ -14,7 +14,7 @@ KEEPS_ALL = "keeps the covariances"
 
 
 def library(make):
-    """`make`, which imports a library, with a sentence in place of its function where that cannot be."""
+    """`make`, which imports a library; a message replaces its function where that fails."""
 
     @functools.wraps(make)
     def made(*arguments):
@@ -30,7 +30,7 @@ def library(make):
 
 @library
 def statsmodels(model, prior, y, keep):
-    """As it comes: it keeps much more than it is asked for."""
+    """With its defaults: it stores much more than requested."""
     if keep == "means":
         return KEEPS_ALL
     return _statsmodels(model, prior, y, 0)
@@ -38,7 +38,7 @@ def statsmodels(model, prior, y, keep):
 
 @library
 def statsmodels_conserving(model, prior, y, keep):
-    """Told to keep what ours keeps: the filtered means, the forecasts and, if asked, the covariances of both."""
+    """Set to store what ours stores: the filtered means, the forecasts and, if requested, the covariances of both."""
     from statsmodels.tsa.statespace import kalman_filter as sm
 
     forgotten = sm.MEMORY_NO_PREDICTED | sm.MEMORY_NO_GAIN | sm.MEMORY_NO_SMOOTHING | sm.MEMORY_NO_STD_FORECAST
@@ -48,7 +48,7 @@ def statsmodels_conserving(model, prior, y, keep):
 
 
 def _statsmodels(model, prior, y, forgotten):
-    statsmodels_filter(model.A, model.C, model.Q, model.R, prior, y[:1])  # absent here, and not at the first run
+    statsmodels_filter(model.A, model.C, model.Q, model.R, prior, y[:1])  # fails here, and not at the first run
 
     def run():
         result = statsmodels_filter(model.A, model.C, model.Q, model.R, prior, y, conserve_memory=forgotten).filter()

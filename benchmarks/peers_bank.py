@@ -1,6 +1,6 @@
-"""The other libraries on a bank of different models: each a function of (A, C, Q, R, prior, y) that gives what runs it.
+"""The other libraries on a bank of different models: each a function of (A, C, Q, R, prior, y) that returns a runner.
 
-Its arrays begin with the axis of the runs, as those of `y`; it gives the log-likelihood of each run. Else as in `peers`.
+Arrays have a leading axis of runs, like `y`; a runner returns the log-likelihood of each run. Otherwise as in `peers`.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from .peers_jax import cuthbert_filter, dynamax_filter
 @library
 def statsmodels(A, C, Q, R, prior, y):
     """One run after another."""
-    statsmodels_filter(A[0], C[0], Q[0], R[0], prior, y[0])  # absent here, and not at the first run
+    statsmodels_filter(A[0], C[0], Q[0], R[0], prior, y[0])  # fails here, and not at the first run
 
     def run():
         return np.array(

@@ -1,4 +1,4 @@
-"""The libraries that filter one record with JAX, and kalman-py, which can: as in `peers`."""
+"""The libraries that filter one record with JAX, and kalman-py, which can use it: as in `peers`."""
 
 import numpy as np
 from scipy.stats import multivariate_normal
@@ -7,7 +7,7 @@ from .peers import KEEPS_ALL, NO_MISSING, library
 
 
 def compiled(filtered, keep):
-    """What runs the function that gives JAX arrays (log-likelihood, means, covariances), without what is not kept."""
+    """The runner of a function that returns JAX arrays (log-likelihood, means, covariances), without the unselected ones."""
     import jax
 
     of_record = jax.jit(lambda y: filtered(y)[: 3 if keep == "all" else 2])
@@ -49,7 +49,7 @@ def cuthbert(model, prior, y, keep):
 
 
 def cuthbert_filter(A, C, root_Q, root_R, prior):
-    """As `dynamax_filter`; it predicts before each datum, before the first one by nothing."""
+    """As `dynamax_filter`; it predicts before each datum, before the first one without a change."""
     import cuthbert as library
     import jax.numpy as jnp
     from cuthbert.gaussian.kalman import build_filter
@@ -73,7 +73,7 @@ def cuthbert_filter(A, C, root_Q, root_R, prior):
 
 
 def kalman_py(backend):
-    """kalman-py on "numpy" or "jax"; it predicts before each datum, so that the first one is taken apart."""
+    """kalman-py on "numpy" or "jax"; it predicts before each datum, so that the first one is handled separately."""
 
     @library
     def make(model, prior, y, keep):

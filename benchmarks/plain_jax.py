@@ -1,4 +1,4 @@
-"""What a person writes in JAX for the filter alone: a masked Joseph form in one `lax.scan`, jitted."""
+"""The obvious JAX code for the filter alone: a masked Joseph form in one `lax.scan`, jitted."""
 
 import jax.numpy as jnp
 from jax import lax
@@ -8,7 +8,7 @@ from .peers_jax import compiled
 
 
 def contender(model, prior, y, keep):
-    """A function that filters the record once; an output that is missing is one of unit noise, which sees no state."""
+    """A function that filters the record once; a missing output has unit noise and sees no state."""
     A, C, Q, R = (jnp.asarray(getattr(model, letter)) for letter in "ACQR")
 
     def step(belief, datum):

@@ -11,21 +11,21 @@ PACKAGES = ("jax", "llvmlite", "numpy", "scipy", "statsmodels", "filterpy", "pyk
 
 def of_workloads(rows):
     """(workload, its rows), in the order in which they ran."""
-    return [(name, list(group)) for name, group in groupby(rows, key=lambda told: told["workload"])]
+    return [(name, list(group)) for name, group in groupby(rows, key=lambda one: one["workload"])]
 
 
 def summary(rows):
-    """One line for each workload that others run too: how many times as long as ours the fastest of them takes."""
+    """One line for each workload that others also run: the time of the fastest of them relative to ours."""
     lines = ["| workload | ours [s] | fastest library | times ours | fastest by hand | times ours |",
              "|---|---|---|---|---|---|"]  # fmt: skip
     for workload, group in of_workloads(rows):
-        ran = [told for told in group if not told["absent"]]
-        kinds = [[told for told in ran if told["whose"] == whose] for whose in ("ours", "library", "by hand")]
+        ran = [one for one in group if not one["absent"]]
+        kinds = [[one for one in ran if one["whose"] == whose] for whose in ("ours", "library", "by hand")]
         if not kinds[0] or not (kinds[1] or kinds[2]):
             continue
         ours, cells = kinds[0][0]["seconds"], []
         for kind in kinds[1:]:
-            fastest = min(kind, key=lambda told: told["seconds"], default=None)
+            fastest = min(kind, key=lambda one: one["seconds"], default=None)
             cells += [fastest["contender"], _figures(fastest["seconds"] / ours)] if fastest else ["", ""]
         lines.append(f"| {workload} | {ours:.3g} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -40,13 +40,13 @@ def table(rows):
     lines = ["| workload | contender | seconds | ratio | first call [s] | error | log-likelihood error |",
              "|---|---|---|---|---|---|---|"]  # fmt: skip
     for workload, group in of_workloads(rows):
-        first = next((told["seconds"] for told in group if not told["absent"]), None)
-        for told in group:
-            cells = [workload, told["contender"], f"absent: {told['absent']}", "", "", "", ""]
-            if not told["absent"]:
-                cells[2:4] = f"{told['seconds']:.3g}", f"{told['seconds'] / first:.2f}"
+        first = next((one["seconds"] for one in group if not one["absent"]), None)
+        for one in group:
+            cells = [workload, one["contender"], f"absent: {one['absent']}", "", "", "", ""]
+            if not one["absent"]:
+                cells[2:4] = f"{one['seconds']:.3g}", f"{one['seconds'] / first:.2f}"
                 for place, key in enumerate(("first_call", "error", "log_likelihood_error"), 4):
-                    cells[place] = "" if told[key] is None else f"{told[key]:.2g}"
+                    cells[place] = "" if one[key] is None else f"{one[key]:.2g}"
             lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

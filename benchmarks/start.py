@@ -1,4 +1,4 @@
-"""W9 and W11: seconds from a cold start, of whole processes, and of the first call in one."""
+"""W9 and W11: seconds of a cold start, for whole processes, and for the first call in one."""
 
 import os
 import subprocess
@@ -14,11 +14,11 @@ from .common import row
 PLACES = (
     Path(estimable.__file__).parents[1],
     Path(__file__).parents[1],
-)  # of the package that is measured, and of this one
+)  # of the measured package, and of this one
 
 
 def process(code, **variables):
-    """Seconds of a new process, and what it printed."""
+    """Seconds of a new process, and its output."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"} | variables
     path = [*map(str, PLACES), environment.get("PYTHONPATH", "")]
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, path))
@@ -29,7 +29,7 @@ def process(code, **variables):
 
 
 def starts(name):
-    """Imports, and the demo in a new process: with nothing on the disk, and with the machine code of the one before."""
+    """Imports, and the demo in a new process: with an empty disk cache, and with the machine code of the previous process."""
     times = [[process(f"import {module}")[0] for module in ("jax", "estimable")] for _ in range(5)]
     jax, ours = (min(each) for each in zip(*times, strict=True))
     yield row(name, "import estimable", ours)

@@ -1,4 +1,4 @@
-"""W6: the gain of the F-16 over a window of 30 samples, in many flights."""
+"""W6: the gain of the F-16 over a window of 30 samples, for many flights."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ LENGTH, ROWS = 30, 1650
 
 
 def windows(name, runs):
-    """Every window of every flight, by engine; each error: the gain of a few against each window run as a filter of its own."""
+    """Every window of every flight, by engine; each error: the gain of a few against each window run as a separate filter."""
     model, prior, gain = f16.short_period(), es.Prior([0.0, 0.0], 0.01 * np.eye(2)), es.Prior([0.8], [[0.4]])
     t = np.arange(ROWS) / f16.RATE
     u = np.where(t % 4.5 < 2.25, 2.0, -2.0)[:, None]
@@ -30,8 +30,8 @@ def windows(name, runs):
             return es.estimate_bank(window, some, prior=prior, engine=engine, keep=keep)
 
         seconds, first, found = best(run, repeats=2)
-        told = f"estimable {engine}, keep={keep}" + ("" if engine == "native" else ", 50 flights")
-        yield row(name, told, seconds, first, float(np.abs(found.gain[0, exact[0], 0] - exact[1]).max()))
+        label = f"estimable {engine}, keep={keep}" + ("" if engine == "native" else ", 50 flights")
+        yield row(name, label, seconds, first, float(np.abs(found.gain[0, exact[0], 0] - exact[1]).max()))
 
 
 def _record(items, i, names):
@@ -39,7 +39,7 @@ def _record(items, i, names):
 
 
 def _one_by_one(algorithm, items, prior):
-    """Some rows of the first flight, and the gain there by a filter begun at the window's first row, its state unknown."""
+    """Some rows of the first flight, and their gain by a filter started at the window's first row with unknown state."""
     rows, names = np.arange(LENGTH, ROWS, 100), {"outputs": algorithm.names.outputs, "inputs": algorithm.names.inputs}
     unknown = es.Prior(np.zeros(2), np.zeros((2, 2)), diffuse=np.eye(2))
     found = []

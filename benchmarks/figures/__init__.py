@@ -1,1 +1,1 @@
-"""Figures of how right the engines are, in place of how fast."""
+"""Measurements of the accuracy of the engines, not of their speed."""

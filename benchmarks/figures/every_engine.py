@@ -15,12 +15,12 @@ from estimable.frozen import frozen, static
 from estimable.results import Info, Interval, Sample
 
 AXES = (None, 0, None)
-FIXED = np.pi, np.int64(2**62 + 1), np.bool_(True)  # numbers of the algorithm: the integer is no float64
+FIXED = np.pi, np.int64(2**62 + 1), np.bool_(True)  # numbers of the algorithm: float64 cannot represent the integer
 TINY = np.finfo(float).tiny
 
 
 class Rows(NamedTuple):
-    """Floats, integers and bools, (runs, rows, entries) each: what a function takes, or gives."""
+    """Floats, integers and bools, (runs, rows, entries) each: arguments or results of a function."""
 
     floats: np.ndarray
     integers: np.ndarray
@@ -29,9 +29,9 @@ class Rows(NamedTuple):
 
 @frozen
 class Pack:
-    """An algorithm that applies a function to each row, and gives back its own numbers and those of the row before.
+    """An algorithm that applies a function to each row, and returns its own numbers and those of the previous row.
 
-    `function(floats, integers, bools)` gives three vectors of the same types.
+    `function(floats, integers, bools)` returns three vectors of the same types.
     """
 
     fixed: Any
@@ -58,7 +58,7 @@ class Pack:
 
 
 def outputs(info: Info, keep: str) -> Rows:
-    """What is kept of a row."""
+    """The selected outputs of a row."""
     return Rows(info.mean, info.extra["integers"], info.extra["bools"])
 
 
@@ -90,13 +90,13 @@ def by_arrays(pack: Pack, given: Rows, keep: str = "all") -> Rows:
 
 
 def online(pack: Pack, given: Rows, keep: str = "all") -> Rows:
-    """A row a call, from one place in memory to another and back."""
+    """One row per call, from one place in memory to another and back."""
     state = jax.tree_util.tree_map(np.asarray, pack.init(None))
     entries = [np.zeros(array.shape[2:], array.dtype) for array in given]
     code = code_of(_step, pack, form_of(state), *entries)
     here, there = Place(form_of(state)), Place(form_of(state))
     steps = [Step(code, flat(pack), here, there), Step(code, flat(pack), there, here)]
-    told = []
+    after = []
     for run in range(len(given.floats)):
         here.flat[:] = there.flat[:] = flat(state)
         for row in range(given.floats.shape[1]):
@@ -105,8 +105,8 @@ def online(pack: Pack, given: Rows, keep: str = "all") -> Rows:
                 place[:] = array
             step.run()
             memory = step.report.tobytes()
-            told.append((step.fields["mean"](memory), *step.fields["extra"](memory).values()))
-    floats, bools, integers = (np.stack(part).reshape(*given.floats.shape[:2], -1) for part in zip(*told, strict=True))
+            after.append((step.fields["mean"](memory), *step.fields["extra"](memory).values()))
+    floats, bools, integers = (np.stack(part).reshape(*given.floats.shape[:2], -1) for part in zip(*after, strict=True))
     rows = Rows(floats, integers, bools)
     return rows if keep == "all" else Rows(*(part[:, -1] for part in rows))
 
@@ -122,7 +122,7 @@ ENGINES: dict[str, Callable[..., Rows]] = {
 
 
 def differing(ours: np.ndarray, theirs: np.ndarray, ulps: int = 0) -> np.ndarray:
-    """Where numbers differ by more than `ulps`: XLA flushes subnormal numbers to zero, whose sign is not compared then."""
+    """Where numbers differ by more than `ulps`. XLA flushes subnormal numbers to zero; the sign of that zero is not compared."""
     if ours.dtype != float:
         return ours != theirs
     ours, theirs = (np.where(np.abs(x) < (4 if ulps else 1) * TINY, np.copysign(0.0, x), x) for x in (ours, theirs))

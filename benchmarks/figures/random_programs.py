@@ -1,8 +1,8 @@
 """Random programs of floats, integers and bools, by every engine against XLA: `python -m benchmarks.figures.random_programs`.
 
-A program is a row of the table of primitives, or a primitive that is composed of rows, applied to inputs, constants and other
-programs. Layers of vectors of programs share a compilation. What is not exact is rounded to a coarse grid at once, so that every
-number must be XLA's to the last bit, with NaN, infinities and the signs of zeros.
+A program is a row of the table of primitives, or a primitive composed of rows, applied to inputs, constants and other programs.
+Layers of vectors of programs share a compilation. Inexact results are rounded to a coarse grid at once, so that every number
+must equal XLA's to the last bit, with NaN, infinities and the signs of zeros.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from .every_engine import ENGINES, FIXED, Pack, Rows, by_xla, differing
 
 TYPES = FLOAT, INTEGER, BOOL
 LEAVES = {FLOAT: 8, INTEGER: 6, BOOL: 3}
-OWN = 2  # what a pack adds to the inputs: a number of the row before, and one of the algorithm
+OWN = 2  # inputs added by a pack: a number of the previous row, and one of the algorithm
 LAYERS, WIDTH, RUNS, ROWS = 3, 3, 9, 8
 HITS = 200
 INEXACT = "mul", "div", "from_bits"  # may be contracted or subnormal; and XLA makes a choice of a product with a bool
-GRID, OFFSET = 64.0, 1 / np.pi  # so that no simple number is half way between two of the grid
+GRID, OFFSET = 64.0, 1 / np.pi  # no simple number is halfway between two grid points
 FLOATS = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 0.5, -1.5, 2.5, 3.0, -8.0, 1e308, -np.finfo(float).max,
                    np.finfo(float).tiny, -np.finfo(float).tiny, 2.0**63, -(2.0**63), 1e18, 4503599627370497.5])  # fmt: skip
 INTEGERS = np.array([-(2**63), -(2**63) + 1, -(2**53) - 1, -(2**31), -129, -7, -1, 0, 1, 2, 3, 31, 32, 63, 64, 255, 2**31,
@@ -35,7 +35,7 @@ CONSTANTS = {FLOAT: np.array([1.0, -1.0, 0.5, -2.0, 3.0, 1e300, np.inf, np.nan])
 
 
 class Kind(NamedTuple):
-    """What a program may be: a function of vectors of these types; `rounded`: whether its result is rounded to the grid."""
+    """A kind of program: a function of vectors of these types; `rounded`: whether its result is rounded to the grid."""
 
     name: str
     arguments: tuple[str, ...]
@@ -45,7 +45,7 @@ class Kind(NamedTuple):
 
 
 class Programs(NamedTuple):
-    """Programs of one kind: those that each of them takes, a vector an argument, and the place of the first among its type."""
+    """Programs of one kind: their arguments, one vector for each, and the place of the first among its type."""
 
     kind: Kind
     operands: list[np.ndarray]
@@ -53,7 +53,7 @@ class Programs(NamedTuple):
 
 
 def _bits_of_numbers(x: Any) -> Any:
-    """Those of a NaN are not said: its sign differs from one C library to another."""
+    """The bits of numbers; not those of a NaN, as its sign depends on the C library."""
     return lax.bitcast_convert_type(jnp.where(x == x, x, 0.0), np.dtype(np.int64))
 
 
@@ -71,7 +71,7 @@ def kinds() -> list[Kind]:
 
 
 def compositions() -> list[Kind]:
-    """What is composed of rows, in integers of fewer bits too, and operations with constants."""
+    """Primitives composed of rows, also for narrow integers, and operations with constants."""
     return [*_composed(), *_narrow(), *_with_constants()]
 
 
@@ -118,7 +118,7 @@ def _narrow() -> list[Kind]:
 
 
 def _with_constants() -> list[Kind]:
-    """Operations of which an argument is a constant: `function(x, constant)`."""
+    """Operations with a constant argument: `function(x, constant)`."""
     operations = {"add": lax.add, "sub": lax.sub, "mul": lax.mul, "div": lax.div, "rem": lax.rem, "max": lax.max,
                   "min": lax.min, "lt": lax.lt, "eq": lax.eq}  # fmt: skip
     return [
@@ -134,7 +134,7 @@ def coarse(x: Any) -> Any:
 
 
 def grown(rng: np.random.Generator, rows: list[Kind], others: list[Kind], depth: int = LAYERS) -> list[list[Programs]]:
-    """Layers of programs: every row in each layer, and the others in turn; a later layer takes those before, and inputs."""
+    """Layers of programs: every row in each layer, and the others in turn; a layer takes earlier results and inputs."""
     sizes, layers = {t: LEAVES[t] + OWN for t in TYPES}, []
     for i in range(depth):
         before = dict(sizes)
@@ -176,8 +176,8 @@ class Composition:
             return jnp.asarray(places)
         return pool[type_].at[places].get(mode="promise_in_bounds")
 
-    def told(self, type_: str, place: int, depth: int = 4) -> str:
-        """A program in words."""
+    def described(self, type_: str, place: int, depth: int = 4) -> str:
+        """The text of a program."""
         if place < LEAVES[type_] + OWN:
             return f"{type_}[{place}]"
         kind, operands, first = next(
@@ -187,7 +187,7 @@ class Composition:
             if some.kind.result == type_ and 0 <= place - some.first < WIDTH
         )
         column = [operand[place - first] for operand in operands]
-        given = [repr(p) if t not in TYPES else self.told(t, p, depth - 1) if depth else ".."
+        given = [repr(p) if t not in TYPES else self.described(t, p, depth - 1) if depth else ".."
                  for t, p in zip(kind.arguments, column, strict=True)]  # fmt: skip
         return f"{kind.name}({', '.join(given)})"
 
@@ -206,7 +206,7 @@ def drawn(rng: np.random.Generator) -> Rows:
 
 
 def failures(seed: int, rows: list[Kind], others: list[Kind], depth: int = LAYERS) -> list[str]:
-    """What one pack of programs gives that is not what XLA gives, in words."""
+    """The results of a pack of programs that differ from XLA's, as messages."""
     rng = np.random.default_rng(seed)
     programs, given = Composition(grown(rng, rows, others, depth)), drawn(rng)
     pack, found = Pack(FIXED, programs), []
@@ -219,7 +219,7 @@ def failures(seed: int, rows: list[Kind], others: list[Kind], depth: int = LAYER
                 values = [np.asarray(x)[i, row, place].item() for x in (ours, theirs)]
                 words = "what is carried or fixed"
                 if place < bad.shape[-1] - OWN:
-                    words = programs.told(type_, place + LEAVES[type_] + OWN)
+                    words = programs.described(type_, place + LEAVES[type_] + OWN)
                 found.append(f"seed {seed}, {name}: {values[0]!r}, by XLA {values[1]!r}: {words} at run {i}, row {row}")
     return found
 
@@ -227,13 +227,13 @@ def failures(seed: int, rows: list[Kind], others: list[Kind], depth: int = LAYER
 def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, prog="python -m benchmarks.figures.random_programs")
-    options.add_argument("--programs", type=int, default=20_000, help="at least so many, and each row 200 times")
+    options.add_argument("--programs", type=int, default=20_000, help="at least this many, and each row 200 times")
     options.add_argument("--seed", type=int, default=0, help="of the first pack")
     return options
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run packs of programs until there are enough."""
+    """Run packs of programs until there are enough programs."""
     options, start, wrong, hits = parser().parse_args(arguments), time.perf_counter(), [], Counter()
     rows, others = kinds(), compositions()
     pack = {**{kind.name: LAYERS * WIDTH for kind in rows}, **{kind.name: WIDTH for kind in others}}

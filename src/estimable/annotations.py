@@ -1,4 +1,4 @@
-"""Types of what is passed about: arrays, what a user may give for one, and trees of arrays."""
+"""Common types: arrays, the values accepted for an array, and trees of arrays."""
 
 from typing import Any, ClassVar, Protocol, TypeAlias
 
@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 __all__ = ["AnyRecord", "Array", "ArrayLike", "Numbers", "Tree"]
 
 Array: TypeAlias = jax.Array | np.ndarray
-Numbers: TypeAlias = ArrayLike | jax.Array  # what a user may give for an array
+Numbers: TypeAlias = ArrayLike | jax.Array  # values that a user may pass for an array
 
 
 class AnyRecord(Protocol):
-    """A frozen record: a dataclass that JAX knows as a tree."""
+    """A frozen record: a dataclass registered with JAX as a tree."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

@@ -1,4 +1,4 @@
-"""float64 throughout: JAX is told so when estimable is imported."""
+"""float64 throughout: JAX is set to it when estimable is imported."""
 
 import warnings
 

@@ -1,8 +1,8 @@
-"""What the drivers ask of an algorithm, an identifier, a controller, a link and a plant.
+"""The interfaces that the drivers require of an algorithm, an identifier, a controller, a link and a plant.
 
-A class says which of these it is by deriving from it, as in `class Kalman(Algorithm)`. Abstract members must be there; every
-other member is an optional hook, and its default is here. The drivers ask for nothing else, and nothing but these defaults is
-inherited: what algorithms share is called as functions, and what they are made of is in their fields.
+A class declares its interface by deriving from it, as in `class Kalman(Algorithm)`. Abstract members are required; every other
+member is an optional hook with its default here. The drivers use no other members, and only these defaults are inherited:
+algorithms share code through functions, and have their settings in fields.
 """
 
 from abc import ABC, abstractmethod
@@ -21,7 +21,7 @@ from .models.state_space import StateSpace
 from .networks.delivery import Delivery
 from .results import Fit, Info, Interval, Names, Sample
 
-State = TypeVar("State")  # what is carried from sample to sample: a tree of arrays whose shapes do not change
+State = TypeVar("State")  # the state from sample to sample: a tree of arrays with constant shapes
 
 
 class Algorithm(ABC, Generic[State]):
@@ -39,18 +39,18 @@ class Algorithm(ABC, Generic[State]):
 
     @abstractmethod
     def init(self, prior: Any) -> State:
-        """What is believed about x[0], before y[0]. `prior`: a `Prior`, or None where `has_state_prior` is False."""
+        """The belief about x[0], before y[0]. `prior`: a `Prior`, or None where `has_state_prior` is False."""
 
     @abstractmethod
     def correct(self, state: State, sample: Sample) -> tuple[State, Info]:
-        """Learn from one sample, and say what is believed then. `Info.outcome` must be set: 0 where nothing failed."""
+        """Update with one sample, and report the belief. `Info.outcome` must be set: 0 without a failure."""
 
     @abstractmethod
     def predict(self, state: State, interval: Interval) -> State:
         """Move to the next sample."""
 
     def sampled(self, clock: Clock) -> Self:
-        """The algorithm made ready for the steps of a record: its model discretised, its noises factored."""
+        """The algorithm prepared for the steps of a record: its model discretised, its noises factored."""
         return self
 
     def at(self, k: int | Array) -> Self:
@@ -59,7 +59,7 @@ class Algorithm(ABC, Generic[State]):
 
     @property
     def where_all_is_seen(self) -> Self:
-        """An equal algorithm, once sampled, which may be faster where every output is seen and the prior is proper."""
+        """An equivalent sampled algorithm that may be faster where every output is seen and the prior is proper."""
         return self
 
     @property
@@ -74,12 +74,12 @@ class Algorithm(ABC, Generic[State]):
 
     @property
     def has_state_prior(self) -> bool:
-        """Whether the drivers' `prior` is needed; not where all priors are settings of the algorithm."""
+        """Whether the drivers need a `prior`; False where all priors are settings of the algorithm."""
         return True
 
     @property
     def takes_unknown_arrivals(self) -> bool:
-        """Whether inputs may come of which nobody knows whether they arrived."""
+        """Whether the arrival of inputs may be unknown."""
         return False
 
     @property
@@ -88,12 +88,12 @@ class Algorithm(ABC, Generic[State]):
         return True
 
     def check_record(self, rows: int, faults: Faults) -> None:
-        """Note what a record of that many rows lacks."""
+        """Report a fault if a record with this many rows is too short."""
         return
 
 
 class Wrapper(Algorithm[State]):
-    """An algorithm around another, its field `algorithm`. What a wrapper does not define is passed on."""
+    """An algorithm around another, its field `algorithm`. Members that it does not define are those of that algorithm."""
 
     algorithm: Any
 
@@ -103,11 +103,11 @@ class Wrapper(Algorithm[State]):
         return self.algorithm.names
 
     def init(self, prior: Any) -> State:
-        """What the wrapped algorithm believes before y[0]."""
+        """The belief of the wrapped algorithm before y[0]."""
         return self.algorithm.init(prior)
 
     def correct(self, state: State, sample: Sample) -> tuple[State, Info]:
-        """Let the wrapped algorithm learn from one sample."""
+        """Update the wrapped algorithm with one sample."""
         return self.algorithm.correct(state, sample)
 
     def predict(self, state: State, interval: Interval) -> State:
@@ -115,7 +115,7 @@ class Wrapper(Algorithm[State]):
         return self.algorithm.predict(state, interval)
 
     def sampled(self, clock: Clock) -> Self:
-        """The same wrapper around the algorithm sampled."""
+        """The same wrapper around the sampled algorithm."""
         return replace(self, algorithm=self.algorithm.sampled(clock))
 
     def at(self, k: int | Array) -> Self:
@@ -148,7 +148,7 @@ class Wrapper(Algorithm[State]):
         return self.algorithm.has_innovation_covariance
 
     def check_record(self, rows: int, faults: Faults) -> None:
-        """Note what a record lacks for the wrapped algorithm."""
+        """Report a fault if a record is too short for the wrapped algorithm."""
         self.algorithm.check_record(rows, faults)
 
 
@@ -162,7 +162,7 @@ class GainAlgorithm(Algorithm[State]):
 
 
 class JumpingGains(GainAlgorithm[State]):
-    """A gain algorithm whose gains can be watched for jumps, by `ChangeDetection`: what it needs of the algorithm."""
+    """A gain algorithm whose gains `ChangeDetection` can watch for jumps, with the members it needs."""
 
     @abstractmethod
     def read_walk(self, given: Numbers, faults: Faults) -> Array | None:
@@ -184,14 +184,14 @@ class JumpingGains(GainAlgorithm[State]):
 class Smoothable(Algorithm[State]):
     """An algorithm with a linear Gaussian model of each row, which `smooth` runs backwards.
 
-    `forgetting`: below 1 there is no model of how the gain moves, and smoothing is refused.
+    `forgetting`: below 1 there is no model of how the gain moves, and smoothing raises an error.
     """
 
     forgetting: Any = 1.0
 
     @abstractmethod
     def instant(self, sample: Sample, interval: Interval) -> Instant:
-        """This row of the model: how the state moves, and what is measured."""
+        """This row of the model: the motion of the state, and the measurement."""
 
     @abstractmethod
     def tell(self, state: State) -> Info:
@@ -199,41 +199,41 @@ class Smoothable(Algorithm[State]):
 
     @property
     def for_smoothing(self) -> Self:
-        """The algorithm as the smoother needs it. Raises `InputError` where it cannot be smoothed."""
+        """The algorithm in the form for the smoother. Raises `InputError` where it cannot be smoothed."""
         return self
 
 
 class Method:
-    """What `identify` and `compare` take: a batch, a recursive or a filter identifier."""
+    """The methods of `identify` and `compare`: a batch, a recursive or a filter identifier."""
 
     @property
     def label(self) -> str:
-        """What a comparison calls it."""
+        """The name in a comparison."""
         return type(self).__name__
 
 
 class Identifier(Method, ABC):
-    """A method that takes whole records: several experiments on one plant, of equal channels and step."""
+    """A method for whole records: several experiments on one plant, with equal channels and step."""
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit. Raises `InputError` for records that the method cannot take."""
+        """The fit. Raises `InputError` for unsuitable records."""
 
 
 class StartedIdentifier(Identifier):
-    """An identifier whose search has one more start, from a recursive identifier that `identify` runs first."""
+    """An identifier whose search has an additional start, from a recursive identifier that `identify` runs first."""
 
     @abstractmethod
     def check(self, records: Sequence[Record]) -> None:
-        """Raise `InputError` for records that the method cannot take, before the recursion runs."""
+        """Raise `InputError` for unsuitable records, before the recursion runs."""
 
     @abstractmethod
     def starter(self, records: Sequence[Record]) -> "RecursiveIdentifier[Any] | None":
-        """The recursion that gives the start; None where these records need none."""
+        """The recursion that provides the start; None where these records need none."""
 
     @abstractmethod
     def fit(self, records: Sequence[Record], start: Array | None = None) -> Fit:
-        """The fit; `start` (d,): the parameters that the recursion ended with."""
+        """The fit; `start` (d,): the final parameters of the recursion."""
 
 
 class RecursiveIdentifier(Algorithm[State], Method):
@@ -248,7 +248,7 @@ class RecursiveIdentifier(Algorithm[State], Method):
 
     @abstractmethod
     def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Self:
-        """The same identifier with the channels of a record, where it has none of its own."""
+        """The same identifier with the channels of a record, where it does not define its own."""
 
     @abstractmethod
     def fitted(self, parameters: Array, dt: float) -> OutputError:
@@ -256,11 +256,11 @@ class RecursiveIdentifier(Algorithm[State], Method):
 
     @abstractmethod
     def rested(self, state: State) -> State:
-        """What is believed when another record begins: the same of the parameters, and a plant at rest."""
+        """The belief when another record begins: the same about the parameters, and a plant at rest."""
 
     @property
     def has_state_prior(self) -> bool:
-        """No: the prior of the parameters is a setting."""
+        """False: the prior of the parameters is a setting."""
         return False
 
 
@@ -269,7 +269,7 @@ class Anticipating(RecursiveIdentifier[State]):
 
     @abstractmethod
     def ahead(self, state: State) -> Info:
-        """What is believed before the next sample; in `extra` the `past_outputs` (p, na) and `past_inputs` (m, ..)."""
+        """The belief before the next sample; in `extra` the `past_outputs` (p, na) and `past_inputs` (m, ..)."""
 
 
 class FilterIdentifier(Method, ABC):
@@ -289,7 +289,7 @@ class FilterIdentifier(Method, ABC):
 
     @abstractmethod
     def begin(self, records: Sequence[Record]) -> Any:
-        """Where the parameters start: `parameters` (a `Prior`), the `linear` model that says so, and `checks`."""
+        """The start of the parameters: `parameters` (a `Prior`), the `linear` model behind it, and `checks`."""
 
     @abstractmethod
     def tracker(self, parameters: Prior) -> Algorithm[Any]:
@@ -297,88 +297,88 @@ class FilterIdentifier(Method, ABC):
 
     @abstractmethod
     def known(self, parameters: Array) -> Algorithm[Any]:
-        """The filter of the state alone, with parameters (k,) that are known."""
+        """The filter of the state alone, with known parameters (k,)."""
 
 
 class Controller(ABC, Generic[State]):
-    """A law that makes the inputs of a plant from an estimate and a reference, sample by sample. A frozen record."""
+    """A law that computes the inputs of a plant from an estimate and a reference, sample by sample. A frozen record."""
 
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many inputs it makes, m."""
+        """The number of inputs, m."""
 
     @property
     @abstractmethod
     def references(self) -> int:
-        """How many references it follows, r."""
+        """The number of references, r."""
 
     @abstractmethod
     def init(self) -> State:
-        """What is remembered before the first sample."""
+        """The state before the first sample."""
 
     @abstractmethod
     def act(self, state: State, estimate: Info, reference: Array) -> tuple[State, Array, Mapping[str, Array]]:
-        """What is remembered, the input (m,), and what is said of it, by name.
+        """The next state, the input (m,), and a report by name.
 
-        `estimate.extra["input"]` is what the actuators do at this instant.
+        `estimate.extra["input"]` is the actuator position at this instant.
         """
 
     @property
     def acts_on(self) -> str:
-        """ "filtered": it acts on a sample that was measured; "predicted": before it, so that its input may enter y at once."""
+        """ "filtered": it acts after a sample is measured; "predicted": before it, so that its input may enter y at once."""
         return "filtered"
 
     def check(self, names: Names, faults: Faults) -> None:
-        """Note what the estimator whose columns have these names lacks."""
+        """Report a fault if an estimator whose columns have these names does not suit this controller."""
         return
 
     def check_plant(self, model: StateSpace, faults: Faults) -> None:
-        """Note why this plant cannot be controlled so."""
+        """Report a fault if this law cannot control this plant."""
         return
 
 
 class SharedController(Controller[State]):
-    """A controller that can be put into `GainReconfiguration` and `Dither`, which say how much effect the inputs have left."""
+    """A controller for use inside `GainReconfiguration` and `Dither`, which pass the remaining effect of the inputs."""
 
     @abstractmethod
     def act(
         self, state: State, estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[State, Array, Mapping[str, Array]]:
-        """As in `Controller`; what is asked of the plant is divided by `effect`, (m,), or multiplied by it where it is (m, m)."""
+        """As in `Controller`; the demand on the plant is divided by `effect`, (m,), or multiplied by it where it is (m, m)."""
 
 
 @runtime_checkable
 class Link(Protocol):
-    """What carries packets over a network. `draws`: the uniform numbers of one instant; `acknowledged`: whether the sender
-    learns what arrived; `late`: "drop" or "use", of packets that come late."""
+    """A carrier of packets over a network. `draws`: the uniform numbers of one instant; `acknowledged`: whether the sender
+    learns which packets arrived; `late`: "drop" or "use", for late packets."""
 
     @property
     def draws(self) -> int:
-        """How many uniform numbers one instant takes."""
+        """The number of uniform numbers per instant."""
         ...
 
     @property
     def acknowledged(self) -> bool:
-        """Whether the sender learns, a step later, what arrived."""
+        """Whether the sender learns, a step later, which packets arrived."""
         return True
 
     @property
     def late(self) -> str:
-        """What the receiver does with a packet that comes late: "drop" or "use"."""
+        """The treatment of a late packet by the receiver: "drop" or "use"."""
         return "drop"
 
     def init(self) -> Any:
-        """What is remembered before the first packet."""
+        """The state before the first packet."""
         ...
 
     def send(self, state: Any, packet: Array, draw: Array) -> tuple[Any, Delivery]:
-        """Send a packet (c,): what is remembered then, and what is delivered. `draw` (draws,): uniform on [0, 1)."""
+        """Send a packet (c,): the next state, and the delivery. `draw` (draws,): uniform on [0, 1)."""
         ...
 
 
 class Plant(ABC):
-    """A simulator that no engine can trace: its loops run in Python, sample by sample.
+    """A simulator that engines cannot trace: its loops run in Python, sample by sample.
 
     `linear`: a `ControlledPlant` with its linear model, names, noises and limits.
     """
@@ -392,9 +392,9 @@ class Plant(ABC):
 
 @runtime_checkable
 class Resumable(Protocol):
-    """A run that can be saved: `progress` is a record of all that it is, and `progress.resumed()` makes it again."""
+    """A run that can be saved: `progress` is a record of its complete state, and `progress.resumed()` restores it."""
 
     @property
     def progress(self) -> Any:
-        """All that the run is now."""
+        """The current state of the run."""
         ...

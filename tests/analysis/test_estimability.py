@@ -43,7 +43,7 @@ def test_its_neighbour_that_is_estimable():
     assert np.allclose(found.singular_values, [1.84562, 0.018581], rtol=2e-5)
     assert np.allclose(np.linalg.eigvalsh(found.prior_covariance - found.covariance), [4.97852e-5, 0.265469], rtol=2e-6)
     assert found.directions.shape == (0, 2)
-    assert "known least" in found.sentences[1]
+    assert "is the least known" in found.sentences[1]
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=KINDS)
@@ -162,7 +162,7 @@ def test_what_is_known_already_is_apart_from_what_is_not_learnt():
     found = estimability(model)
     assert np.allclose(found.directions, [[0, 1, 0]])
     assert np.allclose(found.known_directions, [[0, 0, 1]])
-    assert found.sentences == ("b is not revealed by y1.", "c is known already: it has no variance.")
+    assert found.sentences == ("b is not revealed by y1.", "c is already known: its variance is zero.")
     assert found.variance_reduction[2] == 0
     assert len(found.squared_correlations) == 2
 
@@ -222,7 +222,7 @@ def test_unstable_and_varying_models_have_a_horizon():
 
 def test_one_sample_and_no_noise_are_ordinary():
     model = StateSpace([[0.9]], Q=[[0.0]], R=[[1.0]], dt=1)
-    assert estimability(model).sentences == ("x1 is known already: it has no variance.",)
+    assert estimability(model).sentences == ("x1 is already known: its variance is zero.",)
     found = estimability(model, horizon=1, prior=Prior([0.0], [[2.0]]))
     assert found.estimable
     assert found.variance_reduction[0] == pytest.approx(2 / 3)

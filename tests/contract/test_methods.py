@@ -132,7 +132,7 @@ def test_a_filter_that_reads_its_model_as_it_is_refuses_what_it_would_get_wrong(
 def test_what_a_filter_does_not_give_is_not_made_up(page):
     toy, record, prior = page["Leaky"](page["model"], 0.5), es.Record([1.0, 2.0], dt=1), es.Prior([0.0], [[1.0]])
     assert all(np.isnan(es.estimate(toy, record, prior=prior, engine=e).log_likelihood) for e in ("xla", "native"))
-    with pytest.raises(es.InputError, match="must give the covariance of its innovations: Leaky gives none"):
+    with pytest.raises(es.InputError, match="must report the covariance of its innovations: Leaky reports none"):
         es.estimate(es.Gated(toy, 0.99), record, prior=prior)
 
 
@@ -148,7 +148,7 @@ class Gives(es.Identifier):
 
 
 @pytest.mark.parametrize(("given", "sentence"), [
-    (3, r"`fit` of Gives must give an estimable\.results\.Fit\. It gave 3"),
+    (3, r"`fit` of Gives must return an estimable\.results\.Fit\. It returned 3"),
     (es.results.Fit(PLANT, np.zeros(2), np.eye(2), ("a",)), r"`parameters of Gives` must be \(d,\) = \(1,\)"),
     (es.results.Fit(PLANT, np.zeros(1), np.eye(2), ("a",)), r"`covariance of Gives` must be \(d, d\) = \(1, 1\)"),
 ])  # fmt: skip

@@ -12,15 +12,7 @@ PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
-PACKAGE = ROOT / "src" / "estimable"
-FOLDERS = (  # of the package, whose messages, help and docstrings are held to the same list
-    "commands", "data", "diagnostics", "figures", "models", "networks", "packaged", "plants", "report", "reproductions", "store",
-)  # fmt: skip
-FILES = ("catalogue.py", "checks.py", "errors.py", "frozen.py", "tables.py", "writing.py")
-SOURCES = [
-    *(path for folder in FOLDERS for path in sorted((PACKAGE / folder).rglob("*.py"))),
-    *(PACKAGE / f for f in FILES),
-]
+SOURCES = sorted((ROOT / "src" / "estimable").rglob("*.py"))  # messages, help and docstrings are held to the same list
 
 
 class Turn(NamedTuple):

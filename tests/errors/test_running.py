@@ -84,7 +84,7 @@ ESTIMATES = {
         (Kalman(MODEL), record(t=[0, 1, 3]), PRIOR),
         (
             "the record's steps vary from 1 to 2 s, but the model is discrete with dt = 1 s: give a "
-            "continuous model (dt = 0), or put rows of NaN where samples are missing."
+            "continuous model (dt = 0), or insert rows of NaN where samples are missing."
         ),
     ),
     "first order, discrete": (
@@ -104,24 +104,24 @@ ESTIMATES = {
     ),
     "no time": (
         (Kalman(CONTINUOUS), NO_TIME, PRIOR),
-        ("the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds."),
+        ("the model is continuous (dt = 0), but the record has no time: give it `dt` or `t`, in seconds."),
     ),
     "rows of time": (
         (Kalman(OVER_TIME), record([1.0, 2.0], [1.0, 1.0]), PRIOR),
-        "the model varies over 3 rows of time, the record has 2.",
+        "the model varies over 3 rows of time, but the record has 2.",
     ),
     "input not logged": (
         (Kalman(MODEL), record(u=[1.0, np.nan, 1.0]), PRIOR),
         (
-            "input 'u' is not known at u[1], row 2 of the record: NaN, or nobody knows whether it arrived. This algorithm needs "
-            "every input: fill it in with what the actuator did, or cut the record there."
+            "input 'u' is unknown at u[1], row 2 of the record: it is NaN, or its arrival is unknown. This algorithm needs "
+            "every input: fill in the input that the actuator applied, or cut the record there."
         ),
     ),
     "fate unknown": (
         (Kalman(MODEL), record(arrived=[1, 0, np.nan]), PRIOR),
         (
-            "input 'u' is not known at u[2], row 3 of the record: NaN, or nobody knows whether it arrived. This algorithm needs "
-            "every input: fill it in with what the actuator did, or cut the record there."
+            "input 'u' is unknown at u[2], row 3 of the record: it is NaN, or its arrival is unknown. This algorithm needs "
+            "every input: fill in the input that the actuator applied, or cut the record there."
         ),
     ),
 }
@@ -159,7 +159,7 @@ def test_options_are_refused_with_those_there_are(refused):
 
 def test_an_output_only_algorithm_is_not_given_an_unknown_input_by_accident(refused):
     (sentence,) = refused(lambda: estimate(UnknownGain(MODEL, PRIOR), record(u=[1.0, 1.0, np.nan]), prior=PRIOR))
-    assert sentence.startswith("input 'u' is not known at u[2], row 3 of the record: ")
+    assert sentence.startswith("input 'u' is unknown at u[2], row 3 of the record: ")
 
 
 def test_a_result_without_rows_is_no_table(refused):
@@ -184,10 +184,10 @@ def test_without_xarray_it_says_what_to_install(refused, monkeypatch):
 
 UNSTABLE = StateSpace([[1e200]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"], outputs=["y"])
 EXACT = StateSpace([[1.0]], R=[[0.0]], dt=1, outputs=["y"])
-NOT_FINITE = "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed."
+NOT_FINITE = "the estimate is no longer finite: the model may be unstable and unobserved, or numbers overflowed."
 CONTRADICTED = (
-    "an output contradicts a value that is known exactly, or too large to leave the output a digit: give the output or the "
-    "state some noise; if the model is unstable, its numbers have run away."
+    "an output contradicts a value that is known exactly, or one so large that the output is lost in its rounding: give the "
+    "output or the state some noise; if the model is unstable, its state has diverged."
 )
 
 
@@ -205,7 +205,7 @@ def test_a_run_that_overflows_says_when(refused):
 
 
 def test_a_run_without_time_says_at_which_sample():
-    with pytest.raises(RunError, match=r"^At sample \d: the estimate is not finite any more"):
+    with pytest.raises(RunError, match=r"^At sample \d: the estimate is no longer finite"):
         estimate(Kalman(UNSTABLE), overflowing(), prior=PRIOR)
 
 
@@ -219,7 +219,7 @@ def test_a_contradiction_says_when():
 
 def test_a_bank_says_which_run_failed():
     algorithms = [Kalman(MODEL), Kalman(UNSTABLE)]
-    with pytest.raises(RunError, match=r"^Run 1: At sample \d \(t = \d s\): the estimate is not finite any more"):
+    with pytest.raises(RunError, match=r"^Run 1: At sample \d \(t = \d s\): the estimate is no longer finite"):
         estimate_bank(algorithms, overflowing(dt=1), prior=PRIOR)
 
 
@@ -239,7 +239,7 @@ BANKS = {
     ),
     "sizes": (
         ([Kalman(MODEL)] * 2, [RECORD] * 3, PRIOR),
-        ("everything stacked must have one size: `algorithms` holds 2, `records` holds 3."),
+        ("all stacked arguments must have the same size: `algorithms` holds 2, `records` holds 3."),
     ),
     "no algorithm": (([], RECORD, PRIOR), "`items` must hold at least one thing to stack."),
     "kinds": (
@@ -263,8 +263,8 @@ BANKS = {
     "one input not logged": (
         (Kalman(MODEL), [RECORD, record(u=[1.0, 1.0, np.nan])], PRIOR),
         (
-            "input 'u' is not known at u[2] of run 1, row 3 of the record: NaN, or nobody knows whether it arrived. This "
-            "algorithm needs every input: fill it in with what the actuator did, or cut the record there."
+            "input 'u' is unknown at u[2] of run 1, row 3 of the record: it is NaN, or its arrival is unknown. This "
+            "algorithm needs every input: fill in the input that the actuator applied, or cut the record there."
         ),
     ),
 }
@@ -336,9 +336,9 @@ ONLINE = {
     ),
     "corrected twice": (
         corrected_twice,
-        ("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."),
+        ("`correct` was called twice without `predict`: the cross noise `S` of a sample can be used only once."),
     ),
-    "past the end": (past_the_end, "the model varies over 3 rows of time, and all of them are used up."),
+    "past the end": (past_the_end, "the model varies over 3 rows of time, and all of them have been used."),
     "no u": (lambda: running().predict(), "`u` must be given to predict: the model has 1 input."),
     "inputs": (lambda: running().predict([1.0, 2.0]), "`u` must be (m,) = (1,): the model has 1 input"),
     "u not known": (lambda: running().predict([np.nan]), "`u` must not hold NaN. First at index 0."),
@@ -368,7 +368,7 @@ ONLINE = {
     ),
     "end of a held u": (
         lambda: running().predict([1.0], u_end=[1.0]),
-        ('`u_end` needs online(..., hold="first_order"): this input is held between samples.'),
+        ('`u_end` needs online(..., hold="first_order"): this input is constant between samples.'),
     ),
     "no R": (
         lambda: running(NO_NOISE).correct([1.0]),
@@ -403,18 +403,18 @@ SIMULATIONS = {
         lambda: simulate(3, seed=1),
         "`model` must be a StateSpace, a NonlinearModel or an OutputError. Got 3.",
     ),
-    "no steps": (lambda: simulate(NO_INPUT, seed=1), "`steps` must say how many rows to draw, as there is no `u`."),
+    "no steps": (lambda: simulate(NO_INPUT, seed=1), "`steps` must be the number of rows to draw, as there is no `u`."),
     "no time": (
         lambda: simulate(CONTINUOUS, [1.0], seed=1),
         "`dt` or `t` must be given, in seconds: the model is continuous.",
     ),
     "another step": (
         lambda: simulate(MODEL, [1.0], seed=1, dt=2),
-        "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`.",
+        "the model is discrete with a fixed dt = 1 s: leave out `dt` and `t`.",
     ),
     "times": (
         lambda: simulate(MODEL, [1.0], seed=1, t=[0.0]),
-        "the model is discrete with dt = 1 s, and keeps it: leave out `dt` and `t`.",
+        "the model is discrete with a fixed dt = 1 s: leave out `dt` and `t`.",
     ),
     "inputs": (
         lambda: simulate(MODEL, np.ones((3, 2)), seed=1),
@@ -430,7 +430,7 @@ SIMULATIONS = {
     ),
     "rows of time": (
         lambda: simulate(OVER_TIME, [1.0, 1.0], seed=1),
-        "the model varies over 3 rows of time, the input has 2.",
+        "the model varies over 3 rows of time, but the input has 2.",
     ),
     "hold": (
         lambda: simulate(MODEL, [1.0], seed=1, hold="first_order"),
@@ -446,7 +446,7 @@ SIMULATIONS = {
     ),
     "diffuse prior": (
         lambda: simulate(MODEL, [1.0], seed=1, prior=Prior([0.0], [[1.0]], diffuse=[[1.0]])),
-        ("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance."),
+        ("`prior` must not have diffuse directions: a state cannot be drawn from an infinite variance."),
     ),
     "no R": (
         lambda: simulate(NO_NOISE, [1.0], seed=1),

@@ -57,7 +57,7 @@ def test_a_wrong_call_is_refused_in_words():
         forecast(result, steps=3)
     with pytest.raises(InputError, match=r"`steps` = 3, but `u` has 2 rows"):
         forecast(result, np.zeros((2, 2)), steps=3)
-    with pytest.raises(InputError, match="`result` must be what estimate returned"):
+    with pytest.raises(InputError, match="`result` must be a result of estimate"):
         forecast(c.record, np.zeros((2, 2)))
     varying = case(1, varying=True)
     with pytest.raises(InputError, match="the model varies over the 12 rows"):

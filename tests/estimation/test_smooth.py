@@ -222,7 +222,7 @@ def test_results_say_what_they_are():
 def test_what_cannot_be_smoothed_is_refused_in_words():
     c = case(9)
     forgetful = UnknownGain(c.model, Prior([1.0], [[1.0]]), forgetting=0.98)
-    with pytest.raises(InputError, match=r"forgetting = 0\.98 is none: give UnknownGain a `walk`"):
+    with pytest.raises(InputError, match=r"forgetting = 0\.98 is not one: give UnknownGain a `walk`"):
         smooth(forgetful, c.record, prior=c.prior)
     with pytest.raises(InputError, match=r"`lag` must be an integer of at least 0\. Got -1"):
         smooth(Kalman(c.model), c.record, prior=c.prior, lag=-1)

@@ -132,7 +132,7 @@ def test_truncated_moments_lack_the_fourth_and_bias_only_the_curvature_of_the_co
 
 def test_truncated_moments_that_are_no_covariance_end_the_run():
     model = es.NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: x**2, Q=[[0.0]], R=[[0.1]], dt=1)
-    with pytest.raises(es.RunError, match="truncated moments stopped being a covariance"):
+    with pytest.raises(es.RunError, match="truncated moments are no longer a covariance"):
         es.estimate(
             es.SecondOrderKalman(model, moments="truncated"), es.Record([1.0], dt=1), prior=es.Prior([0.0], [[2.0]])
         )

@@ -64,7 +64,7 @@ def test_the_right_method_wins_and_says_who_is_alike():
 def test_a_twin_is_within_noise():
     found = compare([OutputErrorML(2, 1, delay=1), OutputErrorML(2, 1, delay=1, initial="free")], drawn())
     assert all(one.alike for one in found.ranked)
-    assert "Within noise of it: OutputErrorML." in found.sentence
+    assert "Not significantly worse: OutputErrorML." in found.sentence
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -120,7 +120,7 @@ def test_a_method_that_fails_comes_last_with_its_sentence():
         (lambda: compare(None, drawn(50), split=0.0), "`split` must be greater than 0. Got 0."),
         (
             lambda: compare(None, drawn(50), split=1.0),
-            "`split` must leave rows on both sides of record 0, which has 50. Got 1.",
+            "`split` must leave rows in both parts of record 0, which has 50 rows. Got 1.",
         ),
         (
             lambda: compare(None, drawn(50), level="median"),
@@ -128,7 +128,7 @@ def test_a_method_that_fails_comes_last_with_its_sentence():
         ),
         (
             lambda: compare(None, Record([*range(9), *[np.nan] * 9], np.arange(18.0), dt=1)),
-            "record 0: an output is not seen in the part held out: choose another `split`.",
+            "record 0: an output is not seen in the held-out part: choose another `split`.",
         ),
     ],
 )

@@ -147,7 +147,7 @@ def test_what_was_run_can_be_saved(tmp_path):
     ({"controller": es.StateFeedback([[1.0]], reference_gain=[[1.0]])}, "feeds back 1 states, but the estimator has 2 states"),
     ({"controller": es.GainReconfiguration(LAW)}, "needs the gain, but the estimator has none"),
     ({"controller": es.StateFeedback}, "`controller` must be a controller"),
-    ({"controller": es.StateFeedback(np.ones((2, 2)), reference_gain=np.ones((2, 1)))}, "makes 2 inputs, and the plant has 1"),
+    ({"controller": es.StateFeedback(np.ones((2, 2)), reference_gain=np.ones((2, 1)))}, "has 2 inputs, but the plant has 1"),
     ({"plant": es.StateSpace(MODEL.A, MODEL.B, np.eye(2), [[1.0], [0.0]], R=MODEL.R, dt=0.5, **NAMES)}, "an algebraic loop"),
     ({"plant": 1.0}, "`plant` must be a ControlledPlant"),
     ({"input_link": es.BernoulliLink(0.5, acknowledged=False)}, "never acknowledges"),

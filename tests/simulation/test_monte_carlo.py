@@ -101,7 +101,7 @@ def test_runs_that_failed_are_raised_or_kept():
         ({"seed": -1}, "`seed` must be an integer of at least 0"),
         ({"chunk": 0}, "`chunk` must be an integer"),
         ({"summary": 3}, "`summary` must be a function"),
-        ({"summary": lambda drawn, result: 1.0}, "`summary` must give {name: number or array}"),
+        ({"summary": lambda drawn, result: 1.0}, "`summary` must return {name: number or array}"),
         (
             {"summary": lambda drawn, result: {"a" if drawn.record.y[0, 0] > 1 else "b": 1.0}},
             "the same names for every run",
@@ -115,7 +115,7 @@ def test_wrong_calls(changes, sentence):
 
 
 def test_what_is_drawn_must_hold_a_record():
-    with pytest.raises(InputError, match="`draw` must give a Record"):
+    with pytest.raises(InputError, match="`draw` must return a Record"):
         monte_carlo(Kalman(MODEL), lambda key: key, prior=PRIOR, runs=1, seed=0, summary=last)
     with pytest.raises(InputError, match="`draw` must be a function: write drawn_from"):
         monte_carlo(Kalman(MODEL), MODEL, prior=PRIOR, runs=1, seed=0, summary=last)

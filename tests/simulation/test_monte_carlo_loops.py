@@ -155,9 +155,9 @@ def test_runs_that_fail_are_named_or_kept():
     ({"chunk": 0}, "`chunk` must be an integer"),
     ({"scheduler": 8786}, "`scheduler` must be an address"),
     ({"on_failure": "stop"}, "`on_failure` must be one of"),
-    ({"summary": lambda closed: 1.0}, r"`summary` must give \{name: number or array\}"),
+    ({"summary": lambda closed: 1.0}, r"`summary` must return \{name: number or array\}"),
     ({"version": 1}, "`version` must be a text"),
-    ({"folder": "/dev/null/x"}, "`folder` must be a folder that can be written"),
+    ({"folder": "/dev/null/x"}, "`folder` must be a writable folder"),
 ])  # fmt: skip
 def test_a_wrong_call_is_refused_in_one_sentence(given, sentence):
     with pytest.raises(es.InputError, match=sentence):

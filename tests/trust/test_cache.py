@@ -70,7 +70,7 @@ def test_a_folder_in_which_others_may_write_is_not_used(folder, mode, caplog):
     ((message,),) = [[record.getMessage() for record in caplog.records if record.name == "estimable.cache"]]
     assert message == (
         f"The cache {folder} is not used: other users may write in it (mode {mode:o}). "
-        "Steps are compiled anew in each process."
+        "Steps are compiled again in each process."
     )
 
 

@@ -25,8 +25,8 @@ class LargeStep:
     def __init__(self, program: Traced, keep: str, seek_steady: bool):
         row, states = program.row, program.states
         outputs = named(row.outputs, states)
-        said = outputs.log_likelihood, outputs.outcome
-        each, last = ((*said, *outputs.kept), ()) if keep != "last" else (said, outputs.kept)
+        totals = outputs.log_likelihood, outputs.outcome
+        each, last = ((*totals, *outputs.kept), ()) if keep != "last" else (totals, outputs.kept)
         row = row._replace(outputs=(*outputs.state, *each, *last))
         self.kept, self.keep = program.kept, keep
         self.each, self.last = ([row.operations[name] for name in names] for names in (each, last))

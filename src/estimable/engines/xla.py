@@ -33,8 +33,10 @@ def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *,
     def go(carry: tuple[Tree, Tree], row: tuple[Array, Tree, Tree]):
         k, sample, interval = row
         left = step(algorithm, k, carry[0], sample, interval, keep, select)
-        said = left.log_likelihood, left.outcome
-        return ((left.state, left.kept), (None, said)) if keep == "last" else ((left.state, None), (left.kept, said))
+        totals = left.log_likelihood, left.outcome
+        return (
+            ((left.state, left.kept), (None, totals)) if keep == "last" else ((left.state, None), (left.kept, totals))
+        )
 
     rows = (jnp.arange(T), samples, intervals)
     start = algorithm.init(prior)

@@ -1,1 +1,1 @@
-"""The drivers of filters: run one over a record, many at once, a sample at a time, backwards, ahead; and tune its noises."""
+"""The drivers of filters: over a record, many at once, sample by sample, backwards, ahead; and the tuning of noises."""

@@ -1,4 +1,4 @@
-"""An algorithm, a record and a prior made ready for an engine: matched by name, checked together, sampled."""
+"""An algorithm, a record and a prior prepared for an engine: matched by name, checked together, sampled."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outco
 
 
 class Bound(NamedTuple):
-    """What an engine runs; the samples and intervals of a bank have a leading batch axis."""
+    """The arguments of an engine; the samples and intervals of a bank have a leading batch axis."""
 
     algorithm: Any
     samples: Sample
@@ -30,7 +30,7 @@ class Bound(NamedTuple):
 
 
 def select(info: Info, keep: str) -> Info:
-    """What is kept of an info."""
+    """The part of an info that `keep` selects."""
     if keep in ("all", "last"):
         return info
     return Info(**{name: getattr(info, name) for name in (MEANS if keep == "means" else ())})
@@ -49,9 +49,9 @@ def bind(
     bank: Record | None = None,
     algorithms: Algorithm[Any] | None = None,
 ) -> Bound:
-    """Check everything together, then match by name, resolve what was applied, and sample the model.
+    """Check everything together, then match by name, determine the applied inputs, and sample the model.
 
-    Of a bank, `algorithm`, `record` and `prior` are one run, which stands for the shapes and names of all; `bank` and
+    For a bank, `algorithm`, `record` and `prior` are those of one run, with the shapes and names of all; `bank` and
     `algorithms` then hold the numbers of all.
     """
     faults = checks.Faults()
@@ -66,7 +66,9 @@ def bind(
     check_time_unit(model, record, faults)
     algorithm.check_record(len(record), faults)
     faults.finish()
-    u, arrived = _fates(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
+    u, arrived = (
+        _arrivals(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
+    )
     u, arrived = _columns_of(u, inputs), None if arrived is None else _columns_of(arrived, inputs)
     check_known(u, names.inputs, faults)
     faults.finish()
@@ -87,10 +89,10 @@ def bind(
     return Bound(ready, samples, intervals, names, rows.t)
 
 
-def _fates(
+def _arrivals(
     algorithm: Algorithm[Any], record: Record, rows: Record, faults: checks.Faults
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What was sent, and what is known of whether it arrived."""
+    """The sent inputs, and whether they arrived as far as that is known."""
     lost, name = getattr(algorithm, "lost", "zero"), type(algorithm).__name__
     if record.lost != lost:
         faults.add(f'`lost` of the record is "{record.lost}", that of {name} "{lost}": they must be equal.')
@@ -105,13 +107,15 @@ def _check_kinds(algorithm: Algorithm[Any], record: Record, prior: Prior | None,
 
 
 def check_prior_kind(algorithm: Algorithm[Any], prior: Prior | None, faults: checks.Faults, hint: str = "") -> None:
-    """A `Prior` of the state for an algorithm that estimates one, and None for one that does not."""
+    """Check that the prior is a `Prior` for an algorithm that estimates the state, and None for one that does not."""
     if not isinstance(algorithm, Algorithm) or algorithm.has_state_prior:
         if not isinstance(prior, Prior):
             faults.add(f"`prior` must be a Prior of the state x[0]. Got {type(prior).__name__}.{hint}")
     elif prior is not None:
         name = type(algorithm).__name__
-        faults.add(f"`prior` must be None: {name} has no prior of a state, and its own prior is a setting of {name}.")
+        faults.add(
+            f"`prior` must be None: {name} estimates no state, and the prior of its parameters is a setting of {name}."
+        )
 
 
 def _batch_hint(thing: Record | Prior | Stacked | Sequence[Any] | None) -> str:
@@ -124,38 +128,38 @@ def columns(names: tuple[str, ...], given: tuple[str, ...], what: str, letter: s
     default = [channels == tuple(f"{letter}{i + 1}" for i in range(len(channels))) for channels in (names, given)]
     if all(default) and names and len(names) != len(given):
         faults.add(
-            f"the model has {checks.counted(len(names), what)} and the record {len(given)}, and neither names them: name "
-            f"the {what}s of both, or give as many columns."
+            f"the model has {checks.counted(len(names), what)}, the record {len(given)}, and neither names them: name "
+            f"the {what}s of both, or give the same number of columns."
         )
         return []
     return match(names, any(default), given, what, faults)
 
 
 def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
-    """Some columns; the array itself where they are all of them in order: the copy of a bank takes as long as its filters."""
+    """Some columns; the array itself where these are all columns in order: copying a bank takes as long as its filters."""
     return array if some == list(range(array.shape[-1])) else np.take(array, some, axis=-1)
 
 
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
-    """The prior must describe the model's states."""
+    """Check that the prior describes the model's states."""
     if prior is not None and prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
 
 
 def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:
-    """Every input must be known."""
+    """Check that every input is known."""
     unknown = np.isnan(u)
     if unknown.any():
         *run, row, channel = np.argwhere(unknown)[0]
         faults.add(
-            f"input {names[channel]!r} is not known at u[{row}]{f' of run {run[0]}' if run else ''}, row {row + 1} of the "
-            "record: NaN, or nobody knows whether it arrived. This algorithm needs every input: fill it in with what the "
-            "actuator did, or cut the record there."
+            f"input {names[channel]!r} is unknown at u[{row}]{f' of run {run[0]}' if run else ''}, row {row + 1} of the "
+            "record: it is NaN, or its arrival is unknown. This algorithm needs every input: fill in the input that the "
+            "actuator applied, or cut the record there."
         )
 
 
 def check_hold(model: StateSpace | NonlinearModel, hold: str, faults: checks.Faults) -> None:
-    """The record and a discrete model must agree on how the input moves between samples."""
+    """Check that the record and a discrete model agree on how the input moves between samples."""
     if model.is_continuous or model.m == 0:
         return
     if hold == "first_order" and model.B_end is None:
@@ -173,10 +177,10 @@ def check_hold(model: StateSpace | NonlinearModel, hold: str, faults: checks.Fau
 def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> None:
     check_hold(model, record.hold, faults)
     if model.steps is not None and model.steps != len(record):
-        faults.add(f"the model varies over {model.steps} rows of time, the record has {len(record)}.")
+        faults.add(f"the model varies over {model.steps} rows of time, but the record has {len(record)}.")
     if model.is_continuous:
         if record.t is None and len(record) > 1:
-            faults.add("the model is continuous (dt = 0) and the record has no time: give it `dt` or `t`, in seconds.")
+            faults.add("the model is continuous (dt = 0), but the record has no time: give it `dt` or `t`, in seconds.")
         return
     if record.t is None or len(record) == 1:
         return
@@ -185,7 +189,7 @@ def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> Non
         step = "" if model.dt is None else f" with dt = {model.dt:g} s"
         faults.add(
             f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete"
-            f"{step}: give a continuous model (dt = 0), or put rows of NaN where samples are missing."
+            f"{step}: give a continuous model (dt = 0), or insert rows of NaN where samples are missing."
         )
     elif model.dt is not None and abs(record.dt - model.dt) > scatter(record.t, model.dt):
         faults.add(f"the record's step is {record.dt:g} s, the model's dt = {model.dt:g} s: they must be equal.")

@@ -21,7 +21,7 @@ ON_FAILURE = ("raise", "keep")
 
 
 def check_options(on_failure: str, engine: str, keep: str) -> None:
-    """The options that the estimating drivers share."""
+    """Check the options that the estimating drivers share."""
     faults = checks.Faults()
     faults.choice("on_failure", on_failure, ON_FAILURE)
     choice.check(engine, faults)
@@ -38,14 +38,13 @@ def estimate(
     engine: str = "auto",
     keep: str = "all",
 ) -> Estimate:
-    """Run a state estimator over a record; T rows in, T rows out, row k uses the samples 0..k.
+    """Run a state estimator over a record. T rows in, T rows out; row k uses the samples 0..k.
 
     `algorithm`: `Kalman`, `UnknownGain`, or any other with init, correct and predict. `record`: outputs and inputs are
-    matched to the model's channels by name. `prior`: of the state x[0], before y[0]; None for
-    an algorithm without a state of the plant. `on_failure`: "raise" a `RunError`
-    at a run that failed, or "keep" what there is, with the outcome in the result. `engine`: "auto", "native" (machine code,
-    for small models) or "xla". `keep`:
-    "all"; "means" (no covariances); "last" (one row); "likelihood" (no row).
+    matched to the model's channels by name. `prior`: of the state x[0], before y[0]; None for an algorithm that does not
+    estimate the state of a plant. `on_failure`: "raise" a `RunError` where a run fails, or "keep" its result, with the outcome.
+    `engine`: "auto", "native" (machine code, for small models) or "xla". `keep`: "all"; "means" (no covariances); "last" (one
+    row); "likelihood" (no row).
 
     Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
 
@@ -67,7 +66,7 @@ def estimate(
 
 
 def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior) -> Any:
-    """The log-likelihood of a record, as something that JAX can differentiate with respect to the algorithm's numbers.
+    """The log-likelihood of a record, differentiable by JAX with respect to the algorithm's numbers.
 
     A variance that is exactly zero has no derivative (its square root has none): the gradient is 0 there.
 

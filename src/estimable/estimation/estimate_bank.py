@@ -30,10 +30,10 @@ def estimate_bank(
     engine: str = "auto",
     keep: str = "all",
 ) -> EstimateBank:
-    """Run a bank of estimators: each of `algorithms`, `records` and `prior` is one, shared, or several (`stack`, or a list).
+    """Run a bank of estimators: each of `algorithms`, `records` and `prior` is one (shared) or several (`stack`, or a list).
 
-    Everything stacked has the same size B, and so has the result's leading axis. Records of a bank have equal times.
-    Options as in `estimate`, which run i of a bank equals to rounding.
+    All stacked arguments have the same size B, the leading axis of the result. Records of a bank have equal times. Options as
+    in `estimate`; run i of a bank equals a single run to rounding.
 
     Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
 
@@ -65,7 +65,7 @@ def _bind(
     records: Record | Stacked | Sequence[Record],
     prior: Prior | Stacked | Sequence[Prior] | None,
 ) -> Bound:
-    """One run checked like a single one, then the numbers of all."""
+    """Check the first run like a single one, then bind the numbers of all."""
     parts = {"algorithms": algorithms, "records": records, "prior": prior}
     sizes = {name: len(part) for name, part in parts.items() if isinstance(part, Stacked)}
     if not sizes:
@@ -73,8 +73,8 @@ def _bind(
             "nothing here is stacked: use estimate for one run, or stack([...]) algorithms, records or priors."
         )
     if len(set(sizes.values())) > 1:
-        told = ", ".join(f"`{name}` holds {size}" for name, size in sizes.items())
-        checks.refuse(f"everything stacked must have one size: {told}.")
+        counted = ", ".join(f"`{name}` holds {size}" for name, size in sizes.items())
+        checks.refuse(f"all stacked arguments must have the same size: {counted}.")
     bank = records.items if isinstance(records, Stacked) else None
     if isinstance(bank, Record):
         _check_times(bank)
@@ -85,17 +85,17 @@ def _bind(
 
 
 def _several(part: Part) -> Any:
-    """A list as a stack; what is one, or stacked, as it is."""
+    """A list as a stack; anything else unchanged."""
     return stack(part) if isinstance(part, list | tuple) else part
 
 
 def _first(part: Part) -> Any:
-    """The first of a stack, or what is shared."""
+    """The first of a stack, or the shared argument."""
     return jax.tree_util.tree_map(lambda leaf: leaf[0], part.items) if isinstance(part, Stacked) else part
 
 
 def _check_times(bank: Record) -> None:
-    """The records of a bank are sampled alike."""
+    """Check that the records of a bank have equal times."""
     if bank.t is None or bank.t.shape[-1] == 1 or (bank.t == bank.t[0]).all():
         return
     steps = np.diff(bank.t, axis=-1)

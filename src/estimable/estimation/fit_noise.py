@@ -29,10 +29,10 @@ Terms: TypeAlias = list[tuple[Any, Any, Any, Any, Noise]]  # algorithm, prior, s
 Likelihood: TypeAlias = Callable[[np.ndarray], tuple[float, np.ndarray]]  # of minus its logarithm, and of its gradient
 Tunable: TypeAlias = Kalman | UnknownGain | UnknownInput
 
-STEP = 1e-4  # of a logarithm, for the differences of gradients: their error is then 1e-8 of the information
-TOLD_APART = 1e-7  # smallest eigenvalue of the scaled information from which it is more than the error of differences
-FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance is none
-SMALL = -4.0  # where it is looked whether a variance might as well be zero
+STEP = 1e-4  # of a logarithm, for differences of gradients: the error is then 1e-8 of the information
+DISTINCT = 1e-7  # eigenvalue of the scaled information above which it exceeds the error of differences
+FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance counts as zero
+SMALL = -4.0  # below this, a variance of zero is tried
 NO_WORSE = 1e-3  # of the log-likelihood
 ITERATIONS = 200
 
@@ -44,15 +44,15 @@ def fit_noise(
     prior: Prior,
     free: Free = ("Q", "R"),
 ) -> NoiseFit:
-    """The noise covariances under which the record (or records) are most likely, with their standard errors.
+    """The noise covariances that maximise the likelihood of a record (or several), with their standard errors.
 
-    `algorithm`: `Kalman` or `UnknownGain`; its covariances are where the search starts, and what is not free stays.
-    `record`: one, or a list. `free`: of "Q", "R" and (of UnknownGain) "walk", those that are free; or a mapping of them
-    to "diagonal" (each variance by itself, correlations kept; the default of a diagonal matrix), "full" (every entry;
-    the default otherwise), "scale" (one factor), or truth values, one a variance. Variances are found as logarithms and
-    full matrices by their Cholesky factor, so that every trial is positive semidefinite; a continuous Q stays a density.
+    `algorithm`: `Kalman` or `UnknownGain`; its covariances are the start of the search, and those not free are fixed.
+    `record`: one, or a list. `free`: the free covariances of "Q", "R" and (for UnknownGain) "walk"; or a mapping from them
+    to "diagonal" (each variance by itself, with fixed correlations; the default for a diagonal matrix), "full" (every entry;
+    the default otherwise), "scale" (one factor), or bools, one per variance. Variances are found as logarithms and full
+    matrices by their Cholesky factor, so that every trial is positive semidefinite; a continuous Q remains a density.
 
-    Raises `InputError` with every fault of the call; `AssumptionError` where the records cannot tell free entries apart:
+    Raises `InputError` with every fault of the call; `AssumptionError` where the records do not distinguish the free entries:
     it names the direction and the eigenvalue of the information.
 
     Cost: some tens of gradients of the log-likelihood, each about 4 times a run of the filter.
@@ -71,7 +71,7 @@ def fit_noise(
     θ = np.where(at_zero, FALLEN, θ)
     covariance, best = _covariance(value, found, θ, at_zero), -float(value(θ)[0])
     θ = np.where(at_zero, -np.inf, θ)
-    parameters, slope = (np.asarray(a) for a in (told(found, θ), jax.jacobian(lambda t: told(found, t))(θ)))
+    parameters, slope = (np.asarray(a) for a in (entries(found, θ), jax.jacobian(lambda t: entries(found, t))(θ)))
     names = tuple(name for part in found for name in part.names)
     tuned = _tuned(algorithm, found, θ)
     zeros = tuple(name for name, zero in zip(names, at_zero, strict=True) if zero)
@@ -81,7 +81,7 @@ def fit_noise(
 def _read(algorithm: Algorithm[Any]) -> Tunable:
     if not isinstance(algorithm, Tunable):
         checks.refuse(
-            f"fit_noise needs an algorithm of a model with noises, as Kalman(model). Got {checks.short(algorithm)}."
+            f"fit_noise needs an algorithm of a model with noises, such as Kalman(model). Got {checks.short(algorithm)}."
         )
     return algorithm
 
@@ -92,7 +92,7 @@ def _prepare(
     prior: Prior,
     free: Free,
 ) -> tuple[list[Part], Terms]:
-    """What is free, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
+    """The free covariances, and for each kind of record (algorithm, prior, samples, intervals, noise)."""
     faults = checks.Faults()
 
     found = parts(algorithm, free, faults)
@@ -109,7 +109,7 @@ def _prepare(
 
 
 def _together(terms: Terms) -> Terms:
-    """Records of the same shape and sampling side by side, so that they are run at once."""
+    """Records of the same shape and sampling stacked, so that they run at once."""
     groups: dict[Any, Terms] = {}
     for term in terms:
         leaves, structure = jax.tree_util.tree_flatten(term[0].ready)
@@ -123,7 +123,7 @@ def _together(terms: Terms) -> Terms:
 
 
 def likelihood(found: list[Part], terms: Terms) -> tuple[Likelihood, np.ndarray]:
-    """(θ -> minus the log-likelihood and its gradient), and where θ starts."""
+    """(θ -> minus the log-likelihood and its gradient), and the initial θ."""
     return _function(found, [term[4] for term in terms], [term[:4] for term in terms]), np.concatenate(
         [part.begin() for part in found]
     )
@@ -178,9 +178,9 @@ def _matrices(found: list[Part], θ: Array) -> dict[str, Any]:
     return {part.field: part.matrix(θ[at]) for part, at in _slices(found)}
 
 
-def told(found: list[Part], θ: Array):
-    """The entries of the covariances at θ, as the user calls them."""
-    return jnp.concatenate([part.told(θ[at]) for part, at in _slices(found)])
+def entries(found: list[Part], θ: Array):
+    """The named entries of the covariances at θ."""
+    return jnp.concatenate([part.entries(θ[at]) for part, at in _slices(found)])
 
 
 def _tuned(algorithm: Tunable, found: list[Part], θ: Array):
@@ -192,7 +192,7 @@ def _tuned(algorithm: Tunable, found: list[Part], θ: Array):
 
 
 def _climb(value: Likelihood, begin: np.ndarray) -> tuple[np.ndarray, int]:
-    """The most likely θ: a quasi-Newton search, then Newton's steps until they are far below the errors."""
+    """The θ of maximum likelihood: a quasi-Newton search, then Newton steps until they are far below the errors."""
     from scipy.optimize import minimize
 
     scale = max(abs(value(begin)[0]), 1.0)
@@ -212,7 +212,7 @@ def _climb(value: Likelihood, begin: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _fallen(value: Likelihood, found: list[Part], θ: np.ndarray) -> np.ndarray:
-    """Which numbers are a variance that the likelihood takes to zero: it does not fall when they are no more."""
+    """The variances that the likelihood drives to zero: setting them to zero does not lower it."""
     small = np.concatenate([np.full(part.size, part.kind != "full") & (θ[at] < SMALL) for part, at in _slices(found)])
     for i in np.flatnonzero(small):
         small[i] = value(np.where(np.arange(len(θ)) == i, FALLEN, θ))[0] <= value(θ)[0] + NO_WORSE
@@ -220,32 +220,32 @@ def _fallen(value: Likelihood, found: list[Part], θ: np.ndarray) -> np.ndarray:
 
 
 def _covariance(value: Likelihood, found: list[Part], θ: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
-    """The inverse of the observed information of θ; zero for what is at zero."""
+    """The inverse of the observed information about θ; zero for variances at zero."""
     free = np.flatnonzero(~at_zero)
     information = np.zeros((len(θ), len(θ)))
     for i in free:
         step = STEP * (np.arange(len(θ)) == i)
         information[i] = (value(θ + step)[1] - value(θ - step)[1]) / (2 * STEP)
     information = (information + information.T)[np.ix_(free, free)] / 2
-    _check_told_apart(information, [name for part in found for name in part.names], free)
+    _check_distinct(information, [name for part in found for name in part.names], free)
     covariance = np.zeros((len(θ), len(θ)))
     covariance[np.ix_(free, free)] = np.linalg.inv(information)
     return covariance
 
 
-def _check_told_apart(information: np.ndarray, names: list[str], free: np.ndarray) -> None:
-    """Refuse where a direction of the free entries changes nothing that was seen."""
+def _check_distinct(information: np.ndarray, names: list[str], free: np.ndarray) -> None:
+    """Raise an error where a direction of the free entries has no effect on the likelihood."""
     if not len(free):
         return
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    flat = np.diag(information) <= TOLD_APART
+    flat = np.diag(information) <= DISTINCT
     values, vectors = np.linalg.eigh(information / np.outer(np.where(flat, 1.0, scale), np.where(flat, 1.0, scale)))
-    if values[0] > TOLD_APART:
+    if values[0] > DISTINCT:
         return
     v = vectors[:, 0] / np.where(flat, 1.0, scale)
     v = v / np.linalg.norm(v) * np.sign(v[np.argmax(np.abs(v))])
     words = " ".join(f"{x:+.2f} log {names[i]}" for x, i in zip(v, free, strict=True) if abs(x) > 0.01).lstrip("+")
     raise AssumptionError(
-        f"the records cannot tell the free entries apart: along {words} the likelihood does not change (smallest "
-        f"eigenvalue of the scaled information {values[0]:.2g}, {TOLD_APART:.0e} needed). Fix one of them, or use a scale."
+        f"the records do not distinguish the free entries: along {words} the likelihood does not change (smallest "
+        f"eigenvalue of the scaled information {values[0]:.2g}, {DISTINCT:.0e} needed). Fix one of them, or use a scale."
     )

@@ -1,4 +1,4 @@
-"""Look ahead: states and outputs of samples that are still to come."""
+"""Forecasts: states and outputs of future samples."""
 
 from typing import Any
 
@@ -20,13 +20,13 @@ def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = Non
 
     `result`: of `estimate`, by `Kalman`, `UnknownGain` or another with a linear Gaussian model. `u` (steps, m): the
     inputs from the first row after the record on, in the order of the record's inputs; None for a model without inputs,
-    and then `steps` says how many. The last row of `u` acts on the outputs of its own sample only.
+    with `steps` as the number of samples. The last row of `u` acts only on the outputs of its own sample.
 
     Returns a `Forecast`: `mean` (steps, n), `covariance`, `output` (steps, p), `output_covariance` with the measurement
-    noise, the gains where there are, and `t`, which goes on with the record's last step. What nothing is known of is in
-    `diffuse_covariance`, and the output covariances that it makes infinite are NaN.
+    noise, the gains if there are any, and `t`, which continues with the record's last step. Undetermined directions are in
+    `diffuse_covariance`, and output covariances that are infinite because of them are NaN.
 
-    Cost: the record is run once more, with the rows to come as samples that were not seen.
+    Cost: the record is run once more, with the future rows as missing samples.
 
     Raises `InputError` with every fault of the call.
 
@@ -51,15 +51,15 @@ def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = Non
 
 def _origin(result: Estimate) -> Origin:
     if not isinstance(result, Estimate) or result.origin is None:
-        checks.refuse(f"`result` must be what estimate returned. Got {type(result).__name__}.")
+        checks.refuse(f"`result` must be a result of estimate. Got {type(result).__name__}.")
     origin: Origin = result.origin
     if not isinstance(origin.algorithm, Smoothable):
         checks.refuse(
-            f"forecast needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
+            f"forecast needs an algorithm with a linear Gaussian model, such as Kalman or UnknownGain. "
             f"{type(origin.algorithm).__name__} has none."
         )
     if (rows := origin.algorithm.model.steps) is not None:
-        checks.refuse(f"the model varies over the {rows} rows of the record, and says nothing of rows after it.")
+        checks.refuse(f"the model varies over the {rows} rows of the record, but has no rows after it.")
     return origin
 
 
@@ -70,9 +70,9 @@ def _read_inputs(record: Record, u: Numbers | None, steps: int | None) -> np.nda
     if steps is not None:
         faults.whole("steps", steps, 1)
     if u is None and m:
-        faults.add(f"`u` must be (steps, m) = (steps, {m}): the inputs of the rows to come.")
+        faults.add(f"`u` must be (steps, m) = (steps, {m}): the inputs of the future rows.")
     if u is None and steps is None:
-        faults.add("`steps` must say how many rows to forecast, as there is no `u`.")
+        faults.add("`steps` must be the number of rows to forecast, as there is no `u`.")
     faults.finish()
     if u is None:
         return np.zeros((int(steps or 0), 0))
@@ -86,7 +86,7 @@ def _read_inputs(record: Record, u: Numbers | None, steps: int | None) -> np.nda
 
 
 def _extended(record: Record, u: np.ndarray) -> Record:
-    """The record with rows of nothing seen after it."""
+    """The record, followed by rows without seen outputs."""
     rows = len(u)
     t = record.t
     if t is not None:
@@ -98,7 +98,7 @@ def _extended(record: Record, u: np.ndarray) -> Record:
 
 
 def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
-    """C x + d of the rows from T on, noise left out."""
+    """C x + d of the rows from T on, without noise."""
     x = info.mean if info.gain is None else np.concatenate([info.mean, info.gain], axis=1)
     point = bound.algorithm.ready.point.states
     x = x - np.concatenate([point, np.zeros(x.shape[1] - len(point))])

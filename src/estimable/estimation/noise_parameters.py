@@ -1,4 +1,4 @@
-"""Covariances as unconstrained numbers: what `fit_noise` moves, and what it keeps."""
+"""Covariances as unconstrained numbers: the free and the fixed ones of `fit_noise`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
@@ -20,9 +20,9 @@ WORDS = ("diagonal", "scale", "full")
 
 
 class Part(NamedTuple):
-    """One covariance: its field, the value it starts from, the free variances, and how they move.
+    """One covariance: its field, its initial value, the free variances, and how they move.
 
-    "diagonal": each free variance by itself, correlations kept; "scale": all by one factor; "full": every entry.
+    "diagonal": each free variance by itself, with fixed correlations; "scale": all by one factor; "full": every entry.
     """
 
     field: str
@@ -33,13 +33,13 @@ class Part(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many numbers it has."""
+        """The number of its parameters."""
         k = len(self.free)
         return {"diagonal": k, "scale": 1, "full": k * (k + 1) // 2}[self.kind]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each number is called."""
+        """The name of each parameter."""
         if self.kind == "scale":
             return (f"{self.field} scale",)
         if self.kind == "diagonal":
@@ -54,7 +54,7 @@ class Part(NamedTuple):
         return [(i, j) for i in range(len(self.channels)) for j in range(i + 1)]
 
     def begin(self) -> np.ndarray:
-        """The numbers of the start."""
+        """The initial parameters."""
         if self.kind != "full":
             return np.zeros(self.size)
         L = np.linalg.cholesky(self.start)
@@ -72,8 +72,8 @@ class Part(NamedTuple):
             L = L.at[i, j].set(jnp.exp(θ[at]) if i == j else θ[at] * np.sqrt(self.start[i, i]))
         return L @ L.T
 
-    def told(self, θ: Array):
-        """The entries of the covariance (or its scale) at θ, as `names` calls them."""
+    def entries(self, θ: Array):
+        """The entries of the covariance (or its scale) at θ, in the order of `names`."""
         if self.kind == "scale":
             return jnp.exp(2 * θ[:1])
         M = self.matrix(θ)
@@ -82,7 +82,7 @@ class Part(NamedTuple):
 
 
 def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[Part]:
-    """What is free, read."""
+    """The free covariances, checked."""
     model: StateSpace = algorithm.model
     noises = (
         model.states
@@ -105,7 +105,7 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
         if part is not None:
             found.append(part)
     if not words:
-        faults.add("`free` names nothing: there is nothing to fit.")
+        faults.add("`free` is empty: name at least one covariance to fit.")
     return found
 
 
@@ -118,7 +118,7 @@ def _part(
 ) -> Part | None:
     if start is None or np.ndim(start) != 2:
         faults.add(
-            f"`{field}` must be one matrix to be fitted: it {'is not given' if start is None else 'varies in time'}."
+            f"`{field}` must be a single matrix to be fitted: it {'is not given' if start is None else 'varies in time'}."
         )
         return None
     start = np.asarray(start, float)
@@ -129,7 +129,7 @@ def _part(
         mask = np.asarray(how)
         if mask.shape != (k,) or mask.dtype != bool or not mask.any():
             faults.add(
-                f"`free[{field!r}]` must be one of {checks.listed(WORDS)}, or {k} truth values, one a variance. "
+                f"`free[{field!r}]` must be one of {checks.listed(WORDS)}, or {k} bools, one per variance. "
                 f"Got {checks.short(how)}."
             )
             return None
@@ -140,18 +140,20 @@ def _part(
     zero = [channels[i] for i in free if start[i, i] == 0]
     if (how == "diagonal" and zero) or not start.any():
         faults.add(
-            f"`{field}` starts from a variance of zero for {checks.listed(zero)}, which nothing can scale: start from a "
+            f"`{field}` starts from a variance of zero for {checks.listed(zero)}, which cannot be scaled: start from a "
             f"small one, or leave it out with free={{{field!r}: [True, False, ..]}}."
         )
         return None
     if how == "full" and np.linalg.eigvalsh(start)[0] <= 1e-12 * np.abs(start).max():
-        faults.add(f"`{field}` must be positive definite to be fitted in full: start from a covariance without a zero.")
+        faults.add(
+            f"`{field}` must be positive definite to be fitted in full: start from a covariance without zero eigenvalues."
+        )
         return None
     return Part(field, start, channels, how, tuple(int(i) for i in free))
 
 
 def noise_of(model: StateSpace, clock: Clock):
-    """A function of (Q, R) that gives V, Ω, W of the sampled model, and that JAX can differentiate."""
+    """A function of (Q, R) that returns V, Ω, W of the sampled model, differentiable by JAX."""
     if not model.is_continuous:
 
         def discrete(Q: Array, R: Array):

@@ -41,7 +41,7 @@ def _predict(algorithm: Algorithm[Any], k: int | Array, state: Tree, interval: I
 
 @frozen
 class Progress:
-    """All that a run is: the algorithm, what is believed, what the actuator holds, the last info, and where it stands."""
+    """The complete state of a run: the algorithm, its state, the held input, the last info, and the position."""
 
     algorithm: Any
     state: Any
@@ -54,13 +54,13 @@ class Progress:
     lost: str = static(default="zero")
 
     def resumed(self) -> "Online":
-        """The run that goes on from here."""
+        """The run that continues from here."""
         check_state(self)
         return Online(self)
 
 
 class Online:
-    """An algorithm at work, one sample at a time; made by `online`. The only object of estimable that changes.
+    """A running algorithm, one sample at a time; made by `online`. The only mutable object of estimable.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
     >>> running = online(Kalman(model), prior=Prior([0.0], [[1.0]]))
@@ -80,7 +80,7 @@ class Online:
 
     @property
     def progress(self) -> Progress:
-        """All that the run is now."""
+        """The current state of the run."""
         if self._progress is None:
             quick: Any = self._quick
             (state, held), info = quick.state, jax.tree_util.tree_map(np.asarray, quick.info)
@@ -99,28 +99,28 @@ class Online:
 
     @property
     def _now(self) -> Any:
-        """Where the run stands: `sample`, `corrected`, `dt` and `hold`."""
+        """The position of the run: `sample`, `corrected`, `dt` and `hold`."""
         return self._base if self._quick is None else self._quick
 
     @property
     def algorithm(self) -> Any:
-        """The algorithm at work."""
+        """The running algorithm."""
         return self._base.algorithm
 
     @property
     def engine(self) -> str:
-        """Which engine runs the steps: "native" or "xla"."""
+        """The engine that runs the steps: "native" or "xla"."""
         return "xla" if self._quick is None else "native"
 
     @property
     def info(self) -> Info | None:
-        """What the last `correct` said; None before the first."""
+        """The report of the last `correct`; None before the first."""
         return self._base.info if self._quick is None else self._quick.info
 
     def correct(self, y: Numbers, u: Numbers | None = None, *, arrived: Numbers | None = None) -> Info:
-        """Learn from the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
+        """Update with the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
 
-        Sensors that report one after the other at the same instant may be given in several calls, each with the others NaN.
+        Sensors that report one after the other at the same instant may be passed in several calls, with NaN for the others.
         """
         quick = self._quick
         if quick is not None and arrived is None and quick.correct(y, u) == 0:
@@ -132,7 +132,7 @@ class Online:
         self._check_room(faults)
         if self._now.corrected and model.S is not None:
             faults.add(
-                "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used once."
+                "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used only once."
             )
         if u is None and model.feeds_through(self._inputs):
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
@@ -140,7 +140,7 @@ class Online:
         faults.finish()
         if quick is not None and self._is_prepared(quick, "correct"):
             code = quick.correct(measured, applied)
-            assert code is not None  # plain by now
+            assert code is not None  # the arguments are plain by now
             self._settle(code)
             self._progress = None
             return quick.info
@@ -164,7 +164,7 @@ class Online:
     ) -> None:
         """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold.
 
-        `dt` is that of a discrete model, and of a continuous one that of the last call where it is not given.
+        The default `dt` is that of a discrete model, and for a continuous one that of the last call.
         """
         quick = self._quick
         if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
@@ -183,7 +183,7 @@ class Online:
             else:
                 end = self._applied(u_end, None, faults)
         elif u_end is not None:
-            faults.add('`u_end` needs online(..., hold="first_order"): this input is held between samples.')
+            faults.add('`u_end` needs online(..., hold="first_order"): this input is constant between samples.')
         faults.finish()
         if quick is not None and self._is_prepared(quick, "predict", step):
             quick.predict(applied, end if quick.moving_input else None, None)
@@ -201,7 +201,7 @@ class Online:
             return None
         try:
             if progress.algorithm.takes_unknown_arrivals:
-                raise UnsupportedError("inputs of unknown fate")
+                raise UnsupportedError("inputs of unknown arrival")
             return Quick(progress)
         except EstimableError:
             raise
@@ -211,7 +211,7 @@ class Online:
         return None
 
     def _is_prepared(self, quick: Quick, kind: str, dt: float = 0.0) -> bool:
-        """Whether machine code is ready for a step; XLA goes on where it cannot be."""
+        """Whether machine code is ready for a step; otherwise XLA continues."""
         try:
             quick.prepare(kind, dt)
             return True
@@ -235,7 +235,7 @@ class Online:
             raise RunError(outcome)
 
     def save(self, path: str | Path) -> None:
-        """Write the algorithm and where it stands to a file, which `load` reads back and resumes."""
+        """Write the algorithm and its state to a file, which `load` reads and resumes."""
         from ..store.save import save
 
         save(path, self)
@@ -259,7 +259,7 @@ class Online:
         return dt
 
     def _applied(self, u: Numbers, arrived: Numbers | None, faults: checks.Faults) -> Any:
-        """What the actuator applies: u where it arrived, else zero or what it holds."""
+        """The input that the actuator applies: u where it arrived, else zero or the held input."""
         faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
         sent = faults.array("u", u, "m")
         if arrived is None or sent is None:
@@ -277,7 +277,7 @@ class Online:
 
     @property
     def _inputs(self) -> list[int]:
-        """The model's inputs that are known, which is all but those of an `UnknownInput`."""
+        """The model's known inputs: all but those of an `UnknownInput`."""
         inputs = model_of(self.algorithm).inputs
         return [inputs.index(name) for name in self.algorithm.names.inputs]
 
@@ -288,10 +288,10 @@ class Online:
     def _check_room(self, faults: checks.Faults) -> None:
         steps = model_of(self.algorithm).steps
         if steps is not None and self._now.sample >= steps:
-            faults.add(f"the model varies over {steps} rows of time, and all of them are used up.")
+            faults.add(f"the model varies over {steps} rows of time, and all of them have been used.")
 
     def _at_step(self, dt: float | None) -> Any:
-        """The algorithm sampled at a step length; `correct` uses nothing that depends on it."""
+        """The algorithm sampled at a step length; `correct` does not depend on it."""
         if dt is None:
             dt = next(iter(self._sampled), model_of(self.algorithm).dt)
         if dt not in self._sampled:
@@ -312,10 +312,10 @@ def online(
     """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
 
     `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models on a CPU: some two
-    microseconds a sample where y and u are float64 arrays, or lists of floats), "xla" (some hundreds), or "auto", the first that
-    can. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or "hold".
-    Then, for each sample, `.correct(y)` and `.predict(u)`; `.info` is the last answer, `.save(path)` keeps everything, and
-    `load(path)` resumes. `.engine` says which runs it.
+    microseconds per sample where y and u are float64 arrays, or lists of floats), "xla" (some hundreds), or "auto", the first
+    that can run it. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or
+    "hold". Then, for each sample, call `.correct(y)` and `.predict(u)`; `.info` is the last report, `.save(path)` stores the run,
+    and `load(path)` resumes it. `.engine` is the engine that runs it.
 
     Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """

@@ -1,4 +1,4 @@
-"""A run at one sample a call in machine code: where a call is plain, this is all of it; else `online` looks first."""
+"""A run with one sample per call in machine code: plain arguments go directly to it; others `online` checks first."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,8 +19,8 @@ from ..results import Info, Interval, Sample
 from .binding import model_of
 
 FLOAT = np.dtype(float)
-REFUSED = -1  # the code of a step whose datum or input is no number
-LENGTHS = 64  # of steps, for which the sampled model is kept
+REFUSED = -1  # the code of a step whose datum or input is not a number
+LENGTHS = 64  # of steps for which the sampled model is cached
 
 
 def _now(algorithm: Algorithm[Any] | ByRow, row: Sequence[Array]) -> Any:
@@ -30,7 +30,7 @@ def _now(algorithm: Algorithm[Any] | ByRow, row: Sequence[Array]) -> Any:
 def _correct(
     fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], y: Array, u: Array, row: Sequence[Array]
 ):
-    """`correct` of y, NaN where not seen, and what is told of it. A state is what is believed, and what the actuator holds."""
+    """`correct` of y, NaN where not seen, and its report. A state is that of the algorithm and the held input."""
     (algorithm, _), (belief, held), seen = fixed, state, y == y
     belief, info = _now(algorithm, row).correct(belief, Sample(jnp.where(seen, y, 0.0), seen, u))
     return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) == jnp.inf), REFUSED, info.outcome)
@@ -39,7 +39,7 @@ def _correct(
 def _predict(
     fixed: tuple[Algorithm[Any] | ByRow, Array], state: tuple[Tree, Array], u: Array, u_end: Array, row: Sequence[Array]
 ):
-    """`predict` under u, which is held where there is no u_end."""
+    """`predict` under u, which is constant where there is no u_end."""
     (algorithm, dt), (belief, _) = fixed, state
     interval = Interval(u, u_end if u_end.size else u, None, dt)
     finite = jnp.all(jnp.isfinite(u)) & jnp.all(jnp.isfinite(u_end))
@@ -50,7 +50,7 @@ FUNCTIONS = {"correct": _correct, "predict": _predict}
 
 
 class InfoInMemory(Info):
-    """An `Info` in memory of its own; a field is read when it is asked for."""
+    """An `Info` in its own memory; a field is read when it is used."""
 
     __slots__ = ("_fields", "_memory")
     __setattr__, __delattr__ = object.__setattr__, object.__delattr__  # its fields are properties
@@ -71,14 +71,14 @@ class InfoInMemory(Info):
 
 
 for _name in Info.__dataclass_fields__:
-    setattr(InfoInMemory, _name, property(lambda told, name=_name: told._fields[name](told._memory)))
+    setattr(InfoInMemory, _name, property(lambda info, name=_name: info._fields[name](info._memory)))
 jax.tree_util.register_pytree_node(
-    InfoInMemory, lambda told: jax.tree_util.tree_flatten(told.whole()), jax.tree_util.tree_unflatten
+    InfoInMemory, lambda info: jax.tree_util.tree_flatten(info.whole()), jax.tree_util.tree_unflatten
 )
 
 
 class Quick:
-    """The steps of one run, and where it stands. Raises `UnsupportedError` where they cannot be machine code."""
+    """The steps of one run, and its position. Raises `UnsupportedError` where they cannot be machine code."""
 
     def __init__(self, progress: Any):
         self.algorithm, self.model, self.hold = progress.algorithm, model_of(progress.algorithm), progress.hold
@@ -98,7 +98,7 @@ class Quick:
         self._begin((progress.state, progress.held))
 
     def correct(self, y: Numbers, u: Numbers | None) -> int | None:
-        """The outcome code, and the run moves on where it is 0; None where an argument needs another look first."""
+        """The outcome code; the run advances where it is 0. None where an argument must be checked first."""
         if not _plain(y, self.outputs) or not (_plain(u, self.inputs) if u is not None else not self.direct):
             return None
         step = self.here.after.get("correct")
@@ -121,7 +121,7 @@ class Quick:
         return code
 
     def predict(self, u: Numbers | None, u_end: Numbers | None, dt: float | None) -> int | None:
-        """0 where the run is at the next sample; None where an argument needs another look first."""
+        """0 where the run is at the next sample; None where an argument must be checked first."""
         step = self.here.after.get("predict")
         if step is None or self.sample >= self.end or not self._plain_inputs(u, u_end) or not self._lasts(dt):
             return None
@@ -141,7 +141,7 @@ class Quick:
         return code
 
     def prepare(self, kind: str, dt: float = 0.0) -> None:
-        """Make the step of this kind from here, of `dt` seconds where the model is continuous. Raises `UnsupportedError`."""
+        """Prepare the step of this kind from here, of `dt` seconds for a continuous model. Raises `UnsupportedError`."""
         if kind == "predict" and self.continuous:
             self._set(dt, self._numbers(dt))
             self.dt = dt
@@ -149,7 +149,7 @@ class Quick:
 
     @property
     def state(self) -> Any:
-        """What is believed now, and what the actuator holds."""
+        """The current state of the algorithm, and the held input."""
         return self.here.state
 
     def _plain_inputs(self, u: Numbers | None, u_end: Numbers | None) -> bool:
@@ -157,7 +157,7 @@ class Quick:
         return plain and (_plain(u_end, self.inputs) if self.moving_input else u_end is None)
 
     def _lasts(self, dt: float | None) -> bool:
-        """Whether the numbers of a step of `dt` seconds are there, or can be fetched."""
+        """Whether the numbers of a step of `dt` seconds are loaded, or can be."""
         if dt is None:
             if not self.continuous:
                 return True
@@ -176,11 +176,11 @@ class Quick:
         self.fixed[:], self.rows = numbers
 
     def _numbers(self, dt: float) -> tuple[np.ndarray, np.ndarray | None]:
-        """Those of the algorithm sampled at a step length, and those that it looks up by row, if any."""
+        """The numbers of the algorithm sampled at a step length, and those that it looks up by row, if any."""
         if dt not in self.lengths:
             algorithm, moving = self._sampled(dt)
             if _form(algorithm) != self.form:
-                raise UnsupportedError(f"a step of {dt:g} s takes other equations than those before")
+                raise UnsupportedError(f"a step of {dt:g} s has other equations than the earlier ones")
             if len(self.lengths) == LENGTHS:
                 self.lengths.clear()
             self.lengths[dt] = flat((algorithm, dt)), _by_row(moving)
@@ -190,7 +190,7 @@ class Quick:
         return looked_up(self.algorithm.sampled(Clock.every(dt, self.hold)), self.model.steps or 1)
 
     def _begin(self, state: tuple[Tree, Array]) -> None:
-        """Where the run starts, and the steps of a cycle; `correct` may come before the first length is known."""
+        """The start of the run, and the steps of a cycle; `correct` may come before the first length is known."""
         self.clock, dt = self.dt, float(self.dt or self.model.dt or 0.0)
         algorithm, moving = self._sampled(dt)
         self.form = _form(algorithm)
@@ -214,7 +214,7 @@ class Quick:
         return here.after[kind]
 
     def _place(self, state: Tree, other: Place | None = None) -> Place:
-        """A place for states of this form, which is not the other one: there are two of each form at most."""
+        """A place for states of this form, different from the other one: at most two of each form."""
         places = self.places.setdefault(_form(state), [])
         free = [place for place in places if place is not other]
         if not free:
@@ -224,14 +224,14 @@ class Quick:
 
 
 def _plain(numbers: Numbers | None, shape: tuple[int]) -> bool:
-    """Whether these numbers need no more than a look: an array of floats, or a list of them, of the right shape."""
+    """Whether these numbers are plain: an array of floats, or a list of them, of the right shape."""
     if type(numbers) is np.ndarray:
         return numbers.dtype is FLOAT and numbers.shape == shape
     return type(numbers) is list and len(numbers) == shape[0] and {*map(type, numbers)} == {float}
 
 
 def _form(tree: Tree) -> Any:
-    """All of a tree but its numbers."""
+    """A tree without its numbers."""
     leaves, structure = jax.tree_util.tree_flatten(form_of(tree))
     return structure, tuple(leaves)
 

@@ -1,4 +1,4 @@
-"""Whether a run that was saved can go on: its state must be one of its algorithm's."""
+"""Whether a saved run can be resumed: its state must fit its algorithm."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ from .binding import model_of
 
 
 def check_state(progress: Any) -> None:
-    """Refuse a state in which a step fails, or whose shape it changes; nothing is computed but shapes."""
+    """Raise an error for a state in which a step fails, or whose shape it changes; only shapes are computed."""
     names, held = progress.algorithm.names, np.zeros(len(progress.algorithm.names.inputs))
     try:
         after, info = jax.eval_shape(lambda state: _cycle(progress, state, held), progress.state)
         fits = _shapes(after) == _shapes((progress.state, progress.held)) and info.mean.shape == (len(names.states),)
-    except Exception:  # a step takes the state for granted, and may fail anywhere in it
+    except Exception:  # a step may fail anywhere in a state of another algorithm
         fits = False
     if not fits:
         checks.refuse(
@@ -27,7 +27,7 @@ def check_state(progress: Any) -> None:
 
 
 def _cycle(progress: Any, state: Tree, u: np.ndarray) -> Any:
-    """The state one sample on, with what the actuator holds then, and what was said on the way."""
+    """The state one sample later, with the held input, and the report of that sample."""
     model = model_of(progress.algorithm)
     dt, y = float(progress.dt or model.dt or 1.0), np.zeros(model.p)
     algorithm = progress.algorithm.sampled(Clock.every(dt, progress.hold)).at(0)

@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false
-"""Look back: every state from samples before and after it."""
+"""Smoothing: every state from samples before and after it."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ from ..results import Info, Interval, Outcome, Sample, SmoothedEstimate, outcome
 from .binding import Bound, bind
 from .estimate import check_options
 
-AT_ONCE = 1_000  # rows of a fixed lag that are worked out side by side: a few megabytes
+AT_ONCE = 1_000  # rows of a fixed lag computed side by side: a few megabytes
 
 
 def smooth(
@@ -36,20 +36,19 @@ def smooth(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> SmoothedEstimate:
-    """The states (and gains) of a record given samples before and after them; T rows in, T rows out.
+    """The states (and gains) of a record given samples before and after them. T rows in, T rows out.
 
-    `lag=None`: row k uses every sample (fixed interval). `lag=L`: row k uses the samples 0..k+L (fixed lag), and is what
-    an observer knows L samples later; `lag=0` is `estimate`. `result.used[k]` is the last sample that row k uses.
+    `lag=None`: row k uses every sample (fixed interval). `lag=L`: row k uses the samples 0..k+L (fixed lag), and is the
+    estimate available L samples later; `lag=0` is `estimate`. `result.used[k]` is the last sample that row k uses.
 
-    `algorithm`: `Kalman`, `UnknownGain`, `UnknownInput` (whose input of row k is in row k), or any other that offers
-    `instant` (a row of its linear Gaussian model) and `tell` (what a belief says).
-    Everything that `estimate` takes is taken: known inputs, outputs missing channel by
-    channel, irregular time, cross noise, singular covariances, diffuse priors; what the whole record leaves undetermined
-    is in `diffuse_covariance`. Other arguments as in `estimate`.
+    `algorithm`: `Kalman`, `UnknownGain`, `UnknownInput` (the input of row k is then in row k), or any other that offers
+    `instant` (a row of its linear Gaussian model) and `tell` (the report of a belief). The data may be all that `estimate`
+    supports: known inputs, outputs missing channel by channel, irregular time, cross noise, singular covariances, diffuse
+    priors. Directions that the whole record leaves undetermined are in `diffuse_covariance`. Other arguments as in `estimate`.
 
     Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
 
-    Cost: a fixed interval about 4 times that of `estimate`; a fixed lag L times that.
+    Cost: a fixed interval about 4 times that of `estimate`; a fixed lag L times that of `estimate`.
 
     Reference: Fraser & Potter (1969), Mayne (1966); see `estimable.kernels.smoothing`.
 
@@ -90,22 +89,22 @@ def _check_call(algorithm: Algorithm[Any], lag: int | None) -> None:
     check_algorithm(algorithm, faults)
     faults.finish()
     if not isinstance(algorithm, Smoothable):
-        hint = ": smooth what it wraps" if isinstance(algorithm, Wrapper) else ""
+        hint = ": smooth the algorithm inside" if isinstance(algorithm, Wrapper) else ""
         faults.add(
-            f"smooth needs an algorithm with a linear Gaussian model, as Kalman and UnknownGain have. "
+            f"smooth needs an algorithm with a linear Gaussian model, such as Kalman or UnknownGain. "
             f"{type(algorithm).__name__} has none{hint}."
         )
     elif algorithm.forgetting != 1.0:
         faults.add(
-            f"smooth needs a model of how the gain moves, and forgetting = {algorithm.forgetting:g} is none: give UnknownGain a "
-            "`walk` instead, and forgetting = 1."
+            f"smooth needs a model of how the gain moves, but forgetting = {algorithm.forgetting:g} is not one: give "
+            "UnknownGain a `walk` instead, and forgetting = 1."
         )
     faults.finish()
 
 
 @frozen
 class _Passed:
-    """What the forward pass says of a row, for an engine: the belief that was `predicted` for it."""
+    """The report of the forward pass on a row, for an engine: the belief `predicted` for it."""
 
     predicted: Belief
     log_likelihood: Any
@@ -114,7 +113,7 @@ class _Passed:
 
 @frozen
 class _Forward:
-    """An algorithm that remembers what it had predicted for each row."""
+    """An algorithm that stores its prediction for each row."""
 
     algorithm: Any
 
@@ -133,13 +132,13 @@ class _Forward:
 
 
 def _predicted(passed: _Passed, keep: str) -> Belief:
-    """Of what `_Forward` says, the belief."""
+    """The belief in a report of `_Forward`."""
     return passed.predicted
 
 
 @frozen
 class _PredictedRows:
-    """Each row as the backward pass needs it."""
+    """The rows for the backward pass."""
 
     sample: Sample
     interval: Interval
@@ -147,13 +146,13 @@ class _PredictedRows:
 
     @property
     def seen(self):
-        """Which outputs were seen; says how many rows there are."""
+        """The mask of seen outputs; its length is the number of rows."""
         return self.sample.seen
 
 
 @frozen
 class _Backward:
-    """A step of the backward pass, for an engine: the state is what later samples say."""
+    """A step of the backward pass, for an engine: the state is the information in later samples."""
 
     algorithm: Any
     last: Any
@@ -176,8 +175,8 @@ def _gather(later: Evidence, instant: Instant, sample: Sample) -> Evidence:
     return earlier(later, instant, sample.y, sample.seen)
 
 
-def _tell(algorithm: Smoothable[Any], predicted: Belief, said: Evidence) -> Info:
-    belief = smoothed(predicted, said)
+def _tell(algorithm: Smoothable[Any], predicted: Belief, later: Evidence) -> Info:
+    belief = smoothed(predicted, later)
     return replace(algorithm.tell(belief), outcome=outcome_code(False, belief.mean, belief.factor, belief.diffuse))
 
 
@@ -201,16 +200,16 @@ def _lagged(algorithm: Smoothable[Any], rows: _PredictedRows, lag: int) -> Info:
     T, n = rows.predicted.mean.shape
 
     def instant_at(row: int | Array):
-        """Row `row`, of which nothing was seen where it is after the last."""
+        """Row `row`, without seen outputs where it is after the last."""
         there = jnp.minimum(row, T - 1)
         one = jax.tree_util.tree_map(lambda leaf: lax.dynamic_index_in_dim(leaf, there, keepdims=False), rows)
         sample = replace(one.sample, seen=one.sample.seen & (row < T))
         return algorithm.at(there).instant(sample, one.interval), replace(one, sample=sample)
 
     def row(k: int | Array):
-        def back(j: int | Array, said: Evidence):
+        def back(j: int | Array, later: Evidence):
             instant, one = instant_at(k + lag - j)
-            return about_state(_gather(said, instant, one.sample), n)
+            return about_state(_gather(later, instant, one.sample), n)
 
         later = lax.fori_loop(0, lag, back, nothing(n))
         instant, one = instant_at(k)

@@ -14,7 +14,7 @@ from ..results import Stacked
 
 
 def stack(items: Sequence[Any]) -> Stacked:
-    """Make one algorithm, record or prior of several of the same kind, shapes and names.
+    """Stack several algorithms, records or priors of the same kind, shapes and names into one.
 
     Raises `InputError` where they differ in kind, shape, names or another fixed setting, naming the first that does.
 
@@ -53,7 +53,7 @@ def _first_difference(a: Tree, b: Tree) -> str:
 
 
 def _first_fixed_difference(a: AnyRecord, b: AnyRecord) -> str:
-    """The first field that is no number, and differs: a name, an option, or a part given in one only."""
+    """The first non-numeric field that differs: a name, an option, or a part given in only one of them."""
     for field in dataclasses.fields(a):
         left, right = getattr(a, field.name), getattr(b, field.name)
         if jax.tree_util.tree_structure(left) != jax.tree_util.tree_structure(right) or field.name in static_fields(

@@ -1,7 +1,7 @@
-"""Full windows of a linear Gaussian filter over whole records, at a cost that does not grow with their length.
+"""Full windows of a linear Gaussian filter over whole records, at a cost independent of their length.
 
-A record is cut into blocks of the length of a window, and a window into the end of a block and the beginning of the next:
-one pass backwards gathers the ends, one forwards the beginnings, and both together are one window (`kernels.stretch`).
+A record is cut into blocks as long as a window. A window is then the end of a block and the beginning of the next: a backward
+pass gathers the ends, a forward pass the beginnings, and both together are one window (`kernels.stretch`).
 """
 
 from typing import Any, Self
@@ -22,12 +22,12 @@ from ..protocols import Algorithm
 from ..results import Info, Interval, Sample
 from .binding import select as keep_of
 
-MOST = 3  # states and gains, or outputs: above, compiling takes longer than it saves on a record or two
-AT_ONCE = 128  # runs whose beliefs between the passes stay in the processor's cache
+MOST = 3  # states and gains, or outputs: above this, compilation takes longer than it saves on a record or two
+AT_ONCE = 128  # runs whose beliefs between the passes fit in the processor's cache
 
 
 def fits(algorithm: Algorithm[Any]) -> bool:
-    """Whether stretches describe the filter: linear, every output with a noise of its own that is not zero, no forgetting."""
+    """Whether stretches describe the filter: linear, every output with its own nonzero noise, no forgetting."""
     if not isinstance(algorithm, Kalman | UnknownGain) or np.any(algorithm.forgetting != 1.0):
         return False
     ready: Any = algorithm.ready
@@ -36,7 +36,7 @@ def fits(algorithm: Algorithm[Any]) -> bool:
 
 
 def _sizes(algorithm: Kalman | UnknownGain) -> tuple[int, int, int]:
-    """States, states and gains, outputs."""
+    """The numbers of states, of states and gains, and of outputs."""
     gains = len(algorithm.gain.mean.T) if isinstance(algorithm, UnknownGain) else 0
     ready: Any = algorithm.ready
     p, n = np.shape(ready.C)[-2:]
@@ -54,9 +54,9 @@ def scan_bank(
     axes: tuple,
     keep: str,
 ) -> tuple[str, Info, np.ndarray]:
-    """The engine that ran; the info of every full window, by its last row; and which windows must be run instead.
+    """The engine that ran; the info of every full window, by its last row; and the windows that must be run one by one.
 
-    `keep` is "all" or "means". A window must be run where something of it stays undetermined, or where it fails.
+    `keep` is "all" or "means". A window must be run where a direction remains undetermined, or where it fails.
     """
     T = samples.seen.shape[1]
     place = np.broadcast_to(
@@ -70,7 +70,7 @@ def scan_bank(
     begin = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1][:, : T - length + 1], run.info)
     rows = replace(jax.tree_util.tree_map(lambda leaf: leaf[:, length - 1 :], rows), begin=begin)
     engine, run = choice.scan_bank(
-        engine, _Beginnings(algorithm), prior, rows, rows.interval, axes=axes, keep=keep, select=_said
+        engine, _Beginnings(algorithm), prior, rows, rows.interval, axes=axes, keep=keep, select=_reported
     )
     info, again = run.info
     return engine, info, np.asarray(again)
@@ -78,7 +78,7 @@ def scan_bank(
 
 @frozen
 class WindowRow:
-    """A row as both passes need it: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
+    """A row for both passes: `place` in its block (-1: the last), and the belief `begin` at the start of the block."""
 
     sample: Sample
     interval: Interval
@@ -87,13 +87,13 @@ class WindowRow:
 
     @property
     def seen(self):
-        """Which outputs were seen; says how many rows there are."""
+        """The mask of seen outputs; its length is the number of rows."""
         return self.sample.seen
 
 
 @frozen
 class PassInfo:
-    """What a pass tells of a row, for an engine."""
+    """The report of a pass on a row, for an engine."""
 
     kept: Any
     again: Any
@@ -101,27 +101,27 @@ class PassInfo:
     log_likelihood: Any = None
 
 
-def _belief(told: PassInfo, keep: str) -> Belief:
-    return short(told.kept)
+def _belief(info: PassInfo, keep: str) -> Belief:
+    return short(info.kept)
 
 
 def short(belief: Belief) -> Belief:
-    """What the second pass needs of a belief: no output is without noise, and the scale of what it opens is not asked for."""
+    """The part of a belief that the second pass needs: outputs have noise, and the scale of diffuse directions is not used."""
     return replace(belief, size=None, log_scale=None)
 
 
-def _said(told: PassInfo, keep: str) -> tuple[Info, Any]:
-    return keep_of(told.kept, keep), told.again
+def _reported(info: PassInfo, keep: str) -> tuple[Info, Any]:
+    return keep_of(info.kept, keep), info.again
 
 
 def step_of(algorithm: Kalman | UnknownGain, row: WindowRow) -> stretch.Stretch:
-    """This sample, and the way to the next."""
+    """This sample, and the step to the next."""
     instant, sample = algorithm.instant(row.sample, row.interval), row.sample
     return stretch.of_sample(instant.transition, instant.measurement, sample.y, sample.seen)
 
 
 def or_empty(blank: Array, gathered: stretch.Stretch) -> stretch.Stretch:
-    """What is gathered, or nothing at a blank."""
+    """The gathered stretch, or an empty one at a blank."""
     return either(blank, stretch.empty(gathered.b.shape[0]), gathered)
 
 
@@ -138,7 +138,7 @@ def either(first: Array, a: Tree, b: Tree) -> Any:
 def learn(
     algorithm: Kalman | UnknownGain, begin: Belief, gathered: stretch.Stretch, sample: Sample
 ) -> tuple[Info, Any]:
-    """What the filter says that has gone from a block's `begin` through what is gathered; and whether it must be run instead."""
+    """The report of the filter after the gathered stretch, from a block's `begin`; and whether the window must be run instead."""
     begin = replace(begin, factor=jnp.tril(begin.factor), size=jnp.abs(begin.mean), log_scale=jnp.zeros(()))
     before = through(begin, gathered)
     _, info = algorithm.correct(replace(before, diffuse=before.diffuse[:, :0]), sample)
@@ -148,7 +148,7 @@ def learn(
 
 
 def _nothing_open(info: Info) -> Info:
-    """What the filter says that has directions of which nothing might be known, where there is none."""
+    """The report of a filter that could have diffuse directions, where there are none."""
     extra = dict(info.extra or {})
     if info.gain is not None:
         extra["gain_diffuse_covariance"] = jnp.zeros(info.gain_covariance.shape)
@@ -166,30 +166,30 @@ class Backwards:
         return self
 
     def init(self, prior: Prior) -> tuple[Belief, stretch.Stretch]:
-        """The belief that a window begins with, and the stretch from the last row on."""
+        """The initial belief of a window, and the stretch from the last row on."""
         fresh = self.algorithm.init(prior)
         return fresh, stretch.empty(fresh.mean.shape[0])
 
 
 @frozen
 class _Ends(Backwards):
-    """Backwards: the belief at the start of the next block, of the window that begins at each row."""
+    """Backwards: the belief at the start of the next block, for the window that begins at each row."""
 
     def correct(self, state: tuple, sample: WindowRow) -> tuple[tuple, PassInfo]:
-        """Put a row before those gathered; a window that is a block has nothing before it."""
+        """Put a row before the gathered ones; a window equal to a block has no rows before it."""
         fresh, gathered = state
         gathered = stretch.joined(step_of(self.algorithm, sample), or_empty(sample.place == -1, gathered))
         begin = either(sample.place == 0, fresh, through(fresh, gathered))
         return (fresh, gathered), PassInfo(begin, False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
-        """Nothing moves."""
+        """No change."""
         return state
 
 
 @frozen
 class _Beginnings:
-    """Forwards: what the filter says at the end of each window."""
+    """Forwards: the report of the filter at the end of each window."""
 
     algorithm: Any
 
@@ -198,15 +198,15 @@ class _Beginnings:
         return self
 
     def init(self, prior: Prior) -> stretch.Stretch:
-        """Nothing is gathered."""
+        """An empty stretch."""
         return stretch.empty(self.algorithm.init(prior).mean.shape[0])
 
     def correct(self, state: stretch.Stretch, sample: WindowRow) -> tuple[stretch.Stretch, PassInfo]:
-        """Go through what the block has told so far, and learn from the last sample as the filter does."""
+        """Apply the gathered part of the block, and update with the last sample like the filter."""
         gathered = or_empty(sample.place == 0, state)
         info, again = learn(self.algorithm, sample.begin, gathered, sample.sample)
         return stretch.joined(gathered, step_of(self.algorithm, sample)), PassInfo(info, again, 0)
 
     def predict(self, state: stretch.Stretch, interval: Interval) -> stretch.Stretch:
-        """The stretch has moved already."""
+        """No change: the stretch has already moved."""
         return state

@@ -1,4 +1,4 @@
-"""Moving windows over a whole record: by a scan where there is one; else every window is a run of its own, in one bank."""
+"""Moving windows over a whole record: by a scan where possible; else every window is a separate run, in one bank."""
 
 from typing import Any
 
@@ -18,25 +18,25 @@ from ..results import Info, Interval, Sample
 from . import window_scan
 from .binding import select as keep_of
 
-NUMBERS = 2_000_000  # of rows that are laid out at a time: windows overlap, so a record is copied `length` times
+NUMBERS = 2_000_000  # of rows laid out at a time: windows overlap, so a record is copied `length` times
 
 
 @frozen
 class Replayed(Wrapper[tuple[()]]):
-    """Instead of a window that has been run: each sample brings what it says, in `extra`."""
+    """The substitute for a window that has been run: each sample carries its report, in `extra`."""
 
     algorithm: Any
 
     def init(self, prior: Any) -> tuple[()]:
-        """Nothing is remembered."""
+        """No state."""
         return ()
 
     def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
-        """What the window said."""
+        """The report of the window."""
         return state, sample.extra
 
     def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
-        """Nothing moves."""
+        """No change."""
         return state
 
 
@@ -50,7 +50,7 @@ def scan(
     keep: str,
     select: Select,
 ) -> tuple[str, xla.Run]:
-    """`choice.scan`, with the windows of a `MovingWindow` side by side where they can be."""
+    """`choice.scan`, with the windows of a `MovingWindow` side by side where possible."""
     if window_of(algorithm) is None:
         return choice.scan(engine, algorithm, prior, samples, intervals, keep=keep, select=select)
     rows = [jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[None], part) for part in (samples, intervals)]
@@ -69,7 +69,7 @@ def scan_bank(
     keep: str,
     select: Select,
 ) -> tuple[str, xla.Run]:
-    """`choice.scan_bank`, with the windows of a `MovingWindow` side by side where they can be."""
+    """`choice.scan_bank`, with the windows of a `MovingWindow` side by side where possible."""
     window, (a, r, p) = window_of(algorithm), axes
     if window is None or r is None:
         return choice.scan_bank(engine, algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
@@ -85,7 +85,7 @@ def scan_bank(
 
 
 def _as_run(infos: Info, keep: str, select: Select) -> xla.Run:
-    """What an engine would leave that said this row by row."""
+    """The run of an engine with these reports row by row."""
     infos = jax.tree_util.tree_map(np.asarray, infos)
     failed_at = np.argmax(infos.outcome != 0, axis=1)
     code = infos.outcome[np.arange(len(failed_at)), failed_at]
@@ -96,7 +96,7 @@ def _as_run(infos: Info, keep: str, select: Select) -> xla.Run:
 
 
 def window_of(algorithm: Stepping) -> MovingWindow | None:
-    """The window that can be replayed: around it are bounds and averages only, and its model does not vary in time."""
+    """The window that can be replayed: only bounds and averages wrap it, and its model is constant."""
     while isinstance(algorithm, Bounded | Smoothed):
         algorithm = algorithm.algorithm
     if not isinstance(algorithm, MovingWindow):
@@ -122,7 +122,7 @@ def _means(info: Info, keep: str) -> Info:
 
 
 def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple, rows: tuple, kept: Select):
-    """The engine that ran, and what the windows say at every row of every run."""
+    """The engine that ran, and the reports of the windows at every row of every run."""
     length, runs = window.length, len(rows[0].seen)
     own, first = window.priors(prior[0])
     own_axis = prior[1] if window.state_prior is None else a
@@ -163,7 +163,7 @@ def _full(
     kept: Select,
     scanned: bool,
 ):
-    """The engine that ran, and what every full window of some runs says: (runs, windows, ..)."""
+    """The engine that ran, and the reports of every full window of some runs: (runs, windows, ..)."""
     runs, T = rows[0].seen.shape[:2]
     if not scanned:
         where = np.indices((runs, T - length + 1)).reshape(2, -1)
@@ -190,7 +190,7 @@ def _rerun(
     kept: Select,
     where: np.ndarray,
 ):
-    """The engine that ran, and what the windows say that begin at (run, row) `where`, each a run of its own."""
+    """The engine that ran, and the reports of the windows that begin at (run, row) `where`, each as a separate run."""
     columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
     at_once = max(1, NUMBERS // (length * columns))
     ran, parts = engine, []
@@ -198,10 +198,10 @@ def _rerun(
         run, row = where[:, start : start + at_once]
         at = run[:, None], row[:, None] + np.arange(length)
         full = [jax.tree_util.tree_map(lambda leaf, at=at: np.asarray(leaf)[at], part) for part in rows]
-        ran, told = choice.scan_bank(
+        ran, rerun = choice.scan_bank(
             engine, _cut(algorithm, axes[0], run), _cut(own, axes[2], run), *full, axes=axes, keep="last", select=kept
         )
-        parts.append(told.info)
+        parts.append(rerun.info)
     return ran, jax.tree_util.tree_map(lambda *leaves: np.concatenate(leaves), *parts)
 
 

@@ -70,7 +70,7 @@ class Gated(Wrapper[Any]):
         _, foreseen = self.algorithm.correct(state, sample)
         if foreseen.innovation_covariance is None:
             name = type(self.algorithm.innermost).__name__
-            checks.refuse(f"`algorithm` must give the covariance of its innovations: {name} gives none.")
+            checks.refuse(f"`algorithm` must report the covariance of its innovations: {name} reports none.")
         variance = jnp.sum(foreseen.innovation_covariance * jnp.eye(sample.y.shape[0]), axis=1)
         error = jnp.where(sample.seen, foreseen.innovation, 0.0)
         limit = _quantile(self.probability) if self.limit is None else self.limit

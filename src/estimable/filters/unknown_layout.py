@@ -79,8 +79,8 @@ def _choose(
     """Method, delay, and a note that says which and why."""
     asked = algorithm.method
     if freedom != "none":
-        said = {"variance": "a prior variance", "walk": "a random walk"}[freedom]
-        return "exact", algorithm.delay or 0, f"Exact conditioning: the unknown inputs have {said}."
+        kind = {"variance": "a prior variance", "walk": "a random walk"}[freedom]
+        return "exact", algorithm.delay or 0, f"Exact conditioning: the unknown inputs have {kind}."
     verdict = _verdict(model, clock, unknown)
     if verdict is None:
         delay = 0 if first_order or checks.is_traced(model.D) or np.any(pick(model.D, unknown)) else 1

@@ -1,4 +1,4 @@
-"""A nonlinear model identified through a filter of its parameters, and how such a model stands to a record."""
+"""A nonlinear model identified by a filter of its parameters, and its comparison with a record."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -25,13 +25,13 @@ from ..protocols import FilterIdentifier
 from ..results import Estimate, Fit, Interval, Validation
 from .candidates import best_order
 
-LONGEST = 100_000  # rows of which every one is kept
-LARGEST = 1e6  # of the spread of an output: what a simulation that leaves it counts as
+LONGEST = 100_000  # rows up to which every row is stored
+LARGEST = 1e6  # of the spread of an output: the limit of a simulated deviation
 STEP = 1e-3  # of a standard deviation, for the differences of gradients
 
 
 def tracked(method: FilterIdentifier, records: Sequence[Record], engine: str) -> Fit:
-    """Start the parameters, run the filter over the records, and look at the model it ends with."""
+    """Start the parameters, run the filter over the records, and validate the final model."""
     records = [of_channels(one, method.model) for one in records]
     begun = method.begin(records)
     prior, paths = begun.parameters, []
@@ -46,7 +46,7 @@ def tracked(method: FilterIdentifier, records: Sequence[Record], engine: str) ->
 
 
 def of_channels(record: Record, model: NonlinearModel) -> Record:
-    """The record with the channels of the model, in its order, and the inputs that were applied."""
+    """The record with the channels of the model, in its order, and the applied inputs."""
     faults = checks.Faults()
     outputs = columns(model.outputs, record.outputs, "output", "y", faults)
     inputs = columns(model.inputs, record.inputs, "input", "u", faults)
@@ -82,7 +82,7 @@ def _assembled(
 def _validated(
     method: FilterIdentifier, model: NonlinearModel, records: Sequence[Record], begun: Start, paths: list[Estimate]
 ) -> Validation:
-    """What was looked at: of parameters that vary, the innovations are those of the filter that follows them."""
+    """The checks; for varying parameters the innovations are those of the filter that follows them."""
     stands = [standing(method, model, one) for one in records]
     if method.varies and all(len(path.innovation) == len(one) for path, one in zip(paths, records, strict=True)):
         stands = [Standing(s.simulated, *_whitened(path)) for s, path in zip(stands, paths, strict=True)]
@@ -96,7 +96,7 @@ def _validated(
 
 
 def _whitened(path: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """The innovations of a run, and in units of their standard deviations."""
+    """The innovations of a run, and the same in units of their standard deviations."""
     return path.innovation, path.innovation / np.sqrt(np.diagonal(path.innovation_covariance, axis1=1, axis2=2))
 
 
@@ -106,14 +106,14 @@ def _order(records: Sequence[Record]) -> int:
 
 
 def standing(method: FilterIdentifier, model: NonlinearModel, record: Record, rows: int | None = None) -> Standing:
-    """How a nonlinear model stands to a record, as `identifiers.standing` says it of a linear one."""
+    """The comparison of a nonlinear model with a record, like `identifiers.standing` for a linear one."""
     record = of_channels(record, model)
     known = estimate(method.known(model.parameters), record, prior=method.state_prior, on_failure="keep")
     return Standing(record.y - simulated(model, record, method.state_prior, rows), *_whitened(known))
 
 
 def simulated(model: NonlinearModel, record: Record, prior: Prior, rows: int | None) -> np.ndarray:
-    """The outputs without noise (T, p), from the state at row 0 that is nearest to the first rows and to the prior."""
+    """The noise-free outputs (T, p), from the state at row 0 that is nearest to the first rows and to the prior."""
     from scipy.optimize import least_squares
 
     clock, u = record.clock(model.dt or None), held(record.applied())
@@ -139,7 +139,7 @@ def simulated(model: NonlinearModel, record: Record, prior: Prior, rows: int | N
 
 @jax.jit
 def _response(ready: Functions | Matrices, x: Array, intervals: Interval, u: Array):
-    """h along the path of f from x, without noise."""
+    """h along the trajectory of f from x, without noise."""
 
     def step(x: Array, row: tuple[Interval, Array]):
         interval, now = row
@@ -158,7 +158,7 @@ def _moved(ready: Functions | Matrices, x: Array, interval: Interval):
 
 
 def most_likely(method: FilterIdentifier, records: Sequence[Record], start: Prior) -> tuple[Prior, float]:
-    """The constant parameters under which the records are most likely, with the inverse of the observed information."""
+    """The constant parameters of maximum likelihood, with the inverse of the observed information."""
     from scipy.optimize import minimize
 
     known, prior = method.known(method.model.parameters), method.state_prior
@@ -180,6 +180,6 @@ def most_likely(method: FilterIdentifier, records: Sequence[Record], start: Prio
     information = np.array([(value(found.x + s)[1] - value(found.x - s)[1]) / (2 * STEP) for s in steps])
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     if not np.isfinite(values).all() or values[0] <= 0:
-        checks.refuse('the likelihood has no peak where the search ended: leave refinement = "none".')
+        checks.refuse('the search for the maximum of the likelihood did not end at a maximum: use refinement = "none".')
     spread = L @ vectors
     return Prior(start.mean + L @ found.x, spread @ np.diag(1 / values) @ spread.T), -float(found.fun)

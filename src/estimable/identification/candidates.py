@@ -1,4 +1,4 @@
-"""Which methods to compare where nobody says: one of each kind, with orders chosen on the same records by BIC."""
+"""The default methods of a comparison: one of each kind, with orders chosen on the same records by BIC."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,9 +18,9 @@ MOST = 6  # order tried of ARX and state-space models
 
 
 def candidates(records: Sequence[Record], order: int | None = None) -> tuple[Any, ...]:
-    """ARX, output error, two subspace methods and Ho-Kalman, of a given order, or of those that BIC chooses.
+    """ARX, output error, two subspace methods and Ho-Kalman, of a given order, or of the orders that BIC chooses.
 
-    The delay is that of the best ARX model. A kind that the records do not bear is left out.
+    The delay is that of the best ARX model. A kind for which the records are too short is left out.
     """
     found: list[Any] = []
     tried = range(1, MOST + 1) if order is None else (order,)
@@ -42,7 +42,7 @@ def candidates(records: Sequence[Record], order: int | None = None) -> tuple[Any
 
 
 def _tried(choose: Callable[[], Any]) -> Any:
-    """What is chosen; None where the records do not bear it."""
+    """The choice; None where the records are too short for it."""
     try:
         return choose()
     except (EstimableError, np.linalg.LinAlgError):
@@ -50,7 +50,7 @@ def _tried(choose: Callable[[], Any]) -> Any:
 
 
 def best_order(records: Sequence[Record], weighting: str, orders: Sequence[int] = range(1, MOST + 1)) -> int:
-    """The smallest BIC of the innovations."""
+    """The order with the smallest BIC of the innovations."""
     m, p = len(records[0].inputs), len(records[0].outputs)
     scores = []
     for n in orders:
@@ -58,7 +58,7 @@ def best_order(records: Sequence[Record], weighting: str, orders: Sequence[int] 
         variance = None if model is None else np.linalg.eigvalsh(np.asarray(model.R))
         scores.append(_bic(records, variance, n * (m + 2 * p) + m * p))
     if not np.isfinite(scores).any():
-        Subspace(orders[0], weighting=weighting).model(records)  # says why
+        Subspace(orders[0], weighting=weighting).model(records)  # raises the reason
     return orders[int(np.argmin(scores))]
 
 

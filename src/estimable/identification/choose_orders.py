@@ -1,4 +1,4 @@
-"""Which orders? Information criteria on incomplete data."""
+"""The choice of orders by information criteria, on incomplete data."""
 
 from collections.abc import Iterable, Sequence
 from itertools import product
@@ -20,9 +20,9 @@ def choose_orders(
 ) -> OrderRanking:  # fmt: skip
     """The orders of an output-error model by an information criterion, over every choice of `na`, `nb` and `delay`.
 
-    Each choice is fitted by `OutputErrorML` to the outputs that were seen; the criteria count those only: with N outputs seen and
+    Each choice is fitted by `OutputErrorML` to the seen outputs, and the criteria count only those. With N outputs seen and
     k parameters (and a noise variance each), AIC = -2 log L + 2 k, AICC adds 2 k (k + 1) / (N - k - 1), BIC = -2 log L +
-    k log N. BIC finds the true orders when there are many data; AIC predicts best. Orders are degrees, as everywhere here.
+    k log N. BIC finds the true orders for many data; AIC predicts best. Orders are degrees, as everywhere here.
 
     Raises `InputError` with every fault of the call. Reference: H. Akaike (1974); G. Schwarz (1978).
 
@@ -64,7 +64,7 @@ def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str
 
 
 def _likelihood(fit: Fit) -> float:
-    """At the variance of maximum likelihood: the sum of squares by N, not by N - d."""
+    """The log-likelihood at the variance of maximum likelihood: the sum of squares over N, not over N - d."""
     total = 0.0
     for e in np.concatenate(fit.validation.residuals).T:
         seen = e[~np.isnan(e)]

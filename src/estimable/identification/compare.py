@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnnecessaryIsInstance=false
-"""Identify by several methods, and rank them on data that none of them has seen."""
+"""Identification by several methods, ranked on data that none of them has seen."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ REFUSED = "no linear model explains this record"
 
 
 class _HeldOut(NamedTuple):
-    """Errors on the rows held out (N, p): simulated and one step ahead, and the outputs there."""
+    """Errors on the held-out rows (N, p): simulated and one step ahead, and the outputs there."""
 
     simulated: np.ndarray
     one_step: np.ndarray
@@ -39,16 +39,16 @@ def compare(
     """Identify by several methods on the first part of a record (or of each of several), and rank them on the rest.
 
     `methods`: identifiers with their settings; None: one of each kind, with orders chosen by BIC on the first part. `split`: the
-    fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its
-    operating point; "trend": about straight lines fitted to the first part and continued (the operating point is where they
-    are at its end); "none": signals are deviations already, or methods fit an offset. `order`: of all methods, where they
-    are chosen here. `progress(name, done, total)` is told of each method before it runs.
+    fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its operating
+    point; "trend": about straight lines fitted to the first part and continued (the operating point is their value at its
+    end); "none": signals are already deviations, or methods fit an offset. `order`: of all methods, where they are chosen here.
+    `progress(name, done, total)` is called before each method runs.
 
-    The rank is by the fit of a simulation from the inputs alone, that runs on from the first part and looks at no output held
-    out. Differences of squared errors within two standard errors (autocorrelation counted, Newey & West 1987) are noise:
-    `ranked[i].alike`. Where the best is not better than the mean of the outputs, beyond noise, there is no `best`.
+    Methods are ranked by the fit of a simulation from the inputs alone, which continues from the first part and uses no held-out
+    output. Differences of squared errors within two standard errors (with autocorrelation, Newey & West 1987) are noise:
+    `ranked[i].alike`. Where the best is not significantly better than the mean of the outputs, there is no `best`.
 
-    Raises `InputError` with every fault of the call; a method that fails is ranked last, with its sentence.
+    Raises `InputError` with every fault of the call; a method that fails is ranked last, with its message.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -58,15 +58,15 @@ def compare(
     """
     records = _read(methods, record, split, level, order)
     task = divided(records, split, level)
-    told = progress or (lambda name, done, total: None)
+    report = progress or (lambda name, done, total: None)
     if methods is None:
-        told("choosing orders", 0, 1)
+        report("choosing orders", 0, 1)
     chosen = candidates(task.first, order) if methods is None else tuple(methods)
     found = []
     for i, method in enumerate(chosen):
-        told(type(method).__name__, i, len(chosen))
+        report(type(method).__name__, i, len(chosen))
         found.append(_run(method, task))
-    told("", len(chosen), len(chosen))
+    report("", len(chosen), len(chosen))
     return _ranked(found)._replace(task=task)
 
 
@@ -84,14 +84,16 @@ def _read(
     if order is not None:
         faults.whole("order", order, 1)
         if methods is not None:
-            faults.add("`order` belongs to methods that are chosen here: give methods their own orders.")
+            faults.add("`order` is for methods that are chosen here: give your methods their own orders.")
     faults.finish()
     assert fraction is not None
     for i, one in enumerate(records):
         if not 0 < round(fraction * len(one)) < len(one):
-            faults.add(f"`split` must leave rows on both sides of record {i}, which has {len(one)}. Got {fraction:g}.")
+            faults.add(
+                f"`split` must leave rows in both parts of record {i}, which has {len(one)} rows. Got {fraction:g}."
+            )
         elif not one.seen[round(fraction * len(one)) :].any(axis=0).all():
-            faults.add(f"record {i}: an output is not seen in the part held out: choose another `split`.")
+            faults.add(f"record {i}: an output is not seen in the held-out part: choose another `split`.")
     faults.finish()
     return records
 
@@ -106,9 +108,9 @@ def divided(records: Sequence[Record], split: float, level: str) -> Divided:
 
 
 def _run(method: Method, task: Divided) -> Any:
-    """The fit, its model in absolute units, and its errors on what was held out; or the sentence that says why not.
+    """The fit, its model in absolute units, and its errors on the held-out part; or the message that says why there is none.
 
-    A nonlinear model is of the signals themselves: it is fitted to the first parts, the others to their deviations.
+    A nonlinear model describes the signals themselves: it is fitted to the first parts, the others to their deviations.
     """
     rows, whole = [len(part) for part in task.first], task.whole
     try:
@@ -128,7 +130,7 @@ def _run(method: Method, task: Divided) -> Any:
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
-    """A model of deviations, of any kind, as one of the signals themselves: inputs (m,) and outputs (p,) are its levels."""
+    """A model of deviations, of any kind, as a model of the signals: the levels are inputs (m,) and outputs (p,)."""
     model = state_space_of(model)
     own = 0.0 if model.operating_point is None else model.operating_point.outputs
     return StateSpace(
@@ -153,27 +155,27 @@ def _ranked(found: list[Any]) -> Comparison:
 
 
 def _judged(ranked: list[Ranked], failed: list[Ranked], first: _HeldOut) -> Comparison:
-    """The best, unless the mean of the outputs does as well."""
+    """The best method, unless the mean of the outputs is as good."""
     best, everything = ranked[0], (*ranked, *failed)
     mean = first.y - np.nanmean(first.y, axis=0)
     gain = _behind(mean, first.simulated, first.y)
     if best.fit_percent <= 0 or gain < NOISE:
-        why = f"the best simulation ({best.name}) fits {best.fit_percent:.1f} % of what was held out"
+        why = f"the best simulation ({best.name}) fits {best.fit_percent:.1f} % of the held-out outputs"
         return Comparison(everything, None, f"{REFUSED}: {why}, {gain:.1f} standard errors better than their mean.")
     others = [one.label for one in ranked[1:] if one.alike]
-    doubt = f" Within noise of it: {', '.join(others)}." if others else " No other is within noise of it."
-    said = f"{best.label} of order {best.order} fits best: {best.fit_percent:.1f} % of the rows held out."
-    return Comparison(everything, best, said + doubt)
+    doubt = f" Not significantly worse: {', '.join(others)}." if others else " All others are significantly worse."
+    result = f"{best.label} of order {best.order} fits best: {best.fit_percent:.1f} % of the held-out rows."
+    return Comparison(everything, best, result + doubt)
 
 
 def _fit(e: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """100 (1 - |e| / |y - mean|) of each output, over what was seen."""
+    """100 (1 - |e| / |y - mean|) of each output, over the seen samples."""
     spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
     return 100 * (1 - np.sqrt(np.nansum(e**2, axis=0)) / np.where(spread > 0, spread, np.finfo(float).tiny))
 
 
 def _behind(e: np.ndarray, best: np.ndarray, y: np.ndarray) -> float:
-    """How many standard errors the squared errors e² lie above the best ones, in units of each output's variance."""
+    """By how many standard errors the squared errors e² exceed the best ones, in units of each output's variance."""
     d = np.nansum((e**2 - best**2) / np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny), axis=1)
     d = d[~np.isnan(y).all(axis=1)]
     mean, N = float(d.mean()), len(d)

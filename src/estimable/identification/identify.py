@@ -14,26 +14,26 @@ from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select
 from ..frozen import frozen
-from ..identifiers.validation import stability_check, told, validated
+from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
 
 Records = Record | Sequence[Record]
-LONGEST = 100_000  # rows of which every one is kept
+LONGEST = 100_000  # rows up to which every row is stored
 
 
 def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     """Identify a model from one record, or from a list of them (several experiments on one plant).
 
     `method`: `RecursiveOutputError`, `OutputErrorML`, or any other with `fit(records) -> Fit`, or with the steps of a
-    recursive algorithm and `fitted(parameters, dt)`. Of several records a recursive method takes one after the other, each
+    recursive algorithm and `fitted(parameters, dt)`. A recursive method processes several records one after the other, each
     from rest. `engine`: as in `estimate`, for recursive methods.
 
-    The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and
-    the assumptions looked at, each with a sentence. `fit.undetermined` spans what the data tell nothing of. A recursive
-    method leaves `fit.path`, the parameters after each sample (the last one only of records longer than 100,000). Where
-    inputs are of unknown fate, which `JointOutputError(..., arrival=)` takes, stability alone is looked at.
+    The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and the checked
+    assumptions, each with a sentence. `fit.undetermined` spans the directions without information. A recursive method also
+    returns `fit.path`, the parameters after each sample (only the last one for records longer than 100,000). Where the arrival
+    of inputs is unknown, as for `JointOutputError(..., arrival=)`, only stability is checked.
 
     Raises `InputError` with every fault of the call.
 
@@ -54,14 +54,14 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
         case Identifier():
             return _checked(method, method.fit(records))
         case _:
-            raise TypeError(f"{type(method).__name__} is no identifier")  # _read has refused it
+            raise TypeError(f"{type(method).__name__} is not an identifier")  # excluded by _read
 
 
 def _checked(method: Identifier, fit: Fit) -> Fit:
-    """What a method of the user's gives must be a fit, with a name for each parameter."""
+    """Check that a user's method returns a fit with a name for each parameter."""
     faults, name = checks.Faults(), type(method).__name__
     if not isinstance(fit, Fit):
-        checks.refuse(f"`fit` of {name} must give an estimable.results.Fit. It gave {checks.short(fit)}.")
+        checks.refuse(f"`fit` of {name} must return an estimable.results.Fit. It returned {checks.short(fit)}.")
     faults.learn("d", len(fit.names), f"`names` has {checks.counted(len(fit.names), 'entry')}")
     faults.array(f"parameters of {name}", fit.parameters, "d", nan=True)
     if fit.covariance is not None and not np.isnan(np.asarray(fit.covariance)).any():
@@ -71,14 +71,14 @@ def _checked(method: Identifier, fit: Fit) -> Fit:
 
 
 def _read(method: Method, record: Records, engine: str) -> list[Record]:
-    """The records, of one kind with each other; every fault of the call at once."""
+    """The records, checked to be alike; every fault of the call at once."""
     faults = checks.Faults()
     choice.check(engine, faults)
     if isinstance(method, type):
         faults.add(f"`method` must be an instance, not a class: write {method.__name__}(...), not {method.__name__}.")
     elif not isinstance(method, Method):
         faults.add(
-            "`method` must identify parameters, as RecursiveOutputError(2, 1, ...) does; one of your own derives from "
+            "`method` must identify parameters, such as RecursiveOutputError(2, 1, ...); your own class must derive from "
             f"estimable.Identifier or RecursiveIdentifier. Got {checks.short(method)}."
         )
     records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
@@ -92,29 +92,29 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
 
 
 def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
-    """A record has inputs, a regular step, and the channels and the step of the first."""
+    """Check that a record has inputs, a regular step, and the channels and step of the first."""
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
         faults.add(f"{which} has other channels than record 0: all experiments need the same, in the same order.")
     if record.dt is None:
         irregular = (
-            " Its steps are not equal: put rows of NaN where samples are missing." if record.t is not None else ""
+            " Its steps are not equal: insert rows of NaN where samples are missing." if record.t is not None else ""
         )
         faults.add(f"{which} needs a regular step `dt`, in seconds.{irregular}")
     elif first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
-        faults.add(f"{which} has a step of {record.dt:g} s, record 0 of {first.dt:g} s: they must be equal.")
+        faults.add(f"{which} has a step of {record.dt:g} s, but record 0 of {first.dt:g} s: they must be equal.")
     if not record.inputs:
         faults.add(f"{which} has no input: give `u`.")
 
 
 @frozen
 class _Resumed(Wrapper[Any]):
-    """A recursive method that goes on from where another record left it, with the plant at rest."""
+    """A recursive method that continues from the previous record, with the plant at rest."""
 
     algorithm: RecursiveIdentifier[Any]
     state: Any
 
     def init(self, prior: None) -> Any:
-        """What the last record left, at rest."""
+        """The state after the previous record, at rest."""
         return self.algorithm.rested(self.state)
 
 
@@ -129,16 +129,16 @@ def _started(method: StartedIdentifier, records: list[Record], engine: str) -> F
 
 
 def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> Fit:
-    """Run the recursion over the records, and look at the model it ends with."""
+    """Run the recursion over the records, and validate the final model."""
     method = method.for_channels(records[0].inputs, records[0].outputs)
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]
     model, free = method.fitted(θ, records[0].dt or 0.0), None
     known = not (method.takes_unknown_arrivals and any(np.isnan(one.applied()).any() for one in records))
-    if not (known and model.is_stable):  # its response is not known, or runs away
+    if not (known and model.is_stable):  # its response is unknown, or diverges
         validation = Validation((), np.full(model.p, np.nan), (stability_check(model),))
     else:
-        M = told(model, records)
+        M = information_of(model, records)
         free, printed = undetermined(M), method.method == "printed"
         validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
     return Fit(
@@ -148,10 +148,10 @@ def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: 
 
 
 def _run(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> tuple[Estimate, float]:
-    """The estimate over the last record, after those before it, and the log-likelihood of all."""
+    """The estimate over the last record, after the earlier ones, and the log-likelihood of all."""
     asked, start, total = engine, method, 0.0
     for record in records[:-1]:
-        asked = "xla"  # machine code does not tell the state it ends in
+        asked = "xla"  # machine code does not return its final state
         bound = bind(start, record, None)
         _, run = choice.scan(
             asked, bound.algorithm, None, bound.samples, bound.intervals, keep="likelihood", select=select

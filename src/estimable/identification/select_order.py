@@ -1,4 +1,4 @@
-"""Which order? Information criteria, cross-validation and singular values, side by side."""
+"""The choice of an order by information criteria, cross-validation and singular values, side by side."""
 
 from collections.abc import Iterable, Sequence
 
@@ -20,15 +20,15 @@ def select_order(
     record: Record | Sequence[Record], *, orders: Iterable[int] = range(1, 9), delays: Iterable[int] = range(6),
     criterion: str = "bic",
 ) -> OrderSelection:  # fmt: skip
-    """A recommendation of the order of a linear model, and what it rests on; overrule it as you see fit.
+    """A recommended order of a linear model, with the criteria behind it, so that you can choose otherwise.
 
-    Of each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted: with N samples, k parameters an output
-    and residuals e, D = Σ N log(mean e²), AIC = D + 2 k, AICc = D + 2 k N / (N - k - 1) and BIC =
-    D + k log N. `cross_validation` is N log of the mean squared error of five blocks, each predicted by a fit to the other
-    four. Singular values are those of a subspace model (`Subspace`). BIC finds the true order when there are many
-    data, AIC and cross-validation predict best.
+    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N samples, k parameters per output
+    and residuals e, D = Σ N log(mean e²), AIC = D + 2 k, AICc = D + 2 k N / (N - k - 1) and BIC = D + k log N.
+    `cross_validation` is N log of the mean squared error of five blocks, each predicted by a fit to the other four. Singular
+    values are those of a subspace model (`Subspace`). BIC finds the true order for many data; AIC and cross-validation predict
+    best.
 
-    Raises `InputError` with every fault of the call, or where the records do not bear the smallest order.
+    Raises `InputError` with every fault of the call, or where the records are too short for the smallest order.
 
     Reference: H. Akaike (1974); C. Hurvich, C.-L. Tsai (1989) for AICc; G. Schwarz (1978).
 
@@ -97,7 +97,7 @@ def _complete(records: Sequence[Record], n: int, delay: int) -> list[OutputEquat
 
 
 def _seen(records: Sequence[Record]) -> int:
-    """How many samples an output has, on average: the same for every order, however many equations gaps leave it."""
+    """The average number of samples of an output: the same for every order, for any number of complete equations."""
     return max(round(sum(int(record.seen.sum()) for record in records) / len(records[0].outputs)), 1)
 
 
@@ -110,8 +110,8 @@ def _held_out(rows: OutputEquations) -> np.ndarray:
     """The residuals of each fifth, predicted by a fit to the other four."""
     found = []
     for block in np.array_split(np.arange(len(rows.y)), FOLDS):
-        kept = np.setdiff1d(np.arange(len(rows.y)), block)
-        found.append(rows.y[block] - rows.Φ[block] @ regress(rows.Φ[kept], rows.y[kept]).θ)
+        others = np.setdiff1d(np.arange(len(rows.y)), block)
+        found.append(rows.y[block] - rows.Φ[block] @ regress(rows.Φ[others], rows.y[others]).θ)
     return np.concatenate(found)
 
 
@@ -125,6 +125,6 @@ def _singular_values(records: Sequence[Record], order: int) -> np.ndarray | None
 
 
 def _gap(values: np.ndarray, most: int) -> int:
-    """The order before the largest step of the logarithms, among those that stand out of the noise."""
+    """The order before the largest step of the logarithms, among those above the noise."""
     logs = np.log(np.maximum(values[: most + 1], TINY))
     return 1 + int(np.argmax(logs[:-1] - logs[1:]))

@@ -33,7 +33,7 @@ def validated(
     if residuals is None:
         residuals = tuple(record.y - model.response(record.applied()) for record in records)
     if information is None:
-        information = told(model, records)
+        information = information_of(model, records)
     checks = [
         excitation_check(information, model.parameter_names),
         stability_check(model),
@@ -52,7 +52,7 @@ def _beyond_rounding(residuals: Sequence[np.ndarray], records: Sequence[Record])
     return bool(np.nansum(e**2) > (ROUNDING * np.sqrt(np.nansum(y**2))) ** 2)
 
 
-def told(model: OutputError, records: Sequence[Record]) -> np.ndarray:
+def information_of(model: OutputError, records: Sequence[Record]) -> np.ndarray:
     """The information about the parameters in all records, from rest."""
     return np.sum([information(model, record) for record in records], axis=0)
 

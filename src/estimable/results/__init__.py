@@ -1,6 +1,6 @@
-"""What comes out: the records that a step takes and gives, and those that the verbs return.
+"""Results: the records that a step takes and returns, and those that the functions return.
 
-A user reads these records and seldom makes one. Each is loaded when it is first asked for, as the names of `estimable` are.
+A user reads these records and seldom constructs one. Each is loaded on first use, like the names of `estimable`.
 """
 
 from ..lazy import lazy

@@ -1,4 +1,4 @@
-"""What a comparison of identification methods returns."""
+"""The results of a comparison of identification methods."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,16 +10,16 @@ from ..data.trends import Trend
 from ..frozen import saved
 from .fits import Fit
 
-NOISE = 2.0  # standard errors of a difference of squared errors within which two methods are alike
-LEAD = 1.0  # points of one-step fit, below which the best simulation is the best for a filter too
+NOISE = 2.0  # standard errors of a difference of squared errors, within which two methods are equally good
+LEAD = 1.0  # points of one-step fit: below this lead the best simulation is also the best for a filter
 
 
 @saved
 class Ranked(NamedTuple):
-    """One method: its `fit` to the first part, and how its `model` (in absolute units) stands to the part held out.
+    """One method: its `fit` to the first part, and its `model` (in absolute units) compared with the held-out part.
 
-    `fits` (p,) per cent, by simulation, and `one_step_fits` (p,); `fit_percent` is the mean of the first. `behind`: how many
-    standard errors its squared errors are above the best one's. `failure`: why there is no fit, else empty.
+    `fits` (p,) per cent, by simulation, and `one_step_fits` (p,); `fit_percent` is the mean of the first. `behind`: by how many
+    standard errors its squared errors exceed those of the best. `failure`: why there is no fit, else empty.
     """
 
     method: Any
@@ -37,12 +37,12 @@ class Ranked(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What the method is called."""
+        """The name of the method."""
         return self.method.label
 
     @property
     def order(self) -> int | None:
-        """Number of states, or the degrees of A of all outputs together; None where there is no fit."""
+        """Number of states, or the total degree of A over all outputs; None where there is no fit."""
         if self.fit is None or self.model is None:
             return None
         na = getattr(self.fit.model, "na", None)
@@ -78,9 +78,9 @@ class Divided(NamedTuple):
 
 @saved
 class Comparison(NamedTuple):
-    """What `compare` returns: the methods, the best first, those that failed last; the `best`, None where none is worth it.
+    """The result of `compare`: the methods, the best first, failed ones last; the `best`, None where none explains the record.
 
-    `task`: the records as the methods had them, without their levels.
+    `task`: the records given to the methods, without their levels.
     """
 
     ranked: tuple[Ranked, ...]
@@ -90,7 +90,7 @@ class Comparison(NamedTuple):
 
     @property
     def predictor(self) -> Ranked | None:
-        """The best for a filter: of those within noise of `best`, the one that predicts best one step ahead."""
+        """The best for a filter: of the methods not significantly worse than `best`, the best one-step predictor."""
         if self.best is None:
             return None
         ahead = max((one for one in self.ranked if one.alike), key=lambda one: float(np.mean(one.one_step_fits)))

@@ -1,5 +1,5 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""What designs return: gains, and the number that shows what they bear or cost."""
+"""The results of designs: gains, with their margins or costs."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -30,11 +30,11 @@ BEST = {
 
 @frozen
 class DisturbanceAccommodation:
-    """What `disturbance_accommodation` returns.
+    """The result of `disturbance_accommodation`.
 
-    `model`: the composite of plant and waveform, states (x, z): what `Kalman` takes. `feedback` (m, n + q): what `StateFeedback`
-    takes, u = -feedback (x^, z^); the part of x alone is that of `lqr_gain`. `filter`: the stationary gains of the composite,
-    as of `kalman_gain`. `steady` (n, q): in the end x = steady z. `left` (r, q): what of z then stays in the freed outputs.
+    `model`: the composite of plant and waveform, states (x, z), for `Kalman`. `feedback` (m, n + q), for `StateFeedback`:
+    u = -feedback (x^, z^); the part for x is that of `lqr_gain`. `filter`: the stationary gains of the composite, as from
+    `kalman_gain`. `steady` (n, q): in steady state x = steady z. `left` (r, q): the remaining effect of z on the freed outputs.
     `poles` (n,) of A - B K.
     """
 
@@ -52,14 +52,14 @@ class DisturbanceAccommodation:
         return self.steady.shape[1]
 
     def prior(self, of_state: Prior, covariance: Numbers | None = None) -> Prior:
-        """The prior of the composite: that of the state, and z zero on average with this `covariance` (q, q), or one variance.
+        """The prior of the composite: that of the state, and z with mean zero and this `covariance` (q, q), or one variance.
 
-        None: nothing is known of z (diffuse).
+        None: z is diffuse.
         """
         faults, q = checks.Faults(), self.order
         n = self.model.n - q
         if faults.instance("of_state", of_state, Prior) and of_state.size != n:
-            faults.add(f"`of_state` must be a prior of n = {n} states: the plant has so many. Got {of_state.size}.")
+            faults.add(f"`of_state` must be a prior of n = {n} states: the plant has as many. Got {of_state.size}.")
         faults.learn("q", q, f"the waveform has {checks.counted(q, 'state')}")
         given: Any = covariance
         given = given * np.eye(q) if given is not None and np.ndim(given) == 0 else given
@@ -77,21 +77,21 @@ class DisturbanceAccommodation:
 
     def __repr__(self) -> str:
         size = np.linalg.norm(self.left, 2)
-        left = "nothing is left of it in the outputs" if size == 0 else f"of it {size:.3g} is left in the outputs"
+        left = "no effect on the outputs remains" if size == 0 else f"an effect of {size:.3g} on the outputs remains"
         return f"DisturbanceAccommodation({self.mode} of {checks.counted(self.order, 'waveform state')}: {left})"
 
 
 @frozen
 class TransKalman:
-    """What `trans_kalman` returns. V corners of the set of noises; the cost of a gain K at one is tr W P(K).
+    """The result of `trans_kalman`. The set of noises has V corners; the cost of a gain K at a corner is tr W P(K).
 
     `filter` (n, p): x[k|k] = x[k|k-1] + filter e, for `FixedGain(model, design.filter)`. `covariance` (V, n, n) of its error, and
     `cost` (V,), at each corner; `optimal` (V,): the cost of the Kalman filter that knows the corner; `guessed` (V, V): at [i, j]
     that of the Kalman filter tuned for corner i where corner j is true.
 
-    The certificate: `worst` is the largest charge by the criterion, over the whole set; `bound`: no constant gain has less (of a
+    The certificate: `worst` is the largest value of the criterion over the whole set; `bound`: no constant gain has less (for a
     sparse one: no gain, sparse or not). `shares` (V,) of the least favourable mixture of the corners, and `least_favourable`, the
-    model with that noise, of which `filter` is the Kalman gain; None of a sparse gain. `poles` (n,) of the error.
+    model with that noise, whose Kalman gain is `filter`; None for a sparse gain. `poles` (n,) of the error.
     """
 
     filter: Annotated[Any, "n p"]
@@ -109,16 +109,16 @@ class TransKalman:
 
     @property
     def regret(self) -> Any:
-        """What the gain costs more than the Kalman filter that knows, (V,); never below 0."""
+        """The excess cost over the Kalman filter that knows the noise, (V,); never below 0."""
         return self.cost - self.optimal
 
     @property
     def relative_regret(self) -> Any:
-        """The same as a part of what that filter costs, (V,)."""
+        """The same relative to the cost of that filter, (V,)."""
         return self.regret / self.optimal
 
     def margin(self, scaling: Numbers | None = None) -> RhoMargin:
-        """How much unmodelled coupling the error bears; `scaling` as in `rho_margin`."""
+        """How much unmodelled coupling the error tolerates; `scaling` as in `rho_margin`."""
         from ..analysis.rho import rho_margin
 
         A, C = self.model.A, self.model.C
@@ -126,7 +126,7 @@ class TransKalman:
 
     def to_pandas(self):
         """A DataFrame: a row for each filter (this one, and the Kalman filter of each corner), a column for each true corner:
-        cost over that of the filter that knows; last the worst of the row."""
+        cost relative to that of the filter that knows the noise; the last column is the worst of the row."""
         import pandas as pd
 
         rows = np.vstack([self.cost, self.guessed]) / self.optimal
@@ -143,7 +143,7 @@ class TransKalman:
 
 @saved
 class Optimum(NamedTuple):
-    """Where a criterion is best: the number of the design, its bandwidth, and the criterion's value there."""
+    """The optimum of a criterion: the number of the design, its bandwidth, and the criterion's value there."""
 
     design: int
     bandwidth: float
@@ -152,13 +152,13 @@ class Optimum(NamedTuple):
 
 @frozen
 class RhoSynthesis:
-    """What `rho_synthesis` returns: N designs, and the one that was chosen.
+    """The result of `rho_synthesis`: N designs, and the chosen one.
 
     `eta` (N,); `bandwidth` (N,) rad/s, infinite where a sampled loop has none; `criteria`: each criterion's name and its values
-    (N,); `composite` (N,): the weighted geometric mean of how many times worse than its own best each criterion is, 1 at least;
-    `weights` of the criteria; `chosen`: the number of the design. Of it: `feedback` (m, n), `filter` (n, p), `closed_loop`
-    (2n, 2n) of (x, x - x^), and its `margin`. `scaling` (n,): the units of the states in the norms; `noise`: which noise
-    `dispersion` and `control` are of.
+    (N,); `composite` (N,): the weighted geometric mean of the ratios of each criterion to its best value, 1 at least; `weights`
+    of the criteria; `chosen`: the number of the chosen design, with its `feedback` (m, n), `filter` (n, p), `closed_loop`
+    (2n, 2n) of (x, x - x^), and `margin`. `scaling` (n,): the units of the states in the norms; `noise`: the noise to which
+    `dispersion` and `control` refer.
     """
 
     eta: Annotated[Any, "N"]
@@ -177,23 +177,23 @@ class RhoSynthesis:
 
     @property
     def optima(self) -> dict[str, Optimum]:
-        """Where each criterion, and the composite, is best."""
+        """The optimum of each criterion, and of the composite."""
         found = {name: best_of(name, values) for name, values in self.criteria.items()}
         found["composite"] = int(np.argmin(self.composite))
         series = {**self.criteria, "composite": self.composite}
         return {name: Optimum(i, float(self.bandwidth[i]), float(series[name][i])) for name, i in found.items()}
 
     def times_worse(self, name: str) -> Any:
-        """How many times worse than its own best a criterion is at each design, (N,): 1 at its optimum."""
+        """The ratio of a criterion to its best value at each design, (N,): 1 at its optimum."""
         return times_worse(name, self.criteria[name])
 
     def filter_of_sample(self, dt: float) -> Any:
-        """Of a continuous design, the gain (n, p) of a sample that lasts `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
+        """For a continuous design, the gain (n, p) of a sample of `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
 
         The innovation then acts through `filter` until the next sample: it is the integral of e^(-As) filter over a step.
         """
         if not self.model.is_continuous:
-            checks.refuse("`filter` is of a sample already: this design is discrete.")
+            checks.refuse("this design is discrete: `filter` already applies to a sample.")
         faults = checks.Faults()
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         faults.finish()
@@ -215,7 +215,7 @@ class RhoSynthesis:
 
 
 def times_worse(name: str, values: np.ndarray) -> Any:
-    """How many times worse than its best a criterion is: 1 at its optimum."""
+    """The ratio of a criterion to its best value: 1 at its optimum."""
     best = values[best_of(name, values)]
     return best / values if BEST[name] == "largest" else values / best
 

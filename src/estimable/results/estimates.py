@@ -1,5 +1,5 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownVariableType=false
-"""What the estimating drivers return."""
+"""The results of the estimating drivers."""
 
 from typing import Annotated, Any
 
@@ -36,7 +36,7 @@ class Kept:
 
     @property
     def unknown_input(self):
-        """Estimated inputs that nobody measured, (T, d); row k is of the input at row k - `names.input_delay`."""
+        """Estimates of unmeasured inputs, (T, d); row k is the input at row k - `names.input_delay`."""
         return self.info.unknown_input
 
     @property
@@ -51,12 +51,12 @@ class Kept:
 
     @property
     def innovation_covariance(self):
-        """Covariances of the innovations, (T, p, p), of outputs not seen too."""
+        """Covariances of the innovations, (T, p, p), also of missing outputs."""
         return self.info.innovation_covariance
 
     @property
     def diffuse_covariance(self):
-        """What nothing is known of, (T, n, n): the factor of an infinite variance; None for a proper prior."""
+        """The diffuse directions, (T, n, n): the factor of an infinite variance; None for a proper prior."""
         return self.info.diffuse_covariance
 
     @property
@@ -66,12 +66,12 @@ class Kept:
 
     @property
     def extra(self) -> Any:
-        """What this algorithm alone says, by name."""
+        """Results specific to this algorithm, by name."""
         return self.info.extra or {}
 
 
 class Shown(Kept):
-    """A result of one run: printed, as a table, as a figure."""
+    """A result of one run, with its printed form, table and figure."""
 
     log_likelihood: float
     outcome: Outcome
@@ -93,7 +93,7 @@ class Shown(Kept):
         return f"{type(self).__name__}({', '.join(parts)})"
 
     def to_pandas(self):
-        """A DataFrame, one row a sample, indexed by time: each state, gain and innovation with its standard deviation."""
+        """A DataFrame, one row per sample, indexed by time: each state, gain and innovation with its standard deviation."""
         from ..tables import to_pandas
 
         return to_pandas(self)
@@ -113,7 +113,7 @@ class Shown(Kept):
 
 @frozen
 class Origin:
-    """What an estimate was made of."""
+    """The arguments behind an estimate."""
 
     algorithm: Any
     record: Any
@@ -122,11 +122,12 @@ class Origin:
 
 @frozen
 class Estimate(Shown):
-    """What `estimate` returns: row k of every array uses the samples 0..k. What does not apply, or was not kept, is None.
+    """The result of `estimate`: row k of every array uses the samples 0..k. Fields that do not apply, or were not selected by
+    `keep`, are None.
 
     `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
-    (which one ran), `names` of the columns; with `keep="last"` the arrays have one row, the last. `origin`: the
-    algorithm, record and prior that it was made of.
+    (the one that ran), `names` of the columns; with `keep="last"` the arrays have one row, the last. `origin`: the algorithm,
+    record and prior behind it.
     """
 
     info: Annotated[Info, "T"]
@@ -141,9 +142,9 @@ class Estimate(Shown):
 
 @frozen
 class SmoothedEstimate(Shown):
-    """What `smooth` returns: row k uses the samples 0..`used[k]`, and there are no innovations: nothing was predicted.
+    """The result of `smooth`: row k uses the samples 0..`used[k]`. It has no innovations, as it has no predictions.
 
-    Otherwise as `Estimate`; `log_likelihood` is that of the record, and `diffuse_covariance` spans what it leaves unknown.
+    Otherwise like `Estimate`; `log_likelihood` is that of the record, and `diffuse_covariance` spans the undetermined directions.
     """
 
     info: Annotated[Info, "T"]
@@ -158,8 +159,8 @@ class SmoothedEstimate(Shown):
 
 @frozen
 class Forecast(Kept):
-    """What `forecast` returns: row i is the i-th sample after the record. `output` (steps, p), its covariance with the noise
-    of the measurement; states and gains as in `Estimate`."""
+    """The result of `forecast`: row i is the i-th sample after the record. `output` (steps, p), its covariance with the
+    measurement noise; states and gains as in `Estimate`."""
 
     info: Annotated[Info, "T"]
     t: Annotated[Any, "T"]
@@ -173,7 +174,7 @@ class Forecast(Kept):
 
 @frozen
 class EstimateBank(Kept):
-    """What `estimate_bank` returns: the arrays of `Estimate` with a leading batch axis; `bank[i]` is one `Estimate`."""
+    """The result of `estimate_bank`: the arrays of `Estimate` with a leading batch axis; `bank[i]` is one `Estimate`."""
 
     info: Annotated[Info, "B T"]
     t: Any

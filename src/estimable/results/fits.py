@@ -1,5 +1,5 @@
 # pyright: reportUnknownArgumentType=false
-"""What identification returns: a model, its parameters with their errors, and the assumptions that were checked."""
+"""The results of identification: a model, its parameters with their errors, and the checked assumptions."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -8,12 +8,12 @@ import numpy as np
 from ..frozen import frozen, saved, static
 from .steps import Outcome
 
-FREE = 1e-6  # component along a direction that the records leave open, above which a parameter is not known
+FREE = 1e-6  # component along an undetermined direction, above which a parameter is not known
 
 
 @saved
 class Check(NamedTuple):
-    """One assumption looked at: whether it holds, the number that shows it, its limit, and what to do, in words."""
+    """One checked assumption: whether it holds, the number that shows it, its limit, and a sentence that says what to do."""
 
     name: str
     passed: bool
@@ -26,8 +26,8 @@ class Check(NamedTuple):
 class Validation(NamedTuple):
     """How well a fitted model explains the records it was fitted to.
 
-    `residuals`: one (T, p) a record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over what
-    was seen. `checks`: the assumptions looked at. `one_step_fit`, `one_step_residuals`: of predictions from the sample before.
+    `residuals`: one (T, p) per record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over the seen
+    samples. `checks`: the checked assumptions. `one_step_fit`, `one_step_residuals`: of predictions from the previous sample.
     """
 
     residuals: tuple[Any, ...]
@@ -38,22 +38,22 @@ class Validation(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether every assumption that was looked at holds."""
+        """Whether every checked assumption holds."""
         return all(check.passed for check in self.checks)
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What was found, in words."""
+        """The sentences of the checks."""
         return tuple(check.sentence for check in self.checks)
 
 
 @frozen
 class Fit:
-    """What `identify` returns: the `model`, its `parameters` (d,) called `names`, and their `covariance` (d, d).
+    """The result of `identify`: the `model`, its `parameters` (d,) with their `names`, and their `covariance` (d, d).
 
     `validation`: how well the model explains its records, None where that does not apply. `path` is the `Estimate` of a
     recursive method (row k: the parameters after sample k), `log_likelihood` that of the records under the model,
-    `undetermined` (d, r) a basis of what the records carry no information about (None: nothing), `extra` what this method says.
+    `undetermined` (d, r) a basis of the directions without information (None: there are none), `extra` results of this method.
     """
 
     model: Any
@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviations (d,); infinite of parameters that the records do not fix, NaN where the method gives none."""
+        """Standard deviations (d,); infinite for undetermined parameters, NaN where the method gives none."""
         variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
         sigma = np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
         if self.undetermined is None:
@@ -85,10 +85,10 @@ class Fit:
 
 @frozen
 class NoiseFit:
-    """What `fit_noise` returns: the `algorithm` with its noises tuned, and the `parameters` (d,) called `names`.
+    """The result of `fit_noise`: the `algorithm` with its tuned noises, and the `parameters` (d,) with their `names`.
 
     `covariance` (d, d) is the inverse of the observed information, in the units of the parameters; `at_zero` names the
-    variances that the likelihood takes to zero: their errors are one-sided and not in `covariance` (zero there).
+    variances that the likelihood drives to zero: their errors are one-sided and not in `covariance` (zero there).
     """
 
     algorithm: Any

@@ -1,4 +1,4 @@
-"""How much a record, or an input before any data, reveals of what is to be known."""
+"""The information in a record, or in an input before any data."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -16,11 +16,11 @@ from .sentences import words
 
 @saved
 class Excitation(NamedTuple):
-    """How much information a record carries about each direction of the parameters.
+    """The information in a record about each direction of the parameters.
 
     `information` (d, d) about θ, block by output; `eigenvalues` (K,): the smallest of the information gathered up to the rows
-    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of what the record
-    carries no information about; `check`: the verdict.
+    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of the directions
+    without information; `check`: the verdict.
     """
 
     information: Annotated[Any, "d d", "symmetric"]
@@ -38,12 +38,12 @@ class Excitation(NamedTuple):
 
 @frozen
 class GainInformation:
-    """What `gain_information` returns, for the dither at `amplitude`.
+    """The result of `gain_information`, for the dither at `amplitude`.
 
     `information` (n + p, n + p): about (x[0], θ), from the record alone; `covariance` (p, p) and `sigma` (p,): the Cramér-Rao
-    bound of the gains, with the priors given: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An
-    infinite sigma: nothing is known of the gain (its covariances with others are then 0). `directions` (r, p): the
-    combinations of gains about which the record carries no information, in `sentences` by name.
+    bound of the gains, with the given priors: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An
+    infinite sigma means that the gain is undetermined (its covariances with others are then 0). `directions` (r, p): the
+    combinations of gains about which the record carries no information, by name in `sentences`.
     """
 
     information: Annotated[Any, "N N", "symmetric"]
@@ -61,7 +61,7 @@ class GainInformation:
     def of_factor(
         factor: np.ndarray, gains: tuple[str, ...], state: Prior | None, gain: Prior | None, *, n: int, amplitude: float
     ) -> "GainInformation":
-        """From a factor of the information about n states and the gains, and about the dither where there is one."""
+        """The result from a factor of the information about n states and the gains, with the dither if there is one."""
         p = len(gains)
         F = kernel.with_dither(factor, n, p, amplitude)
         covariance, hidden = kernel.bound(F, _belief(state, n), _belief(gain, p))
@@ -70,7 +70,7 @@ class GainInformation:
         return GainInformation(F.T @ F, covariance, sigma, hidden, amplitude, gains, sentences, factor, state, gain)
 
     def at(self, amplitude: float) -> "GainInformation":
-        """The same with the dither `amplitude` times as large. Its cost does not grow with the record.
+        """The same with the dither `amplitude` times as large. The cost does not depend on the length of the record.
 
         Raises `InputError` where no dither was given.
         """
@@ -84,7 +84,7 @@ class GainInformation:
         )
 
     def amplitude_for(self, sigma: Numbers) -> float:
-        """The amplitude of the dither from which on every gain is known to `sigma`, a number or (p,).
+        """The amplitude of the dither above which every gain is known to `sigma`, a number or (p,).
 
         Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
         """

@@ -1,5 +1,5 @@
 # pyright: reportUnnecessaryComparison=false
-"""How much loss, unmodelled coupling or change a model bears, and what bounds that."""
+"""Margins of a model against losses, unmodelled coupling and changes, with their bounds."""
 
 from typing import Annotated, Any
 
@@ -18,7 +18,7 @@ from ..models.state_space import StateSpace
 
 @frozen
 class ArrivalCovariance:
-    """Bounds of the expected covariance of the one-step prediction where samples arrive at `rate`.
+    """Bounds on the expected covariance of the one-step prediction where samples arrive at `rate`.
 
     lower <= E P[k] <= upper as k grows, both (n, n) and as matrices; an infinite diagonal: no bound exists. `bounded`: "yes"
     where the upper bound exists, "no" where no lower one does, "unknown" between.
@@ -32,10 +32,10 @@ class ArrivalCovariance:
 
 @frozen
 class LossTolerance:
-    """What `loss_tolerance` returns: the critical arrival probability lies in [lower, upper].
+    """The result of `loss_tolerance`: the critical arrival probability lies in [lower, upper].
 
     Below it the expected covariance grows without bound from some start; above it the covariance stays bounded from every start.
-    Both are 0 where A is stable: then none is critical. `spectral_radius` of A; `exact`: the two agree.
+    Both are 0 where A is stable: then no rate is critical. `spectral_radius` of A; `exact`: the two agree.
     """
 
     lower: float
@@ -46,7 +46,7 @@ class LossTolerance:
     model: StateSpace
 
     def at(self, rate: float) -> ArrivalCovariance:
-        """Bounds of the expected covariance where samples arrive at `rate`, from 0 to 1, independently.
+        """Bounds on the expected covariance where samples arrive independently at `rate`, from 0 to 1.
 
         Raises `InputError` for a rate outside.
         """
@@ -72,7 +72,7 @@ def _parts(model: StateSpace) -> Any:
 
 
 def _lower_covariance(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray, N: np.ndarray, λ: float) -> Any:
-    """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if a sample that arrives gave the whole state. (None: no solution.)"""
+    """X = (1 - λ) A X A' + Q - λ N R^-1 N': as if an arrived sample determined the whole state. (None: no solution.)"""
     try:
         return dlyap(np.sqrt(1 - λ) * A, Q - λ * N @ np.linalg.solve(R, N.T))
     except AssumptionError:
@@ -89,7 +89,7 @@ class StabilityRadius:
 
 @frozen
 class Perturbed:
-    """Bounds on x under a perturbation: ||x|| <= overshoot ||x0|| at its start, `final` in the end, `decay` between.
+    """Bounds on x under a perturbation: ||x|| <= overshoot ||x0|| at the start, `final` at the end, `decay` between.
 
     ||x(t)|| <= overshoot ||x0|| d + final (1 - d), d = decay^k after k samples (dt = 0: exp(-decay t)).
     """
@@ -108,7 +108,7 @@ class Perturbed:
 
 @frozen
 class RhoMargin:
-    """What `rho_margin` returns: margin <= sigma <= stability_radius.
+    """The result of `rho_margin`: margin <= sigma <= stability_radius.
 
     `margin` is ρ = (1 - rate) / overshoot (dt = 0: rate / overshoot), the largest over all rates for which
     ||A^k|| <= overshoot rate^k (dt = 0: ||e^{At}|| <= overshoot exp(-rate t)). `sigma` = 1 / Σ ||A^k|| (1 / ∫ ||e^{At}||).
@@ -134,7 +134,7 @@ class RhoMargin:
         delta = faults.number("delta", delta, lower=0.0)
         if kappa is not None and kappa >= self.margin:
             faults.add(
-                f"`kappa` must be below the margin {self.margin:.6g}: beyond it nothing is bounded. Got {kappa:g}."
+                f"`kappa` must be below the margin {self.margin:.6g}: above it there is no bound. Got {kappa:g}."
             )
         faults.finish()
         rates = DecayRates(self.course, self.dt == 0)

@@ -1,4 +1,4 @@
-"""What the choice of an order rests on."""
+"""The criteria behind the choice of an order."""
 
 from typing import Annotated, NamedTuple
 
@@ -12,10 +12,10 @@ CRITERIA = ("bic", "aicc", "aic", "cross_validation")
 
 @saved
 class OrderSelection(NamedTuple):
-    """What `select_order` returns: of each of `orders` (K,) the criteria (K,), in units of twice a log-likelihood.
+    """The result of `select_order`: the criteria (K,) of each of `orders` (K,), in units of twice a log-likelihood.
 
-    `aic`, `aicc`, `bic`, `cross_validation`: infinite where the records do not bear the order; `delays` (K,): the best at
-    each order; `singular_values` (largest first, None: no subspace model could be made), `gap`: the order before their
+    `aic`, `aicc`, `bic`, `cross_validation`: infinite where the records are too short for the order; `delays` (K,): the best at
+    each order; `singular_values` (largest first, None: no subspace model could be fitted), `gap`: the order before their
     largest step; `order`: the recommendation, by `criterion`.
     """
 
@@ -32,7 +32,7 @@ class OrderSelection(NamedTuple):
 
     @property
     def delay(self) -> int:
-        """The delay that goes with the recommended order."""
+        """The delay at the recommended order."""
         return int(self.delays[np.flatnonzero(self.orders == self.order)[0]])
 
     def by(self, criterion: str) -> int:
@@ -41,14 +41,14 @@ class OrderSelection(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What is recommended, and what others would take."""
+        """The recommendation, and those of the other criteria."""
         names = {"bic": "BIC", "aicc": "AICc", "aic": "AIC", "cross_validation": "cross-validation"}
         others = [f"{names[one]} {self.by(one)}" for one in CRITERIA if one != self.criterion]
         others += [] if self.gap is None else [f"the gap of the singular values {self.gap}"]
         return f"{names[self.criterion]} recommends order {self.order}; {', '.join(others)}."
 
     def plot(self):
-        """A plotly figure: how far each criterion lies above its best, and the singular values."""
+        """A plotly figure: the excess of each criterion over its best value, and the singular values."""
         from ..figures.identification_plots import plot_orders
 
         return plot_orders(self)
@@ -69,7 +69,7 @@ class OrderCandidate(NamedTuple):
 
 @saved
 class OrderRanking(NamedTuple):
-    """What `choose_orders` returns: the candidates, the best first, and by which criterion."""
+    """The result of `choose_orders`: the candidates, the best first, and the criterion."""
 
     candidates: tuple[OrderCandidate, ...]
     criterion: str
@@ -81,12 +81,12 @@ class OrderRanking(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What was chosen, and by how much, in words."""
+        """The choice and its lead, as a sentence."""
         first = self.best
-        said = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
+        choice = f"{self.criterion.upper()} chooses na = {first.na}, nb = {first.nb}, delay = {first.delay}"
         if len(self.candidates) == 1:
-            return f"{said}: the only candidate."
+            return f"{choice}: the only candidate."
         second = self.candidates[1]
         lead = getattr(second, self.criterion) - getattr(first, self.criterion)
-        doubt = ": a small lead, so look at both" if lead < 2 else ""
-        return f"{said}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."
+        doubt = ": a small lead, so compare both" if lead < 2 else ""
+        return f"{choice}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."

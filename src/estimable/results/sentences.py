@@ -1,5 +1,5 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
-"""Verdicts in words, with the numbers that show them."""
+"""Verdicts as sentences, with the numbers that show them."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def words(direction: np.ndarray, names: tuple[str, ...]) -> str:
 
 
 def estimability_sentences(found: Any) -> tuple[str, ...]:
-    """What past outputs, then present ones too, reveal of the state; what was known; what is least known."""
+    """The directions that past outputs, and then present ones, reveal; the known ones; and the least known one."""
     outputs = _and(found.outputs)
     sentences = []
     if found.verdict == "yes":
@@ -41,21 +41,21 @@ def estimability_sentences(found: Any) -> tuple[str, ...]:
     sentences += _known(found)
     if found.verdict == "no" and found.filter_verdict != "no":
         sentences.append(
-            "The present output reveals the rest: the filter learns what the one-step predictor cannot (a delay)."
+            "The present output reveals the rest: the filter determines it, the one-step predictor cannot (a delay)."
         )
     return (*sentences, *(_least(found, outputs) if found.verdict == "yes" else ()))
 
 
 def regulability_sentences(found: Any) -> tuple[str, ...]:
-    """From which states control can lower the cost."""
+    """The states from which control can lower the cost."""
     inputs = _and(found.inputs)
     if found.verdict == "yes":
         sentences = [f"From every state, {inputs} can lower the cost."]
     elif found.verdict == "borderline":
-        sentences = [f"From some state, {inputs} can lower the cost only by a part that rounding could hide."]
+        sentences = [f"From some state, {inputs} can lower the cost only by an amount that rounding could hide."]
     else:
         several = [f"From x0 along {words(g, found.states)}, {inputs} cannot lower the cost." for g in found.directions]
-        sentences = _few(several) or ([] if len(found.known_directions) else ["No state is moved in a way that costs."])
+        sentences = _few(several) or ([] if len(found.known_directions) else ["No state has a cost."])
     sentences += [f"{words(g, found.states)} costs nothing to begin with." for g in found.known_directions[:DIRECTIONS]]
     return tuple(sentences)
 
@@ -64,26 +64,28 @@ def _hidden(found: Any, outputs: str) -> list[str]:
     if found.verdict == "borderline":
         least = found.correlation_directions[:1]
         what = words(least[0], found.states) if len(least) else "some direction"
-        return [f"{what} is revealed by {outputs} only by a part of {found.distance:.1e}, which rounding could hide."]
+        return [
+            f"{what} is revealed by {outputs} only with a relative size of {found.distance:.1e}, which rounding could hide."
+        ]
     return _few([f"{words(g, found.states)} is not revealed by {outputs}." for g in found.directions])
 
 
 def _known(found: Any) -> list[str]:
-    return _few([f"{words(g, found.states)} is known already: it has no variance." for g in found.known_directions])
+    return _few([f"{words(g, found.states)} is already known: its variance is zero." for g in found.known_directions])
 
 
 def _least(found: Any, outputs: str) -> list[str]:
-    """The least known direction, where anything is known."""
+    """The least known direction, if any is known."""
     ρ2 = found.squared_correlations
     revealed = np.flatnonzero(ρ2 > found.tolerance[0])
     if len(revealed) == 0:
         return []
     g = words(found.correlation_directions[revealed[0]], found.states)
-    return [f"{g} is known least: past samples take {_percent(ρ2[revealed[0]])} off its variance."]
+    return [f"{g} is the least known: past samples reduce its variance by {_percent(ρ2[revealed[0]])}."]
 
 
 def _percent(share: float) -> str:
-    """A share in percent, with as many digits as it takes to differ from 100 %.
+    """A share in percent, with enough digits to differ from 100 %.
 
     >>> _percent(0.456), _percent(3e-5), _percent(0.99999)
     ('45.6 %', '0.003 %', '99.999 %')
@@ -110,7 +112,7 @@ def _and(names: tuple[str, ...]) -> str:
 
 
 def structure_sentences(found: Any) -> tuple[str, ...]:
-    """What never shows, or is not moved, and whether it dies out."""
+    """The directions that never show, or are not moved, and whether they die out."""
     outputs = type(found).__name__ == "Observability"
     channels = _and(found.channels) if found.channels else "any input"
     within = "" if found.horizon is None else " within the horizon"
@@ -118,15 +120,15 @@ def structure_sentences(found: Any) -> tuple[str, ...]:
         return (f"Every direction of the state {'shows in' if outputs else 'is moved by'} {channels}{within}.",)
     if found.verdict == "borderline":
         how = "shows in" if outputs else "is moved by"
-        part = f"a part of {found.distance:.1e}, which rounding could hide"
-        return (f"some direction {how} {channels} only by {part}.",)
+        part = f"a relative size of {found.distance:.1e}, which rounding could hide"
+        return (f"some direction {how} {channels} only with {part}.",)
     does = f"never shows in {channels}" if outputs else f"is not moved by {channels}"
     sentences = _few([f"{words(g, found.states)} {does}{within}." for g in found.directions])
-    return (*sentences, *(() if found.horizon is not None else _fate(found)))
+    return (*sentences, *(() if found.horizon is not None else _decay(found)))
 
 
-def _fate(found: Any) -> list[str]:
-    """Whether what is hidden dies out."""
+def _decay(found: Any) -> list[str]:
+    """Whether the hidden directions die out."""
     if len(found.unstable_directions) == 0:
         return ["It dies out by itself." if len(found.directions) == 1 else "All of it dies out by itself."]
     return _few([f"{words(g, found.states)} does not die out by itself." for g in found.unstable_directions])

@@ -1,5 +1,5 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false
-"""What simulations return: drawn records, closed loops, and values over many runs."""
+"""The results of simulations: drawn records, closed loops, and values over many runs."""
 
 from typing import Annotated, Any
 
@@ -13,11 +13,11 @@ from .steps import Info, Names, Outcome
 
 @frozen
 class Simulation:
-    """What `simulate` returns: the `record` that arrives, and what is behind it.
+    """The result of `simulate`: the `record` that arrives, and the true signals behind it.
 
-    The true `state` (T, n); `applied` (T, m), what the actuator did; `measured` (T, p), what the sensors gave before the
-    network; `input_delay` and `output_delay` (T, c): of each packet, in steps, infinite where it was lost (None: no link).
-    `Trace(delay)` is a link that does the same again.
+    The true `state` (T, n); `applied` (T, m), the applied inputs; `measured` (T, p), the measured outputs before the network;
+    `input_delay` and `output_delay` (T, c): of each packet, in steps, infinite where it was lost (None: no link).
+    `Trace(delay)` is a link that repeats them.
     """
 
     record: Any
@@ -30,13 +30,13 @@ class Simulation:
 
 @frozen
 class ClosedLoop(Kept):
-    """What `close_loop` returns; row k of every array is of time t[k].
+    """The result of `close_loop`; row k of every array is at time t[k].
 
-    `reference` (T, r); `output` (T, p) as it came to the estimator, NaN where it was lost; `state` (T, n) of the plant, true;
-    `command` (T, m) of the controller; `applied` (T, m): what came to the actuators, within their limits; `input` (T, m): what
-    they did; `arrived` (T, m): whether the command came. `info`: what the estimator said (`mean`, `covariance`, `gain`,
-    `gain_covariance`, ..), `extra` what it alone says (`alarm`, ..), `control` what the controller said (`effect`, ..).
-    `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
+    `reference` (T, r); `output` (T, p) as received by the estimator, NaN where it was lost; `state` (T, n): the true state of the
+    plant; `command` (T, m) of the controller; `applied` (T, m): the commands at the actuators, within their limits; `input`
+    (T, m): the actuator positions; `arrived` (T, m): whether the command arrived. `info`: the report of the estimator (`mean`,
+    `covariance`, `gain`, `gain_covariance`, ..), `extra` its specific results (`alarm`, ..), `control` the report of the
+    controller (`effect`, ..). `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
     """
 
     t: Annotated[Any, "T"]
@@ -63,7 +63,7 @@ class ClosedLoop(Kept):
 
 @frozen
 class ClosedLoopBank:
-    """What `close_loop_bank` returns: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
+    """The result of `close_loop_bank`: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
 
     runs: ClosedLoop
     outcomes: tuple[Outcome, ...] = static()
@@ -83,7 +83,7 @@ class ClosedLoopBank:
 
 @frozen
 class MonteCarlo:
-    """What `monte_carlo` returns: `values[name]` (runs, ...), what `summary` said of each run; run i is row i.
+    """The result of `monte_carlo`: `values[name]` (runs, ...), from the `summary` of each run; run i is row i.
 
     `failed` (runs,): which runs failed (with `on_failure="keep"`).
     """
@@ -94,14 +94,14 @@ class MonteCarlo:
     engine: str = static()
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{name} = {self.mean(name)} ± {self.sigma(name)}" for name in self.values)
-        return f"MonteCarlo({len(self)} runs, {told})"
+        values = ", ".join(f"{name} = {self.mean(name)} ± {self.sigma(name)}" for name in self.values)
+        return f"MonteCarlo({len(self)} runs, {values})"
 
     def __len__(self) -> int:
         return len(self.failed)
 
     def mean(self, name: str) -> Any:
-        """The mean over the runs, of those where the value is known (not NaN)."""
+        """The mean over the runs in which the value is known (not NaN)."""
         return np.nanmean(self.values[name], axis=0)
 
     def sigma(self, name: str) -> Any:

@@ -7,7 +7,7 @@ from ..frozen import frozen, static
 
 @frozen
 class Stacked:
-    """`size` things of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
+    """`size` objects of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
 
     items: Annotated[Any, "size"]
     size: int = static()

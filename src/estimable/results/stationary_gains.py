@@ -1,5 +1,5 @@
 # pyright: reportMissingTypeStubs=false
-"""Stationary gains, with what they do."""
+"""Stationary gains, with their covariances, costs and poles."""
 
 from typing import Annotated, Any
 
@@ -36,9 +36,9 @@ class FeedbackGain:
 
 @frozen
 class TrackerChoices:
-    """What `alpha_beta_choices` returns, a row for each choice of gains: `names`, `alpha`, `beta` (k,), `covariance` (k, 2, 2) of
-    (position, velocity); `radius` (k,): modulus of the larger pole of the error; `price` (k, 2): variances over the Kalman
-    filter's."""
+    """The result of `alpha_beta_choices`, a row for each choice of gains: `names`, `alpha`, `beta` (k,), `covariance` (k, 2, 2)
+    of (position, velocity); `radius` (k,): modulus of the larger pole of the error; `price` (k, 2): variances relative to those
+    of the Kalman filter."""
 
     alpha: Annotated[Any, "k"]
     beta: Annotated[Any, "k"]
@@ -48,7 +48,7 @@ class TrackerChoices:
     names: Annotated[tuple[str, ...], "k"] = static()
 
     def to_pandas(self):
-        """A DataFrame, one row a choice."""
+        """A DataFrame, one row per choice."""
         import pandas as pd
 
         σ = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))

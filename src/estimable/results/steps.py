@@ -1,4 +1,4 @@
-"""What a step takes and says, and how a run ended."""
+"""The arguments and results of a step, and the outcome of a run."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -13,8 +13,8 @@ from ..frozen import frozen, saved
 class Sample:
     """One instant of a record: outputs y (p,), the mask `seen` (p,), and the input u (m,), where it enters y directly.
 
-    `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where nobody knows. `extra`: what a driver hands to
-    an algorithm of its own, by name.
+    `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown. `extra`: data that a driver
+    passes to its own algorithm, by name.
     """
 
     y: Annotated[Any, "p"]
@@ -28,9 +28,9 @@ class Sample:
 class Interval:
     """From one sample to the next: the input at both ends, whether it arrived, and the length in seconds.
 
-    What is not known of the input: `u_covariance` (m, m), of an error that is constant over the interval; `u_diffusion` (m,),
-    variance per second of one that wanders: a Brownian motion from zero at the sample, which ends at zero at the next where
-    the input moves linearly between them. None: the input is known.
+    Errors of the input: `u_covariance` (m, m), of an error that is constant over the interval; `u_diffusion` (m,), variance per
+    second of a Brownian motion that is zero at the sample, and also at the next one where the input moves linearly between
+    them. None: the input is known.
     """
 
     u: Annotated[Any, "m"]
@@ -43,12 +43,12 @@ class Interval:
 
 @frozen
 class Info:
-    """What an algorithm says after one sample, in the user's units; None where it does not apply.
+    """The report of an algorithm after one sample, in the user's units; None where it does not apply.
 
-    `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans what nothing is known of yet.
+    `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans the directions still undetermined.
     `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`. `gain_quantiles` (p, 5) at .025, .16, .5, .84
-    and .975, and `jump_probability`, that a gain has jumped unseen, of algorithms whose gains are not Gaussian. `extra`: what
-    this algorithm alone says, by name.
+    and .975, and `jump_probability`, that a gain has jumped undetected, for algorithms whose gains are not Gaussian. `extra`:
+    results specific to this algorithm, by name.
     """
 
     mean: Annotated[Any, "n"] = None
@@ -69,13 +69,13 @@ class Info:
 
 OUTCOMES = {
     0: "",
-    1: "the estimate is not finite any more: the model may be unstable and unobserved, or numbers overflowed",
-    2: "an output contradicts a value that is known exactly, or too large to leave the output a digit: give the output or the "
-    "state some noise; if the model is unstable, its numbers have run away",
-    3: "the outputs that were seen do not tell the unknown input, which Fang's Algorithm 1 needs at every sample: use "
-    'method="auto", which waits for the outputs that tell it',
-    4: "the estimate is not finite any more: f or h is not defined where it went, the integrator of a continuous model did not "
-    "reach the next sample, or truncated moments stopped being a covariance",
+    1: "the estimate is no longer finite: the model may be unstable and unobserved, or numbers overflowed",
+    2: "an output contradicts a value that is known exactly, or one so large that the output is lost in its rounding: give the "
+    "output or the state some noise; if the model is unstable, its state has diverged",
+    3: "the seen outputs do not determine the unknown input, which Fang's Algorithm 1 needs at every sample: use "
+    'method="auto", which waits for outputs that determine it',
+    4: "the estimate is no longer finite: f or h is not defined at the estimate, the integrator of a continuous model did not "
+    "reach the next sample, or truncated moments are no longer a covariance",
 }
 
 
@@ -88,7 +88,7 @@ def outcome_code(contradicted: Array | bool, mean: Array, *factors: Array):
 
 @saved
 class Outcome(NamedTuple):
-    """How a run ended: the first code that is not 0, its sample and time, and the sentence that says what happened."""
+    """The outcome of a run: the first nonzero code, its sample and time, and a sentence that explains it."""
 
     code: int
     sample: int | None
@@ -107,9 +107,9 @@ class Outcome(NamedTuple):
 
 @saved
 class Names(NamedTuple):
-    """What the columns of a result are called, and the units of the channels that have one.
+    """The names of the columns of a result, and the units of its channels, where given.
 
-    Row k of an unknown input is that of row k - `input_delay`; `note` says which samples a row uses, where it must be said.
+    Row k of an unknown input is that of row k - `input_delay`; `note` says which samples a row uses, where that is not obvious.
     """
 
     states: tuple[str, ...]
@@ -122,6 +122,6 @@ class Names(NamedTuple):
     note: str = ""
 
     def labelled(self, channel: str) -> str:
-        """The channel with its unit, as on an axis."""
+        """The channel with its unit, as an axis label."""
         unit = dict(self.units).get(channel)
         return channel if unit is None else f"{channel} [{unit}]"

@@ -1,4 +1,4 @@
-"""What analyses of a model find, before any data: whether, along which directions, and by how much."""
+"""The verdicts of analyses of a model, before any data, with directions and numbers."""
 
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ from .sentences import estimability_sentences, regulability_sentences, structure
 
 @frozen
 class Assessment:
-    """The numbers of a verdict; `Estimability` and `Regulability` say what they mean."""
+    """The numbers of a verdict; `Estimability` and `Regulability` document them."""
 
     verdict: str = static()
     filter_verdict: str = static()
@@ -33,18 +33,18 @@ class Assessment:
 
 @frozen
 class Estimability(Assessment):
-    """What `estimability` found. Directions are rows (.., n) in the model's own states, of norm 1.
+    """The result of `estimability`. Directions are rows (.., n) in the model's own states, of norm 1.
 
     `verdict` "yes", "no" or "borderline" (rounding could decide) for the one-step predictor, and `estimable` whether it
-    is "yes"; `filter_verdict` for the filter, which has the present output too.
-    `directions`: those about which past outputs carry no information (`filter_directions`: present ones neither);
-    `known_directions`: those that have no variance to begin with.
+    is "yes"; `filter_verdict` for the filter, which also uses the present output.
+    `directions`: those about which past outputs carry no information (`filter_directions`: nor the present one);
+    `known_directions`: those without variance from the start.
     `singular_values` (n,): of the covariances of the state with all past outputs, in the states' units; constant model in
     steady state: of [F N, F² N, .., F^n N]. `distance`: relative size of the smallest change found that hides a direction;
     a verdict is "no" below `tolerance[0]`, "borderline" below `tolerance[1]`.
     `squared_correlations` (r,), ascending: eigenvalues of (Π - P, Π), the squared canonical correlations of state and past
-    outputs, without units; `correlation_directions` (r, n) goes with them, the least known first.
-    `variance_reduction` (n,): by how much of itself each state's variance shrinks, 0 to 1; `filter_variance_reduction`.
+    outputs, without units; `correlation_directions` (r, n) are the corresponding directions, the least known first.
+    `variance_reduction` (n,): the relative reduction of each state's variance, 0 to 1; `filter_variance_reduction`.
     `prior_covariance` Π and `covariance` P (n, n); `horizon`: steps (seconds where dt = 0), None in steady state.
     """
 
@@ -59,14 +59,14 @@ class Estimability(Assessment):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
+        """The verdict as sentences."""
         return estimability_sentences(self)
 
     def __repr__(self) -> str:
         return f"Estimability({self.verdict}: {' '.join(self.sentences)})"
 
     def plot(self):
-        """A plotly figure: how much of each state's variance the outputs take away, and the Gramian's spectrum."""
+        """A plotly figure: the reduction of each state's variance by the outputs, and the Gramian's spectrum."""
         from ..figures.verdict_plots import plot_estimability
 
         return plot_estimability(self)
@@ -74,14 +74,14 @@ class Estimability(Assessment):
 
 @frozen
 class Regulability(Assessment):
-    """What `regulability` found; the fields of `Estimability`, read of the dual problem.
+    """The result of `regulability`; the fields of `Estimability`, for the dual problem.
 
     `verdict`, and `regulable` whether it is "yes"; `directions` (.., n): states x0 from which control cannot lower the
-    cost; `known_directions`: those that cost nothing to begin with. `prior_covariance` (n, n): the cost without control is
-    x0' Ψ x0; `covariance`: with the best control. `variance_reduction` (n,): by how much of itself the cost of each state
-    alone shrinks; `squared_correlations`, `correlation_directions`: the same for the directions in which it shrinks
-    least, first, to most. `singular_values`: of [F'S, F'²S, .., F'^n S] in steady state, S = Ψ G.
-    The `filter_` fields are of cost-to-go before the first control acts on it, (F', S).
+    cost; `known_directions`: those without a cost from the start. `prior_covariance` (n, n): the cost without control is
+    x0' Ψ x0; `covariance`: with the optimal control. `variance_reduction` (n,): the relative reduction of the cost of each state
+    alone; `squared_correlations`, `correlation_directions`: the same for the directions, from the least reduction to the
+    largest. `singular_values`: of [F'S, F'²S, .., F'^n S] in steady state, S = Ψ G.
+    The `filter_` fields refer to the cost-to-go before the first control acts, (F', S).
     """
 
     states: Annotated[tuple[str, ...], "n"] = static(default=())
@@ -95,7 +95,7 @@ class Regulability(Assessment):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
+        """The verdict as sentences."""
         return regulability_sentences(self)
 
     def __repr__(self) -> str:
@@ -104,7 +104,7 @@ class Regulability(Assessment):
 
 @frozen
 class _Structure:
-    """What `Observability` and `Reachability` have in common."""
+    """The common part of `Observability` and `Reachability`."""
 
     verdict: str = static()
     distance: float
@@ -120,7 +120,7 @@ class _Structure:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
+        """The verdict as sentences."""
         return structure_sentences(self)
 
     def __repr__(self) -> str:
@@ -129,12 +129,12 @@ class _Structure:
 
 @frozen
 class Observability(_Structure):
-    """What `observability` found. `directions` (k, n): states that never show in an output, of norm 1.
+    """The result of `observability`. `directions` (k, n): states that never show in an output, of norm 1.
 
-    `verdict` "yes", "no" or "borderline"; `observable`: whether it is "yes"; `detectable`: whether what is hidden dies out
-    (None over a horizon). `hidden_modes` (k,): eigenvalues of what is hidden; `unstable_directions`: those that do not die
+    `verdict` "yes", "no" or "borderline"; `observable`: whether it is "yes"; `detectable`: whether the hidden part dies out
+    (None over a horizon). `hidden_modes` (k,): eigenvalues of the hidden part; `unstable_directions`: those that do not die
     out. `distance`: relative size of the smallest change of (A, C) found that hides a direction (over a horizon, of the
-    outputs it would give). `singular_values` (n,) of [C; C A; ..; C A^(n-1)], or of the outputs over the horizon;
+    resulting outputs). `singular_values` (n,) of [C; C A; ..; C A^(n-1)], or of the outputs over the horizon;
     `gramian` (n, n): x0' gramian x0 is the sum (dt = 0: the integral) of squared outputs; None for an unstable model
     without a horizon.
     """
@@ -154,35 +154,35 @@ class Observability(_Structure):
 
 @frozen
 class Reachability(_Structure):
-    """What `reachability` found. `directions` (k, n): combinations g'x that nothing moves, of norm 1.
+    """The result of `reachability`. `directions` (k, n): combinations g'x that nothing moves, of norm 1.
 
-    The fields are those of `Observability`, of (A, B): `reachable`, and `stabilisable`, whether what is not moved dies out.
-    `gramian` (n, n): the covariance that unit white inputs make.
+    The fields are those of `Observability`, for (A, B): `reachable`, and `stabilisable`, whether the unmoved part dies out.
+    `gramian` (n, n): the covariance due to unit white inputs.
     """
 
     __repr__ = _Structure.__repr__
 
     @property
     def reachable(self) -> bool:
-        """Whether every state can be moved to."""
+        """Whether every state can be reached."""
         return self.verdict == "yes"
 
     @property
     def stabilisable(self) -> bool | None:
-        """Whether every direction that is not moved dies out."""
+        """Whether every unmoved direction dies out."""
         return None if self.horizon is not None else len(self.unstable_directions) == 0
 
 
 @frozen
 class UnknownInputExistence:
-    """What `unknown_input_existence` returns.
+    """The result of `unknown_input_existence`.
 
-    `exists`: every unknown input can be estimated, and the errors die out. `method`: which case the ranks make it; `delay`:
-    after how many samples an input is known (None: never); `rank_D`, `rank_next` (of [C B N, D] with N the null space of
-    D, at most twice as many as inputs) and `normal_rank` of the transfer function. `zeros`: the invariant zeros;
-    `unstable_zeros`: those not inside the unit circle, along which an input acts unseen forever. `spectral_radius`: of
-    the error of the steady filter; `fang_spectral_radius`: of Fang's Algorithm 1, where it applies. With `seen`:
-    `input_delay` (T, d), NaN where the pattern never reveals the input, and `state_known` (T,).
+    `exists`: every unknown input can be estimated, and the errors die out. `method`: the case, by the ranks; `delay`: the
+    number of samples after which an input is known (None: never); `rank_D`, `rank_next` (of [C B N, D] with N the null space of
+    D, at most twice the number of inputs) and `normal_rank` of the transfer function. `zeros`: the invariant zeros;
+    `unstable_zeros`: those not inside the unit circle, along which an input has no effect on the outputs, forever.
+    `spectral_radius`: of the error of the steady filter; `fang_spectral_radius`: of Fang's Algorithm 1, where it applies. With
+    `seen`: `input_delay` (T, d), NaN where the pattern never reveals the input, and `state_known` (T,).
     """
 
     exists: bool = static()
@@ -205,11 +205,11 @@ class UnknownInputExistence:
 
 @frozen
 class Reduction:
-    """What `reduce` found: a `model` of r states z = `to` x, with `to` (r, n); x is near `back` z, with `back` (n, r).
+    """The result of `reduce`: a `model` of r states z = `to` x, with `to` (r, n); x is near `back` z, with `back` (n, r).
 
-    `prior`: of z in steady state, for the Kalman filter of `model` (None for an unstable model). `error_bound`: of the
-    gain from inputs and unit white noise to outputs, at any frequency; 0 where nothing but what does not count was left
-    out. `hankel_singular_values` (n,), descending, of a balanced truncation; else None.
+    `prior`: of z in steady state, for the Kalman filter of `model` (None for an unstable model). `error_bound`: on the gain
+    from inputs and unit white noise to outputs, at any frequency; 0 where the omitted states have no effect.
+    `hankel_singular_values` (n,), descending, of a balanced truncation; else None.
     """
 
     model: StateSpace

@@ -1,1 +1,1 @@
-"""The drivers of plants: draw records, close loops, and repeat both many times."""
+"""The drivers of plants: drawn records, closed loops, and many repetitions of both."""

@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 # pyright: reportUnnecessaryIsInstance=false
-"""Fly a plant under a controller that acts on what an estimator says."""
+"""Simulation of a plant under a controller that acts on an estimate."""
 
 from functools import partial
 from typing import Any
@@ -50,17 +50,17 @@ def close_loop(
 ) -> ClosedLoop:
     """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
 
-    At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on what the estimator
-    then says; the command is sent; the plant moves; the estimator predicts with what the actuators did. A controller that
-    acts on what is predicted (`Tracking`) acts first, so that its input may enter y at once. Where actuators are measured
-    (`ControlledPlant(actuator=...)`) the estimator takes that, else the command that arrived, which the link must acknowledge
-    (but to an identifier that takes inputs of unknown fate).
+    At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on the estimate; the command
+    is sent; the plant moves; the estimator predicts with the applied inputs. A controller that acts on a prediction
+    (`Tracking`) acts first, so that its input may enter y at once. Where actuators are measured
+    (`ControlledPlant(actuator=...)`) the estimator uses that measurement, else the command that arrived, which the link must
+    acknowledge (except for an identifier that supports unknown arrivals).
 
-    `plant`: a `ControlledPlant`, or a model whose inputs do what they are told, or a simulator (a `Plant`, as
-    `plants.JsbsimF16`), whose loop is run in Python; `dt` in seconds, of a continuous one; `start`
-    (n,): its state at first (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's,
-    its outputs are matched by name. `input_link`, `output_link`, `lost` as in `simulate`; outputs that come late are
-    not used. `seed`: of the noises and links. `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
+    `plant`: a `ControlledPlant`, or a model whose inputs act without an actuator, or a simulator (a `Plant`, such as
+    `plants.JsbsimF16`), whose loop runs in Python; `dt` in seconds, for a continuous one; `start` (n,): its initial state
+    (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's; its outputs are matched by
+    name. `input_link`, `output_link`, `lost` as in `simulate`; late outputs are not used. `seed`: of the noises and links.
+    `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
 
     Raises `InputError` with every fault of the call; `RunError` where the numbers of the estimator fail.
 
@@ -95,10 +95,10 @@ def close_loop_bank(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> ClosedLoopBank:
-    """Run the same loop many times, with other noises and losses each time. Run 0 is `close_loop` with the same seed.
+    """Run the same loop many times, with new noises and losses each time. Run 0 is `close_loop` with the same seed.
 
-    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs; these are the runs from `first` on. Arguments, order
-    of a step and errors as in `close_loop`; `monte_carlo_loops` for more runs than the memory holds.
+    Run i draws from `fold_in(key(seed), i)`, for any number of runs; these are the runs from `first` on. Arguments, order of a
+    step and errors are as in `close_loop`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
     links = Links(input_link, output_link)
     flown, simulator = _plant(plant)
@@ -129,33 +129,35 @@ def close_loop_bank(
 
 
 def _plant(given: Plant) -> tuple[Any, Any]:
-    """The plant with its actuators, and the simulator that flies in its place, or None."""
+    """The plant with its actuators, and the simulator that replaces it, or None."""
     if isinstance(given, StateSpace | OutputError):
         return ControlledPlant(given), None
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
 def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
-    """An identifier with the names of the plant's channels, where it has none of its own."""
+    """An identifier with the names of the plant's channels, where it does not define its own."""
     if isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier):
         return estimator.for_channels(plant.model.inputs, plant.model.outputs)
     return estimator
 
 
 def _everything(info: Info, keep: str) -> Info:
-    loop = {name: told for name, told in info.extra["loop"].items() if name != "interval"}
+    loop = {name: value for name, value in info.extra["loop"].items() if name != "interval"}
     return replace(info, extra={**info.extra, "loop": loop})
 
 
 def _closed(info: Info, t: np.ndarray, reference: np.ndarray, engine: str, names: Names) -> ClosedLoop:
-    """The records of all runs, from what the steps told."""
-    told = dict(info.extra["loop"])
+    """The records of all runs, from the reports of the steps."""
+    reported = dict(info.extra["loop"])
     control = {
-        name.removeprefix("controller_"): told.pop(name) for name in list(told) if name.startswith("controller_")
+        name.removeprefix("controller_"): reported.pop(name)
+        for name in list(reported)
+        if name.startswith("controller_")
     }
     info = replace(info, extra=info.extra["estimator"])
     return ClosedLoop(t=t, reference=reference, info=info, control=control, outcome=Outcome.of(0, 0, None), engine=engine,
-                      names=names, **told)  # fmt: skip
+                      names=names, **reported)  # fmt: skip
 
 
 @partial(jax.jit, static_argnames=("T", "sizes"))
@@ -173,7 +175,7 @@ def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
 
 
 def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> LoopInputs:
-    """The rows of the runs of these numbers."""
+    """The rows of the runs with these indices."""
     T, runs = len(reference), len(which)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
     sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
@@ -186,7 +188,7 @@ def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: in
 
 
 def _x0(plant: ControlledPlant, start: Numbers | None) -> np.ndarray:
-    """The state at first, with the actuators at rest."""
+    """The initial state, with the actuators at rest."""
     x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
     return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
 
@@ -214,7 +216,7 @@ def _check_call(
 ) -> tuple[np.ndarray, Any]:
     """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
     faults = checks.Faults()
-    faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError will do too.")
+    faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError is also possible.")
     check_controller(controller, faults)
     check_algorithm(estimator, faults)
     faults.finish()
@@ -259,16 +261,16 @@ def _check_blocks(
     lost: str,
     faults: checks.Faults,
 ) -> None:
-    """What each block asks of its neighbours."""
+    """Check that the blocks fit together."""
     model, inner = plant.model, model_of(estimator)
     check_hold(inner, plant.hold, faults)
     check_links(links, lost, model.m, "zero_order", faults)
     controller.check(estimator.names, faults)
     if controller.size != model.m:
-        faults.add(f"`controller` makes {checks.counted(controller.size, 'input')}, and the plant has {model.m}.")
+        faults.add(f"`controller` has {checks.counted(controller.size, 'input')}, but the plant has {model.m}.")
     for name in estimator.names.outputs:
         if name not in model.outputs:
-            faults.add(f"the estimator needs the output {name!r}, and the plant has {checks.listed(model.outputs)}.")
+            faults.add(f"the estimator needs the output {name!r}, but the plant has {checks.listed(model.outputs)}.")
     if tuple(estimator.names.inputs) != tuple(model.inputs):
         faults.add(
             f"the estimator must have the plant's inputs, {checks.listed(model.inputs)}. It has "
@@ -286,7 +288,7 @@ def _check_blocks(
         links.input is None or links.input.acknowledged or estimator.takes_unknown_arrivals
     ):
         faults.add(
-            "`input_link` never acknowledges, so that the estimator would not know what the actuators did: measure it "
+            "`input_link` never acknowledges, so that the estimator would not know the applied inputs: measure them "
             "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
         )
 
@@ -294,15 +296,15 @@ def _check_blocks(
 def _check_first(
     plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], faults: checks.Faults
 ) -> None:
-    """What a controller asks that acts before the sample is measured."""
+    """Check the requirements of a controller that acts before the sample is measured."""
     if not isinstance(estimator, Anticipating):
         faults.add(
-            "`controller` acts on what is predicted, and the estimator does not say it: use JointOutputError or "
+            "`controller` acts on a prediction, but the estimator does not report one: use JointOutputError or "
             f"RecursiveOutputError. Got {type(estimator).__name__}."
         )
     if plant.actuator is not None:
         faults.add(
-            "`controller` acts on what is predicted, of a plant whose inputs do what they are told: leave out `actuator`."
+            "`controller` acts on a prediction, and needs a plant whose inputs act directly: leave out `actuator`."
         )
     for phase in plant.phases():
         controller.check_plant(phase, faults)

@@ -1,4 +1,4 @@
-"""A name for a computation: of its numbers, its settings, and the source of every function that it uses."""
+"""A name for a computation, from its numbers, its settings, and the source of every function that it uses."""
 
 import dataclasses
 import functools
@@ -23,14 +23,14 @@ INSTALLED = tuple(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib"
 
 
 class UnseenError(Exception):
-    """What a thing is made of cannot be seen."""
+    """The content of an object cannot be inspected."""
 
 
 def fingerprint(*things: Any) -> str:
-    """Equal things have equal names in every process, under one version of this package, of JAX and of NumPy.
+    """A name that is equal for equal things in every process, under one version of this package, of JAX and of NumPy.
 
-    A function is its instructions, and all that it uses: defaults, closure, globals, the functions and modules that it calls.
-    Those of installed packages are their versions. Raises `UnseenError`.
+    A function is represented by its instructions and everything it uses: defaults, closure, globals, the functions and modules
+    it calls. Those of installed packages are represented by their versions. Raises `UnseenError`.
     """
     words = _Words()
     parts = [__version__, jax.__version__, np.__version__, *map(words.of, things)]
@@ -38,7 +38,7 @@ def fingerprint(*things: Any) -> str:
 
 
 class _Words:
-    """The words of things; what has been met before is its number."""
+    """The words of things; a thing met before is represented by its number."""
 
     BY_KIND: ClassVar[tuple[tuple[Any, Callable[..., Iterator[str]]], ...]]
 
@@ -99,7 +99,7 @@ class _Words:
                 yield f"{name}={self.of(value.fget if isinstance(value, property) else getattr(value, '__func__', value))}"
 
     def _module(self, module: types.ModuleType) -> Iterator[str]:
-        """The version of what is installed; what a file of the user holds, and the modules of the user that it imports."""
+        """The version of an installed module; the content of a user's file, and of the user's modules that it imports."""
         yield module.__name__
         if (name := installed(module)) is not None:
             yield name
@@ -115,7 +115,7 @@ class _Words:
                     yield self.of(other)
 
     def _other(self, thing: Any) -> Iterator[str]:
-        """An object of the user's: its class and what it holds, or else how it would be sent to another process."""
+        """A user's object: its class and its content, or else its pickled form."""
         yield self.of(type(thing))
         held = getattr(thing, "__dict__", None)
         if held is not None and installed(type(thing)) is None:
@@ -123,7 +123,7 @@ class _Words:
             return
         try:
             yield hashlib.sha256(pickle.dumps(thing)).hexdigest()
-        except Exception as reason:  # whatever a class raises that cannot be pickled
+        except Exception as reason:  # any error of a class that cannot be pickled
             raise UnseenError(f"{type(thing).__name__} ({reason})") from None
 
 
@@ -141,7 +141,7 @@ _Words.BY_KIND = (
 
 
 def installed(thing: Any) -> str | None:
-    """The name and version of what belongs to Python or to an installed package; None for what is the user's."""
+    """The name and version of an object of Python or of an installed package; None for a user's object."""
     name = thing.__name__ if isinstance(thing, types.ModuleType) else getattr(thing, "__module__", None)
     if not isinstance(name, str):
         return None
@@ -178,7 +178,7 @@ def _of_array(array: np.ndarray) -> str:
 
 
 def _of_code(code: types.CodeType) -> str:
-    """What a function does: its instructions, names and constants, and not where it was written."""
+    """The content of a function: its instructions, names and constants, but not its location."""
     constants = [_of_code(c) if isinstance(c, types.CodeType) else repr(c) for c in code.co_consts]
     return f"{code.co_code.hex()}{code.co_names}{code.co_varnames}{constants}"
 

@@ -1,4 +1,4 @@
-"""One step of a closed loop: measure, correct, act, move; a step like that of any algorithm, so that every engine runs it."""
+"""One step of a closed loop: measure, correct, act, move. It has the form of any algorithm's step, so every engine runs it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,8 +18,8 @@ from .transmit import Links
 
 @frozen
 class LoopInputs:
-    """What enters the loop at one instant: unit normal noises, uniform draws of the links, the reference, and which phase the
-    plant is in (its entry 1, the others 0). `begin`, `place`: what a window is told of the block before (`window_loop`)."""
+    """The inputs of the loop at one instant: unit normal noises, uniform draws of the links, the reference, and the phase of
+    the plant (its entry 1, the others 0). `begin`, `place`: data of a window from the previous block (`window_loop`)."""
 
     noise: Any
     input_draw: Any
@@ -33,9 +33,9 @@ class LoopInputs:
 
 @frozen
 class LoopState:
-    """The plant's state, what the estimator believes, what the controller and the links remember; `applied` (m,): the last
-    command of the actuators, `input`, `input_end`: what they do over the interval that follows. `last`: the outputs of the
-    last sample, completed, and 1 for those seen, for a controller that acts before a sample (else None)."""
+    """The states of the plant, the estimator, the controller and the links; `applied` (m,): the last command of the
+    actuators, `input`, `input_end`: their positions over the following interval. `last`: the completed outputs of the last
+    sample, and 1 for those seen, for a controller that acts before a sample (else None)."""
 
     x: Any
     belief: Any
@@ -49,19 +49,19 @@ class LoopState:
 
 @frozen
 class Decided:
-    """What came of a sample before the plant moved: what is believed, what controller and links remember, what was applied."""
+    """The result of a sample before the plant moves: the states of estimator, controller and links, and the applied input."""
 
     belief: Any
     control: Any
     links: Any
     applied: Any
     info: Info
-    told: Any
+    report: Any
 
 
 @frozen
 class ControlLoop:
-    """A plant, an estimator and a controller, in a ring. `columns`: the plant's outputs that the estimator takes."""
+    """A plant, an estimator and a controller in a closed loop. `columns`: the plant's outputs that the estimator uses."""
 
     plant: Steps
     estimator: Any
@@ -77,7 +77,7 @@ class ControlLoop:
         return replace(self, estimator=self.estimator.at(k))
 
     def init(self, prior: Prior | None) -> LoopState:
-        """Before the first sample."""
+        """The state before the first sample."""
         m = self.plant.B.shape[-1]
         nothing = jnp.zeros(m)
         links = tuple(None if link is None else _begin(link, size) for link, size in
@@ -97,11 +97,11 @@ class ControlLoop:
 
     @property
     def acts_first(self) -> bool:
-        """Whether the controller acts on what is predicted, before the sample is measured."""
+        """Whether the controller acts on a prediction, before the sample is measured."""
         return self.controller.acts_on == "predicted"
 
     def correct(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
-        """Measure, learn, act, and let the plant move; or act, measure, learn, where the controller does not wait."""
+        """Measure, correct, act, and move the plant; or act, measure, correct, where the controller acts first."""
         if self.acts_first:
             return self._act_first(state, row)
         now = _phase(self.plant, row.phase)
@@ -114,41 +114,41 @@ class ControlLoop:
         return self.go_on(state, decided, x, decided.applied if now.L is None else standing, end)
 
     def decide(self, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
-        """Learn from what comes of the outputs, act, and see what comes of the command."""
+        """Correct with the outputs that arrive, act, and send the command."""
         measured = _rounded(measured, self.plant.resolution)
         seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
         block = None if row.begin is None else (row.begin, row.place)
         belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), extra=block)
         known = replace(info, extra={**(info.extra or {}), "input": standing})
-        control, u, said = self.controller.act(state.control, known, row.reference)
+        control, u, reported = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
         rest = state.applied if self.lost == "hold" else jnp.zeros(u.shape)
         applied = _within(self.plant, jnp.where(came, arrived, rest), standing)
-        told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
-                **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
-        return Decided(belief, control, (carrier, sensors), applied, info, told)
+        report = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
+                **{f"controller_{name}": value for name, value in reported.items()}}  # fmt: skip
+        return Decided(belief, control, (carrier, sensors), applied, info, report)
 
     def go_on(
         self, state: LoopState, decided: Decided, x: Array, input: Array, input_end: Array
     ) -> tuple[LoopState, Info]:
-        """The state of the loop when the plant has moved to x, and all that is told of the sample."""
+        """The state of the loop after the plant has moved to x, and the report of the sample."""
         n = len(x) - (0 if self.plant.L is None else self.plant.B.shape[-1])
-        told = {
-            **decided.told,
+        report = {
+            **decided.report,
             "state": state.x[:n],
             "input": input,
             "interval": Interval(input, input_end, None, self.dt),
         }
         after = LoopState(x, decided.belief, decided.control, decided.links, decided.applied, input, input_end)
-        return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": told})
+        return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": report})
 
     def _act_first(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
-        """Act, measure, learn, and let the plant move."""
+        """Act, measure, correct, and move the plant."""
         now = _phase(self.plant, row.phase)
         p, m = now.V.shape[0], now.B.shape[-1]
         believed, (completed, was_seen) = self.estimator.ahead(state.belief), state.last
         known = replace(believed, extra={**believed.extra, "completed": completed, "seen": was_seen})
-        control, u, said = self.controller.act(state.control, known, row.reference)
+        control, u, reported = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
         rest = state.applied if self.lost == "hold" else jnp.zeros(m)
         applied = _within(now, jnp.where(came, arrived, rest), state.applied)
@@ -161,13 +161,13 @@ class ControlLoop:
         x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
         last = info.extra["completed"], jnp.where(entries(seen, list(self.columns)), 1.0, 0.0)
         after = LoopState(x, belief, control, (carrier, sensors), applied, input, input, last)
-        told = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
+        report = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
                 "state": state.x, "input": applied,
-                **{f"controller_{name}": value for name, value in said.items()}}  # fmt: skip
-        return after, replace(info, extra={"estimator": info.extra or {}, "loop": told})
+                **{f"controller_{name}": value for name, value in reported.items()}}  # fmt: skip
+        return after, replace(info, extra={"estimator": info.extra or {}, "loop": report})
 
     def predict(self, state: LoopState, interval: Interval) -> LoopState:
-        """What the estimator then expects, from what the actuators did."""
+        """The prediction of the estimator, from the applied inputs."""
         seen = Interval(state.input, state.input_end, None, interval.dt)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
@@ -187,7 +187,7 @@ class ControlLoop:
 
 
 def entries(vector: Array, columns: Sequence[int]):
-    """Entries picked one by one, which a straight line can."""
+    """Entries picked one by one, which a straight line of scalars supports."""
     return jnp.concatenate([vector[i : i + 1] for i in columns])
 
 
@@ -204,14 +204,14 @@ def _phase(plant: Steps, weight: Array) -> Steps:
 
 
 def _begin(link: Link, size: int) -> Any:
-    """A link's state with the shapes that a packet of `size` channels gives it."""
+    """A link's state with the shapes for packets of `size` channels."""
     fresh = link.init()
     like, _ = jax.eval_shape(lambda: link.send(link.init(), jnp.zeros(size), jnp.zeros(max(link.draws, 1))))
     return jax.tree_util.tree_map(lambda leaf, shape: jnp.broadcast_to(leaf, shape.shape), fresh, like)
 
 
 def _measure(link: Link, state: Tree, measured: Array, draw: Array):
-    """Which outputs came in time."""
+    """The outputs that arrived in time."""
     if link is None:
         return jnp.ones(measured.shape, bool), None
     state, delivery = link.send(state, measured, draw)
@@ -219,7 +219,7 @@ def _measure(link: Link, state: Tree, measured: Array, draw: Array):
 
 
 def _command(link: Link, state: Tree, u: Array, draw: Array):
-    """What came to the actuators, and where something did."""
+    """The commands that arrived at the actuators, and the mask of arrivals."""
     if link is None:
         return u, jnp.ones(u.shape, bool), None
     state, delivery = link.send(state, u, draw)
@@ -228,12 +228,12 @@ def _command(link: Link, state: Tree, u: Array, draw: Array):
 
 
 def _rounded(values: Array, step: Array | None):
-    """Whole multiples of a step."""
+    """Integer multiples of a step."""
     return values if step is None else jnp.round(values / step) * step
 
 
 def _within(plant: Steps, command: Array, standing: Array):
-    """The command as far as the actuators can follow."""
+    """The command within the limits of the actuators."""
     command = _rounded(command, plant.quantum)
     if plant.limits is not None:
         command = jnp.clip(command, plant.limits[0], plant.limits[1])

@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false
-"""Run an estimator over many drawn records, and keep what is asked of each run."""
+"""Monte Carlo runs of an estimator over drawn records, with a summary of each run."""
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import MonteCarlo, Outcome, Simulation, Stacked
 
-CHUNK = 256  # runs drawn and estimated at once: bounds the memory, and nothing else
+CHUNK = 256  # runs drawn and estimated at once: it only bounds the memory
 
 
 def monte_carlo(
@@ -29,15 +29,15 @@ def monte_carlo(
     summary: Callable[[Any, Any], dict[str, Any]], on_failure: str = "raise", engine: str = "auto",
     chunk: int = CHUNK, progress: bool = True,
 ) -> MonteCarlo:  # fmt: skip
-    """Draw `runs` records, run the estimator over each, and keep the summary of each run.
+    """Draw `runs` records, run the estimator over each, and store the summary of each run.
 
     `draw(key)`, written in JAX: a `Record`, or anything with a field `record` (a `Simulation`), drawn with a random key;
-    `drawn_from(model, u)` makes one of a model. `summary(drawn, estimate)`: {name: number or array} of one run, from
-    what was drawn and its `Estimate`; NaN where a run does not have it. `prior`: of the state x[0]. `on_failure`: "raise"
-    at the first run that failed, or "keep" (its summary is made from what there is). `chunk`: how many runs are in memory
-    at once. `progress`: a bar on stderr, where that is a terminal.
+    `drawn_from(model, u)` makes such a function from a model. `summary(drawn, estimate)`: {name: number or array} of one run,
+    from the drawn object and its `Estimate`; NaN where a run has no value. `prior`: of the state x[0]. `on_failure`: "raise" at
+    the first failed run, or "keep" (its summary uses the incomplete result). `chunk`: the number of runs in memory at once.
+    `progress`: a bar on stderr, if that is a terminal.
 
-    Run i draws with `fold_in(key(seed), i)`: the values do not depend on `chunk`, on `runs` or on the cores.
+    Run i draws with `fold_in(key(seed), i)`: the values do not depend on `chunk`, `runs` or the number of cores.
 
     Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
 
@@ -52,7 +52,7 @@ def monte_carlo(
     _check_call(algorithm, draw, summary, runs, seed, chunk)
     size = min(chunk, runs)
     draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))
-    told: list[dict[str, Any]] = []
+    summaries: list[dict[str, Any]] = []
     failed: list[bool] = []
     used = engine
     with bar(runs, shown=progress) as advance:
@@ -66,10 +66,10 @@ def monte_carlo(
             used = bank.engine
             for i in range(count):
                 one = jax.tree_util.tree_map(partial(_row, i=i), things)
-                told.append(summary(one, bank[i]))
+                summaries.append(summary(one, bank[i]))
                 failed.append(bank.outcomes[i].code != 0)
             advance(count)
-    return MonteCarlo(gathered(told), np.array(failed), seed, used)
+    return MonteCarlo(gathered(summaries), np.array(failed), seed, used)
 
 
 def _check_call(
@@ -78,8 +78,8 @@ def _check_call(
     faults = checks.Faults()
     check_algorithm(algorithm, faults)
     for name, value, hint in (
-        ("draw", draw, "write drawn_from(model, u), or a function of a random key that gives a Record"),
-        ("summary", summary, "a function of what was drawn and of its estimate that gives {name: number}"),
+        ("draw", draw, "write drawn_from(model, u), or a function of a random key that returns a Record"),
+        ("summary", summary, "it takes the drawn object and its estimate, and returns {name: number}"),
     ):
         if not callable(value):
             faults.add(f"`{name}` must be a function: {hint}. Got {checks.short(value)}.")
@@ -97,7 +97,7 @@ def _record_of(things: Record | Simulation) -> Record:
     record = things if isinstance(things, Record) else getattr(things, "record", None)
     if not isinstance(record, Record):
         checks.refuse(
-            f"`draw` must give a Record, or something with a field `record` as a Simulation has. Got {type(things).__name__}."
+            f"`draw` must return a Record, or an object with a field `record`, such as a Simulation. Got {type(things).__name__}."
         )
     return record
 
@@ -108,20 +108,22 @@ def _settle(outcomes: Sequence[Outcome], first: int, on_failure: str) -> None:
             raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))
 
 
-def gathered(told: list[Any]) -> dict[str, np.ndarray]:
+def gathered(summaries: list[Any]) -> dict[str, np.ndarray]:
     """The values of all runs by name."""
-    if not isinstance(told[0], dict):
-        checks.refuse(f"`summary` must give {{name: number or array}}. Got {checks.short(told[0])}.")
-    for i, one in enumerate(told):
-        if set(one) != set(told[0]):
-            given, first = checks.listed(sorted(one)), checks.listed(sorted(told[0]))
-            checks.refuse(f"`summary` must give the same names for every run: {given} for run {i}, {first} for run 0.")
-    return {name: np.array([one[name] for one in told], float) for name in told[0]}
+    if not isinstance(summaries[0], dict):
+        checks.refuse(f"`summary` must return {{name: number or array}}. Got {checks.short(summaries[0])}.")
+    for i, one in enumerate(summaries):
+        if set(one) != set(summaries[0]):
+            given, first = checks.listed(sorted(one)), checks.listed(sorted(summaries[0]))
+            checks.refuse(
+                f"`summary` must return the same names for every run: {given} for run {i}, {first} for run 0."
+            )
+    return {name: np.array([one[name] for one in summaries], float) for name in summaries[0]}
 
 
 @contextmanager
 def bar(runs: int, *, shown: bool) -> Generator[Callable[[int], None], None, None]:
-    """A progress bar on stderr where that is a terminal; gone when all is done."""
+    """A progress bar on stderr if that is a terminal; removed at the end."""
     import sys
 
     if not (shown and sys.stderr.isatty()):

@@ -1,5 +1,5 @@
 # pyright: reportUnknownVariableType=false, reportUnnecessaryIsInstance=false
-"""Fly many loops, of one setting or of a grid of them, here or on a cluster, and keep what is asked of each flight."""
+"""Many simulated loops, for one setting or a grid, on this machine or a cluster, with a summary of each run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields
@@ -19,13 +19,13 @@ from .fingerprint import UnseenError, fingerprint
 from .monte_carlo import bar, gathered
 from .parts import Folder, Part, worked_out
 
-CHUNK = 250  # runs that are in memory together, and are one part: bounds the memory, and nothing else
+CHUNK = 250  # runs in memory together, which are one part: it only bounds the memory
 
 
 @saved
 @dataclass(frozen=True)
 class LoopCase:
-    """All that `close_loop` takes but the seed: one case of a `monte_carlo_loops`. Arguments as in `close_loop`.
+    """All arguments of `close_loop` except the seed: one case of `monte_carlo_loops`.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.0]], dt=1)
     >>> case = LoopCase(model, StateFeedback([[0.5]]), Kalman(model), reference=np.zeros((5, 0)), prior=Prior([0.0], [[0.0]]))
@@ -53,7 +53,7 @@ class LoopCase:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Its arguments of `close_loop`, by name."""
+        """The arguments of `close_loop`, by name."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "_"}
 
 
@@ -84,21 +84,21 @@ def monte_carlo_loops(
     engine: str = "auto",
     progress: bool = True,
 ) -> dict[str, MonteCarlo]:
-    """Fly each case `runs` times, and keep the summary of each flight: {name of the case: `MonteCarlo`}.
+    """Simulate each case `runs` times, and store the summary of each run: {name of the case: `MonteCarlo`}.
 
-    `cases`: {name: LoopCase}, as `loop_grid` makes them; one alone is named "". `summary(closed)`: {name: number or array} of one
-    `ClosedLoop`; NaN where a run does not have it. `folder`: parts of `chunk` runs that are finished are kept there, and found
-    again by a call with the same cases, seed, summary and chunk: a computation that was stopped goes on where it was. The same
-    summary means the same source, of `summary` and of all that it uses, under the same versions of the packages. `version`: a
-    name for the summary instead, where its source cannot be seen; change it whenever the summary changes.
-    `scheduler`: address of a Dask scheduler, as "tcp://10.0.0.1:8786", whose workers (with this version of estimable) fly the
-    parts; None: the processors of this machine. `chunk`: runs in memory together. `on_failure`: "raise" at the first run
-    that failed, or "keep". `progress`: a bar on stderr, where that is a terminal.
+    `cases`: {name: LoopCase}, as from `loop_grid`; a single case is named "". `summary(closed)`: {name: number or array} of one
+    `ClosedLoop`; NaN where a run has no value. `folder`: finished parts of `chunk` runs are stored there. A call with the same
+    cases, seed, summary and chunk finds them, so that an interrupted computation continues. The same summary means the same
+    source of `summary` and everything it uses, under the same versions of the packages. `version`: a name for the summary where
+    its source cannot be inspected; change it whenever the summary changes. `scheduler`: address of a Dask scheduler, such as
+    "tcp://10.0.0.1:8786", whose workers (with this version of estimable) run the parts; None: the processors of this machine.
+    `chunk`: runs in memory together. `on_failure`: "raise" at the first failed run, or "keep". `progress`: a bar on stderr, if
+    that is a terminal.
 
-    Run i of every case draws with `fold_in(key(seed), i)`: the values do not depend on `runs`, `chunk`, cores or cluster (to
-    rounding, on other processors), and cases are compared on the same draws.
+    Run i of every case draws with `fold_in(key(seed), i)`: the values do not depend on `runs`, `chunk`, cores or cluster (only to
+    rounding on other processors), and cases are compared on the same draws.
 
-    Raises `InputError` with every fault of the call, and where no scheduler answers; `RunError` for the first run that failed.
+    Raises `InputError` with every fault of the call, and where no scheduler answers; `RunError` for the first failed run.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
     >>> law, start = StateFeedback([[0.5]], reference_gain=[[0.5]]), Prior([0.0], [[0.0]])
@@ -147,7 +147,7 @@ class _Parts:
             return fingerprint(*things)
         except UnseenError as reason:
             checks.refuse(
-                f"`folder`: whether a part on the disk is of this computation cannot be known: {reason} cannot be looked into. "
+                f"`folder`: the stored parts cannot be matched to this computation: {reason} cannot be inspected. "
                 "Pass `version`, a name that you change whenever the summary or the cases change."
             )
 
@@ -156,18 +156,18 @@ class _Parts:
         return f"{self.digests[case]}-{first}-{self.count(first)}"
 
     def count(self, first: int) -> int:
-        """How many runs a part has."""
+        """The number of runs of a part."""
         return min(self.chunk, self.runs - first)
 
     def read(self, case: str, first: int) -> Part | None:
-        """A part that is there and whole."""
+        """A stored, complete part."""
         return self.folder.read(self.name(case, first), self.count(first))
 
 
 def fly_part(
     case: LoopCase, seed: int, first: int, runs: int, summary: Callable[..., Any], engine: str
 ) -> dict[str, np.ndarray]:
-    """One part: the values of its runs by name, and how each ended."""
+    """One part: the values of its runs by name, and the outcome of each."""
     bank = case.fly(seed=seed, runs=runs, first=first, on_failure="keep", engine=engine)
     values = gathered([summary(bank[i]) for i in range(runs)])
     ended = {
@@ -204,19 +204,18 @@ def _check_call(
 ) -> None:
     faults = checks.Faults()
     if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):
-        faults.add(
-            f"`cases` must be a LoopCase, or {{name: LoopCase}} as `loop_grid` makes them. Got {checks.short(cases)}."
-        )
+        faults.add(f"`cases` must be a LoopCase, or {{name: LoopCase}} as from `loop_grid`. Got {checks.short(cases)}.")
     if not callable(summary):
         faults.add(
-            "`summary` must be a function of a ClosedLoop that gives {name: number}. Got " + f"{checks.short(summary)}."
+            "`summary` must be a function of a ClosedLoop that returns {name: number}. Got "
+            + f"{checks.short(summary)}."
         )
     for name, value, least in (("runs", runs, 1), ("seed", seed, 0), ("chunk", chunk, 1)):
         faults.whole(name, value, least)
     if version is not None and not isinstance(version, str):
         faults.add(f"`version` must be a text. Got {checks.short(version)}.")
     if scheduler is not None and not isinstance(scheduler, str):
-        faults.add(f'`scheduler` must be an address, as "tcp://10.0.0.1:8786". Got {checks.short(scheduler)}.')
+        faults.add(f'`scheduler` must be an address, such as "tcp://10.0.0.1:8786". Got {checks.short(scheduler)}.')
     faults.choice("on_failure", on_failure, ("raise", "keep"))
     choice.check(engine, faults)
     faults.finish()

@@ -1,4 +1,4 @@
-"""How a plant moves in a simulation: one row of time, with its noises drawn as unit white numbers."""
+"""The motion of a plant in a simulation: one row of time, with noises drawn as unit white numbers."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
 from ..results import Interval
 
-PIECES = 8  # into which a step of a continuous model with an adaptive integrator is cut, where noise comes in
+PIECES = 8  # parts of a step of a continuous model with an adaptive integrator, with noise added after each
 
 
 def ready(model: StateSpace | NonlinearModel, clock: Clock) -> SampledModel | Functions:
-    """`model` made ready for the steps of `clock`."""
+    """`model` prepared for the steps of `clock`."""
     if isinstance(model, StateSpace):
         return sample(model, clock)
     made = plant(model, clock)
@@ -28,12 +28,12 @@ def ready(model: StateSpace | NonlinearModel, clock: Clock) -> SampledModel | Fu
 
 
 def origin(model: SampledModel | Functions) -> Any:
-    """What the states are measured from, (n,)."""
+    """The origin of the states, (n,)."""
     return model.origin if isinstance(model, Functions) else model.point.states
 
 
 def noises(model: SampledModel | Functions) -> int:
-    """How many unit white numbers a row takes."""
+    """The number of unit white numbers per row."""
     if isinstance(model, Functions):
         return model.V.shape[-1] + model.white.shape[-1] * _pieces(model)
     return model.V.shape[-1] + model.W.shape[-1]
@@ -44,7 +44,7 @@ def _pieces(model: Functions) -> int:
 
 
 def move(model: SampledModel | Functions, x: Array, k: int | Array, interval: Interval, e: Array) -> tuple[Any, Any]:
-    """The next state and the output of this one, (n,) and (p,); the state is measured from `origin`."""
+    """The next state and the present output, (n,) and (p,); states are relative to `origin`."""
     if isinstance(model, Functions):
         return _move_functions(model, x, interval, e)
     now, point, p = model.at(k), model.point, model.V.shape[-1]

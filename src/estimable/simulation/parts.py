@@ -1,4 +1,4 @@
-"""Where the parts of a long computation are worked out, and where they are kept: here or on a cluster, in a folder or not."""
+"""The parts of a long computation: computed here or on a cluster, and stored in a folder or not."""
 
 import logging
 import os
@@ -19,7 +19,7 @@ PATIENCE = 10  # [s] for a scheduler to answer
 
 
 class Folder:
-    """Parts on the disk, {name: array} each; None keeps none. A part is written whole or not at all."""
+    """Parts on the disk, {name: array} each; None stores none. A part is written completely or not at all."""
 
     def __init__(self, path: str | Path | None):
         self.path = None if path is None else Path(path)
@@ -28,10 +28,10 @@ class Folder:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            checks.refuse(f"`folder` must be a folder that can be written. Got {str(path)!r}: {error.strerror}.")
+            checks.refuse(f"`folder` must be a writable folder. Got {str(path)!r}: {error.strerror}.")
 
     def read(self, name: str, runs: int) -> Part | None:
-        """A part of so many runs that is there and whole. One that is damaged, or another computation's, is warned of."""
+        """A stored, complete part with this number of runs. A damaged one, or one of another computation, logs a warning."""
         if self.path is None:
             return None
         file = self.path / f"{name}.npz"
@@ -41,7 +41,7 @@ class Folder:
             suppress(Exception),
             file.open("rb") as stream,
             np.load(stream, allow_pickle=False) as held,
-        ):  # whatever a damaged archive raises
+        ):  # any error of a damaged archive
             part = dict(held)
             if str(part.pop("name")) == name and _is_whole(part, runs):
                 return part
@@ -49,7 +49,7 @@ class Folder:
         return None
 
     def write(self, name: str, part: Part) -> None:
-        """Leave a part for later; until it is on the disk, an older one stays. Raises `InputError`."""
+        """Store a part; until it is on the disk, an older one remains. Raises `InputError`."""
         if self.path is not None:
             write(self.path / f"{name}.npz", lambda stream: np.savez(stream, allow_pickle=False, name=name, **part))
 
@@ -61,7 +61,7 @@ def _is_whole(part: Part, runs: int) -> bool:
 
 
 def worked_out(function: Callable, calls: Iterable[tuple], scheduler: str | None) -> Iterator[tuple[int, Any]]:
-    """(number of the call, what the function gave), as they are ready: here one by one, or on the cluster of a scheduler."""
+    """(number of the call, result), as they are ready: here one by one, or on the cluster of a scheduler."""
     if scheduler is None:
         yield from ((i, function(*call)) for i, call in enumerate(calls))
         return
@@ -78,7 +78,7 @@ def _on_cluster(function: Callable, calls: list[tuple], scheduler: str) -> Itera
     except (OSError, ValueError) as error:
         checks.refuse(
             f"`scheduler`: no Dask scheduler answers at {scheduler!r} ({type(error).__name__}). Start one (dask scheduler) and "
-            'workers (dask worker), and give its address, as "tcp://10.0.0.1:8786"; without `scheduler` this machine does it.'
+            'workers (dask worker), and give its address, such as "tcp://10.0.0.1:8786". Without it this machine is used.'
         )
     with client:
         places = {client.submit(function, *call, pure=False): i for i, call in enumerate(calls)}
@@ -87,8 +87,8 @@ def _on_cluster(function: Callable, calls: list[tuple], scheduler: str) -> Itera
                 yield places[future], future.result()
         except (OSError, KilledWorker, CancelledError) as error:
             raise EstimableError(
-                f"the cluster at {scheduler} ended before the work was done ({type(error).__name__}). Parts that were finished "
-                "are in `folder`, where one was given: call again to go on."
+                f"the cluster at {scheduler} ended before the work was done ({type(error).__name__}). Finished parts "
+                "are in `folder`, if one was given: call again to continue."
             ) from error
         finally:
             client.cancel(list(places))

@@ -1,4 +1,4 @@
-"""Loops whose plant is a simulator that no engine can run: the same blocks, sample by sample in Python."""
+"""Loops with a simulator that no engine can run as the plant: the same blocks, sample by sample in Python."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from .loop import ControlLoop, Decided, LoopInputs, LoopState
 def scan_bank(
     simulator: Plant, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
 ) -> xla.Run:
-    """What `xla.scan_bank` leaves, of loops that differ in their rows."""
+    """The result of `xla.scan_bank`, for loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
         for i in range(len(rows.seen))
@@ -40,7 +40,7 @@ def _fly(
     rows, intervals = drawn
     state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
     C, V = np.asarray(loop.plant.C[0])[:, : len(flight.state)], np.asarray(loop.plant.V)
-    told = []
+    infos = []
     for k in range(len(rows.seen)):
         row, interval = _of_run((rows, intervals), k)
         measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
@@ -48,8 +48,8 @@ def _fly(
         flight.move(np.asarray(decided.applied))
         x = np.append(flight.state, flight.input)
         state, info = _go_on(loop, state, decided, x, standing, flight.input, interval)
-        told.append(select(info, "all"))
-    return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *told)
+        infos.append(select(info, "all"))
+    return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
 
 
 @jax.jit

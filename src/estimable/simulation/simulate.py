@@ -1,6 +1,6 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownMemberType=false
 # pyright: reportUnnecessaryIsInstance=false
-"""Draw records from a model."""
+"""Records drawn from a model."""
 
 from collections.abc import Callable
 from functools import partial
@@ -46,10 +46,10 @@ def simulate(
 ) -> Simulation:
     """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
 
-    `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces (8,
-    where it has none), with the noise added after each piece: exact in the limit of many.
-    `prior`: x[0] is drawn from it; without one it is the operating point (or zero). `steps`: how many rows, for a model
-    without inputs. `dt` or `t`, in seconds: of a continuous model.
+    `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces
+    (default 8), with the noise added after each piece: exact in the limit of many pieces. `prior`: x[0] is drawn from it;
+    without one it is the operating point (or zero). `steps`: the number of rows, for a model without inputs. `dt` or `t`, in
+    seconds: of a continuous model.
 
     Raises `InputError` with every fault of the call.
 
@@ -79,7 +79,7 @@ def simulate_bank(
 ) -> Stacked:
     """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
 
-    Run i draws from `fold_in(key(seed), i)`, whatever the number of runs.
+    Run i draws from `fold_in(key(seed), i)`, for any number of runs.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
@@ -131,14 +131,14 @@ def drawn_from(
 
 
 def _ready(model: StateSpace | NonlinearModel, record: Record) -> tuple[Any, np.ndarray]:
-    """The model made ready for the record's steps, and their lengths (T,)."""
+    """The model prepared for the record's steps, and their lengths (T,)."""
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     return motion.ready(model, clock), np.broadcast_to(lengths, len(record)).astype(float)
 
 
 def _template(record: Record, model: StateSpace | NonlinearModel, lost: str) -> Record:
-    """The record of a run, but for what is drawn."""
+    """The record of a run without the drawn data."""
     return Record(
         record.y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
         inputs=model.inputs, outputs=model.outputs,
@@ -164,7 +164,7 @@ def _check_call(
     if prior is not None and faults.instance("prior", prior, Prior) and is_model:
         check_prior(prior, model, faults)
         if prior.diffuse is not None:
-            faults.add("`prior` must not have diffuse directions: nothing can be drawn from an infinite variance.")
+            faults.add("`prior` must not have diffuse directions: a state cannot be drawn from an infinite variance.")
     faults.finish()
 
 
@@ -184,7 +184,7 @@ def _empty_record(
     if model.is_continuous and dt is None and t is None:
         faults.add("`dt` or `t` must be given, in seconds: the model is continuous.")
     if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
-        faults.add(f"the model is discrete with dt = {model.dt:g} s, and keeps it: leave out `dt` and `t`.")
+        faults.add(f"the model is discrete with a fixed dt = {model.dt:g} s: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
     check_links(links, lost, model.m, hold, faults)
     faults.finish()
@@ -199,7 +199,7 @@ def _empty_record(
     if np.isnan(record.u).any():
         faults.add("`u` must not hold NaN: a simulation needs every input.")
     if model.steps is not None and model.steps != rows:
-        faults.add(f"the model varies over {model.steps} rows of time, the input has {rows}.")
+        faults.add(f"the model varies over {model.steps} rows of time, but the input has {rows}.")
     faults.finish()
     return record
 
@@ -211,21 +211,21 @@ def _inputs(model: StateSpace | NonlinearModel) -> str:
 def _check_rows(
     model: StateSpace | NonlinearModel, u: Numbers | None, steps: int | None, t: Numbers | None, faults: checks.Faults
 ) -> None:
-    """How many rows to draw must be said, once."""
+    """Check that the number of rows is given exactly once."""
     if u is None and model.m:
         faults.add(f"`u` must be (T, m) = (T, {model.m}): {_inputs(model)}.")
     if np.isscalar(u) or (isinstance(u, np.ndarray) and u.ndim == 0):
-        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row a sample. Got {checks.short(u)}.")
+        faults.add(f"`u` must be (T, m) = (T, {model.m}): one row per sample. Got {checks.short(u)}.")
     elif u is not None and (rows := faults.rows("u", u)) is not None and steps not in (None, rows):
         faults.add(f"`steps` = {steps}, but `u` has {rows} rows: leave `steps` out.")
     if t is not None:
         faults.rows("t", t)
     if u is None and steps is None and t is None:
-        faults.add("`steps` must say how many rows to draw, as there is no `u`.")
+        faults.add("`steps` must be the number of rows to draw, as there is no `u`.")
 
 
 class SimulatedRun(NamedTuple):
-    """One run: outputs y (T, p) that arrived, states x (T, n), what became of the inputs, outputs measured, their delays."""
+    """One run: arrived outputs y (T, p), states x (T, n), sent and applied inputs, measured outputs, their delays."""
 
     y: Any
     x: Any
@@ -276,5 +276,5 @@ def _draw_all(
     lost: str,
     keys: Array,
 ) -> SimulatedRun:
-    """One run a key."""
+    """One run per key."""
     return jax.vmap(lambda key: _draw(model, lengths, u, prior, links, lost, key))(keys)

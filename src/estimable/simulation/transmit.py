@@ -11,18 +11,18 @@ from ..data.record import LOST
 from ..networks.delivery import transmit
 from ..protocols import Link
 
-INPUT, OUTPUT = 1, 2  # streams of a run's random numbers: the plant's own draws stay what they are without links
+INPUT, OUTPUT = 1, 2  # streams of a run's random numbers: the plant's draws are the same as without links
 
 
 class Links(NamedTuple):
-    """From the controller to the actuator, and from the sensors to the estimator; None where nothing gets lost."""
+    """The links from the controller to the actuator, and from the sensors to the estimator; None: no losses."""
 
     input: Any = None
     output: Any = None
 
 
 class Sent(NamedTuple):
-    """What became of the inputs: what the actuator applied (T, m), what the record says was sent, and what of it arrived."""
+    """The inputs: applied by the actuator (T, m), sent according to the record, and the mask of arrivals."""
 
     applied: Any
     logged: Any
@@ -31,27 +31,27 @@ class Sent(NamedTuple):
 
 
 def check_links(links: Links, lost: str, m: int, hold: str, faults: checks.Faults) -> None:
-    """Links that have the steps, and that a record can tell of."""
+    """Check that links have the required steps, and that a record can represent them."""
     for name, link in (("input_link", links.input), ("output_link", links.output)):
         if link is not None and not is_link(link):
-            faults.add(f"`{name}` must be a link, as BernoulliLink(0.8). Got {checks.short(link)}.")
+            faults.add(f"`{name}` must be a link, such as BernoulliLink(0.8). Got {checks.short(link)}.")
     faults.choice("lost", lost, LOST)
     link = links.input
     if link is None or not is_link(link):
         return
     if m == 0:
-        faults.add("`input_link` carries inputs, and the model has none.")
+        faults.add("`input_link` carries inputs, but the model has none.")
     if hold == "first_order":
-        faults.add('`input_link` needs hold = "zero_order": an input that comes in packets does not move between them.')
+        faults.add('`input_link` needs hold = "zero_order": an input sent in packets is constant between them.')
     if link.late == "use" and not link.acknowledged:
         faults.add(
-            '`input_link`: of late packets that are used (late = "use") a record can tell only where they are acknowledged: '
+            '`input_link`: a record can represent used late packets (late = "use") only where they are acknowledged: '
             'give late="drop" or acknowledged=True.'
         )
 
 
 def is_link(thing: Any) -> bool:
-    """Whether it is a link, made, and not a class."""
+    """Whether it is a link, and not a class."""
     return isinstance(thing, Link) and not isinstance(thing, type)
 
 
@@ -63,14 +63,14 @@ def send_inputs(link: Link | None, u: Array, key: Array, lost: str) -> Sent:
     delivery = transmit(link, u, jax.random.fold_in(key, INPUT))
     came = ~jnp.isnan(delivery.value)
     applied = _held(delivery.value, came) if lost == "hold" else jnp.where(came, delivery.value, 0.0)
-    if link.late == "use":  # then what was applied is neither u[k] nor zero
+    if link.late == "use":  # then the applied input is neither u[k] nor zero
         return Sent(applied, applied, None, delivery.delay)
     arrived = jnp.where(delivery.arrived, 1.0, 0.0) if link.acknowledged else jnp.full(u.shape, jnp.nan)
     return Sent(applied, u, arrived, delivery.delay)
 
 
 def send_outputs(link: Link | None, y: Array, key: Array) -> tuple[Any, Any]:
-    """Send y (T, p) to the estimator: NaN where it never came, or came late and was dropped; and the delays."""
+    """Send y (T, p) to the estimator: NaN where it was lost, or late and dropped; and the delays."""
     if link is None:
         return y, None
     delay = transmit(link, y, jax.random.fold_in(key, OUTPUT)).delay
@@ -79,7 +79,7 @@ def send_outputs(link: Link | None, y: Array, key: Array) -> tuple[Any, Any]:
 
 
 def _held(value: Array, came: Array) -> Any:
-    """What came last; zero before anything did."""
+    """The last arrived value; zero before the first arrival."""
 
     def hold(held: Array, row: tuple[Array, Array]):
         held = jnp.where(row[1], row[0], held)

@@ -1,7 +1,7 @@
-"""Closed loops whose estimator is a moving window, at a cost that does not grow with its length.
+"""Closed loops with a moving window as the estimator, at a cost independent of its length.
 
 A window is the end of a block of rows and the beginning of the next (`kernels.stretch`). The beginning grows with the loop; the
-ends are gathered backwards when a block is over, so that machine code goes forwards and backwards in turn (`engines.turns`).
+ends are gathered backwards after each block, so that machine code alternates forwards and backwards (`engines.two_passes`).
 """
 
 from typing import Any, NamedTuple
@@ -24,13 +24,13 @@ from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from .loop import ControlLoop, LoopInputs, entries
 
-SHORTEST = 3  # rows of a window: shorter ones are as well copied
+SHORTEST = 3  # rows of a window: for shorter ones copies are as fast
 
 
 def scan_bank(
     engine: str, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
 ) -> tuple[str, xla.Run]:
-    """`choice.scan_bank` of loops that differ in their rows, the windows in blocks where they can be."""
+    """`choice.scan_bank` for loops that differ in their rows, with the windows in blocks where possible."""
     general: dict[str, Any] = {"axes": (None, 0, None), "keep": "all", "select": select}
     window = window_of(loop.estimator)
     if (
@@ -70,7 +70,7 @@ def _fits(window: MovingWindow) -> bool:
 def _in_blocks(
     loop: ControlLoop, window: MovingWindow, prior: Prior, rows: LoopInputs, intervals: Interval, select: Select
 ) -> xla.Run:
-    """The loops; their info is (what `select` keeps, where a window must be worked out copy by copy)."""
+    """The loops; their info is (the selected outputs, the mask of windows that must be computed copy by copy)."""
     own, first = window.priors(prior)
     fresh, before = (
         jax.tree_util.tree_map(np.asarray, window_scan.short(window.algorithm.init(p))) for p in (own, first)
@@ -97,7 +97,7 @@ def _in_block(estimator: Any, outputs: int, inputs: int) -> Any:
 
 
 class _Select(NamedTuple):
-    """What is kept of a row of the loop, and what the pass backwards is told of it."""
+    """The selected outputs of a row of the loop, and the data of the backward pass."""
 
     select: Any
     columns: tuple[int, ...]
@@ -109,13 +109,13 @@ class _Select(NamedTuple):
         output = entries(loop["output"], self.columns)
         seen = output == output
         sample = Sample(jnp.where(seen, output, 0.0), seen, jnp.zeros(loop["input"].shape))
-        kept = self.select(replace(info, extra={**extra, "estimator": estimator}), keep)
-        return (kept, again), (sample, loop["interval"])
+        selected = self.select(replace(info, extra={**extra, "estimator": estimator}), keep)
+        return (selected, again), (sample, loop["interval"])
 
 
 @frozen
 class _Begun:
-    """What a block has gathered, and its last sample, whose way to the next is not known yet."""
+    """The gathered part of a block, and its last sample, whose step to the next is not yet known."""
 
     gathered: stretch.Stretch
     y: Any
@@ -125,19 +125,19 @@ class _Begun:
 
 @frozen
 class _BlockBeginnings(Wrapper[_Begun]):
-    """Forwards: what the filter says at the end of each window."""
+    """Forwards: the report of the filter at the end of each window."""
 
     algorithm: Any
     outputs: int = static()
     inputs: int = static()
 
     def init(self, prior: Prior) -> _Begun:
-        """Nothing is gathered."""
+        """An empty stretch."""
         p, nothing = self.outputs, stretch.empty(self.algorithm.init(prior).mean.shape[0])
         return _Begun(nothing, jnp.zeros(p), jnp.zeros(p, bool), jnp.zeros(self.inputs))
 
     def correct(self, state: _Begun, sample: Sample) -> tuple[_Begun, Info]:
-        """Go through what the block has told so far, and learn from the sample as the filter does."""
+        """Apply the gathered part of the block, and update with the sample like the filter."""
         begin, place = sample.extra
         gathered = or_empty(place == 0, state.gathered)
         info, again = window_scan.learn(self.algorithm, begin, gathered, replace(sample, extra=None))
@@ -145,21 +145,21 @@ class _BlockBeginnings(Wrapper[_Begun]):
         return _Begun(gathered, sample.y, sample.seen, sample.u), info
 
     def predict(self, state: _Begun, interval: Interval) -> _Begun:
-        """Gather the sample and the way to the next."""
+        """Gather the sample and the step to the next."""
         row = window_scan.WindowRow(Sample(state.y, state.seen, state.u), interval, None)
         return replace(state, gathered=stretch.joined(state.gathered, step_of(self.algorithm, row)))
 
 
 @frozen
 class _BlockEnds(window_scan.Backwards):
-    """Backwards over a block: the belief at its end, of the window that ends in the same place of the next block."""
+    """Backwards over a block: the belief at its end, for the window that ends at the same place of the next block."""
 
     def correct(self, state: tuple, sample: Sample) -> tuple[tuple, PassInfo]:
-        """What has been gathered after this row; then put the row before it."""
+        """The stretch gathered after this row; then put the row before it."""
         return (*state, sample), PassInfo(window_scan.short(window_scan.through(*state)), False, 0)
 
     def predict(self, state: tuple, interval: Interval) -> tuple:
-        """Put the row before those gathered."""
+        """Put the row before the gathered ones."""
         fresh, gathered, sample = state
         row = window_scan.WindowRow(sample, interval, None)
         return fresh, stretch.joined(step_of(self.algorithm, row), gathered)
