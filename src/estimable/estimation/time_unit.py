@@ -25,7 +25,7 @@ def check_time_unit(model: StateSpace, record: Record, faults: checks.Faults) ->
         or len(record) < 2
     ):
         return
-    step = float(np.median(np.diff(np.asarray(record.t))))
+    step = float(np.median(np.diff(np.asarray(record.t, float))))
     sentence = too_long(np.linalg.eigvals(np.asarray(model.A)), step)
     if sentence and record.timed:
         faults.add(sentence)
@@ -38,7 +38,7 @@ def too_long(modes: np.ndarray, step: float) -> str:
     moving = modes[np.abs(modes) > 1e-13 * np.abs(modes).max(initial=0.0)]
     if not len(moving):
         return ""
-    grows, slowest, fastest = moving.real.max() * step, np.abs(moving).min() * step, np.abs(moving).max() * step
+    grows, slowest, fastest = np.max(np.real(moving)) * step, np.abs(moving).min() * step, np.abs(moving).max() * step
     unit = next(((factor, name) for factor, name in UNITS if fastest / factor <= FITS), None)
     if unit is None or (grows <= GROWTH and slowest <= DECAY):
         return ""
