@@ -65,12 +65,13 @@ class Faults:
             if value.ndim >= len(axes.split()):
                 self._learn_from(name, axes.split(), value.shape[value.ndim - len(axes.split()) :])
             return value
-        number_array = self._numbers(name, value, nan)
+        number_array = self.numbers(name, value, nan=nan)
         if number_array is None:
             return None
         return number_array if self._fits(name, number_array, axes.split(), leading) else None
 
-    def _numbers(self, name: str, value: Given, nan: bool) -> np.ndarray | None:
+    def numbers(self, name: str, value: Given, *, nan: bool = False) -> np.ndarray | None:
+        """`value` as finite float64 of any shape, with NaN where `nan` allows it; None if it is at fault."""
         if np.ma.is_masked(value):
             hint = f": pass {name}.filled(np.nan), where NaN means unknown" if nan else ""
             self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
@@ -203,12 +204,12 @@ class Faults:
                 return None
         return given
 
-    def whole(self, name: str, value: Numbers | None, lower: int) -> None:
-        """`value` must be an integer of at least `lower` that fits into 64 bits."""
+    def whole(self, name: str, value: Numbers | None, lower: int, upper: int = LARGEST) -> None:
+        """`value` must be an integer of at least `lower` and at most `upper`, by default what fits into 64 bits."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
             self.add(f"`{name}` must be an integer of at least {lower}. Got {short(value)}.")
-        elif value > LARGEST:
-            self.add(f"`{name}` must be at most {LARGEST}. Got {short(value)}.")
+        elif value > upper:
+            self.add(f"`{name}` must be at most {upper}. Got {short(value)}.")
 
     def flag(self, name: str, value: Any) -> None:
         """`value` must be True or False."""
@@ -223,13 +224,24 @@ class Faults:
             self.add(f"`{name}` must be an array of real numbers, with rows of one length. Got {short(value)}.")
             return None
 
-    def instance(self, name: str, value: Any, cls: type, hint: str = "") -> bool:
-        """Whether `value` is a `cls`; else adds a fault."""
+    def instance(self, name: str, value: Any, cls: type | tuple[type, ...], hint: str = "") -> bool:
+        """Whether `value` is a `cls`, or one of several; else adds a fault."""
         if isinstance(value, cls):
             return True
-        article = "an" if cls.__name__[0] in "AEIOU" else "a"
-        self.add(f"`{name}` must be {article} {cls.__name__}. Got {short(value)}.{hint}")
+        classes = [one.__name__ for one in (cls if isinstance(cls, tuple) else (cls,))]
+        wanted = " or ".join(f"{'an' if one[0] in 'AEIOU' else 'a'} {one}" for one in classes)
+        self.add(f"`{name}` must be {wanted}. Got {short(value)}.{hint}")
         return False
+
+    def function(self, name: str, value: Any, hint: str) -> None:
+        """`value` must be callable; `hint` says what it returns."""
+        if not callable(value):
+            self.add(f"`{name}` must be a function: {hint}. Got {short(value)}.")
+
+    def text(self, name: str, value: Any, hint: str = "") -> None:
+        """`value` must be a string."""
+        if not isinstance(value, str):
+            self.add(f"`{name}` must be a string{hint}. Got {short(value)}.")
 
     def choice(self, name: str, value: Any, options: Sequence[str]) -> None:
         """`value` must be one of `options`."""
@@ -262,6 +274,19 @@ class Faults:
             names = "1 name" if size == 1 else f"{size} names"
             self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
+
+
+def require(**arguments: tuple[Any, type | tuple[type, ...]]) -> None:
+    """Each argument, given as name=(value, class), must be an instance of its class; all faults are raised together.
+
+    >>> require(model=([[1.0]], Faults))
+    Traceback (most recent call last):
+    estimable.errors.InputError: `model` must be a Faults. Got [[1.0]].
+    """
+    faults = Faults()
+    for name, (value, cls) in arguments.items():
+        faults.instance(name, value, cls)
+    faults.finish()
 
 
 def refuse(*sentences: str) -> NoReturn:

@@ -69,7 +69,8 @@ def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Non
     """
     faults = checks.Faults()
     faults.instance("model", model, NonlinearModel)
-    if getattr(result, "covariance", None) is None or len(result.covariance) < 2:
+    faults.instance("record", record, Record)
+    if faults.instance("result", result, Estimate) and (result.covariance is None or len(result.covariance) < 2):
         faults.add('`result` must hold the covariances of at least two rows. Make it by estimate(..., keep="all").')
     faults.finish()
     clock = record.clock(model.dt or None)
