@@ -22,6 +22,7 @@ Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | N
 
 ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by rounding, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
+LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LISTED = 40  # most names in a message
 
@@ -243,11 +244,13 @@ class Faults:
         if not isinstance(value, str):
             self.add(f"`{name}` must be a string{hint}. Got {short(value)}.")
 
-    def choice(self, name: str, value: Any, options: Sequence[str]) -> None:
-        """`value` must be one of `options`."""
-        if not isinstance(value, str) or value not in options:
-            words = f"{'one of ' if len(options) > 1 else ''}{listed(options)}"
-            self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
+    def choice(self, name: str, value: Any, options: Sequence[str]) -> bool:
+        """Whether `value` is one of `options`; else adds a fault."""
+        if isinstance(value, str) and value in options:
+            return True
+        words = f"{'one of ' if len(options) > 1 else ''}{listed(options)}"
+        self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
+        return False
 
     def names(self, argument: str, given: Iterable[str] | None, axis: str, default: str) -> tuple[str, ...]:
         """Channel names: as many as the axis is long, each a nonempty string, without repetition."""

@@ -99,7 +99,8 @@ def _number(
 ) -> float:
     """`index` or `alpha`, whichever the choice needs, checked; 0 where it needs none."""
     faults = checks.Faults()
-    faults.choice("choice", choice, choices)
+    if not faults.choice("choice", choice, choices):
+        faults.finish()
     number = 0.0
     for name, value in (("index", index), ("alpha", alpha)):
         wanted = needs.get(choice) == name

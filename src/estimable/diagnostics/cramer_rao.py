@@ -94,13 +94,13 @@ def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
     True
     """
     faults = checks.Faults()
-    error, bound = faults.array("error", error, "B d"), faults.array("bound", bound, "B d d")
+    e, V = faults.array("error", error, "B d"), faults.array("bound", bound, "B d d")
     faults.finish()
-    if not error.size or not _definite(bound):
-        checks.refuse(f"`bound` must be positive definite, for at least one run and one parameter. Got {bound.shape}.")
-    squares = np.einsum("bi,bi->b", error, np.linalg.solve(bound, error[..., None])[..., 0])
-    ratio = np.mean(np.sum(error**2, axis=1)) / np.mean(np.trace(bound, axis1=1, axis2=2))
-    return Efficiency(float(ratio), float(np.mean(squares) / error.shape[1]), len(error))
+    if not e.size or not _definite(V):
+        checks.refuse(f"`bound` must be positive definite, for at least one run and one parameter. Got {V.shape}.")
+    squares = np.einsum("bi,bi->b", e, np.linalg.solve(V, e[..., None])[..., 0])
+    ratio = np.mean(np.sum(e**2, axis=1)) / np.mean(np.trace(V, axis1=1, axis2=2))
+    return Efficiency(float(ratio), float(np.mean(squares) / e.shape[1]), len(e))
 
 
 def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:

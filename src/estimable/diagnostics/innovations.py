@@ -53,7 +53,8 @@ def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndar
     e = faults.numbers("innovation", innovation, nan=True)
     S = faults.numbers("innovation_covariance", innovation_covariance, nan=True)
     faults.finish()
-    assert e is not None and S is not None
+    assert e is not None
+    assert S is not None
     if e.ndim != 2 or S.shape != (*e.shape, e.shape[-1]):
         checks.refuse(f"`innovation` must be (T, p) and its covariance (T, p, p). Got {e.shape} and {S.shape}.")
     return in_sigmas(e, S)

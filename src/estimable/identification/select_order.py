@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from .. import checks
-from ..data.record import Record
+from ..data.record import Record, several
 from ..errors import EstimableError, InputError
 from ..identifiers.least_squares import LeastSquares, OutputEquations
 from ..identifiers.subspace import Subspace
@@ -56,10 +56,8 @@ def _read(
     record: Record | Sequence[Record], orders: Iterable[int], delays: Iterable[int], criterion: str
 ) -> tuple[list[Record], list[int], list[int]]:
     faults = checks.Faults()
-    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
-    if not records or not all(isinstance(one, Record) for one in records):
-        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
-    elif not records[0].inputs:
+    records = several("record", record, faults)
+    if records and not records[0].inputs:
         faults.add("`record` has no input: give `u`.")
     ranges = []
     for name, given, least in (("orders", orders, 1), ("delays", delays, 0)):
