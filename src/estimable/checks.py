@@ -22,6 +22,7 @@ Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | N
 
 ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by rounding, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
+MOST_ROWS = 10**8  # of a simulation or a forecast, and most runs: 0.8 GB for each channel
 LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LISTED = 40  # most names in a message
@@ -260,7 +261,7 @@ class Faults:
         if isinstance(given, str):
             self.add(f"`{argument}` must be a list of names. Got the string {given!r}. Did you mean [{given!r}]?")
             return ()
-        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray) and given.ndim != 1)
+        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray | memoryview) and given.ndim != 1)
         if not isinstance(given, Iterable) or unordered:
             self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()

@@ -10,6 +10,7 @@ from ..data.record import Record, several
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
 from ..results.order_selection import OrderCandidate, OrderRanking
+from .select_order import to_try
 
 CRITERIA = ("aic", "aicc", "bic")
 
@@ -35,11 +36,7 @@ def choose_orders(
     faults, ranges = checks.Faults(), {}
     faults.choice("criterion", criterion, CRITERIA)
     for name, given in (("na", na), ("nb", nb), ("delay", delay)):
-        ranges[name] = list(given) if isinstance(given, Iterable) else [given]
-        if not ranges[name]:
-            faults.add(f"`{name}` must hold at least one number to try.")
-        for value in ranges[name]:
-            faults.whole(name, value, 0)
+        ranges[name] = to_try(name, given, 0, faults)
     records = several("record", record, faults)
     faults.finish()
     found = [

@@ -1,6 +1,8 @@
 """The choice of an order by information criteria, cross-validation and singular values, side by side."""
 
 from collections.abc import Iterable, Sequence
+from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from ..kernels.regression import regress
 from ..results.order_selection import CRITERIA, OrderSelection
 
 FOLDS = 5
+MOST = 1000  # most orders or delays to try
 TINY = np.finfo(float).tiny
 
 
@@ -61,14 +64,25 @@ def _read(
         faults.add("`record` has no input: give `u`.")
     ranges = []
     for name, given, least in (("orders", orders, 1), ("delays", delays, 0)):
-        ranges.append(sorted(given) if isinstance(given, Iterable) else [given])
-        if not ranges[-1]:
-            faults.add(f"`{name}` must hold at least one number to try.")
-        for value in ranges[-1]:
-            faults.whole(name, value, least)
+        ranges.append(to_try(name, given, least, faults))
     faults.choice("criterion", criterion, CRITERIA)
     faults.finish()
     return records, *ranges
+
+
+def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:
+    """The orders or delays to try, in increasing order: one integer, or several."""
+    values: list[Any] = [given]
+    if isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0:
+        values = list(islice(given, MOST + 1))
+    if not values:
+        faults.add(f"`{name}` must hold at least one number to try.")
+    before = len(faults.sentences)
+    for value in values[:MOST]:
+        faults.whole(name, value, least, checks.LARGEST_ORDER)
+    if len(values) > MOST:
+        faults.add(f"`{name}` must hold at most {MOST} numbers to try.")
+    return sorted(values) if len(faults.sentences) == before else []
 
 
 def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> tuple[int, float, float, float, float]:
