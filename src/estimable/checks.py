@@ -22,6 +22,8 @@ Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | N
 
 ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by rounding, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
+MOST_ROWS = 10**8  # of a simulation or a forecast, and most runs: 0.8 GB for each channel
+LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LISTED = 40  # most names in a message
 
@@ -65,12 +67,13 @@ class Faults:
             if value.ndim >= len(axes.split()):
                 self._learn_from(name, axes.split(), value.shape[value.ndim - len(axes.split()) :])
             return value
-        number_array = self._numbers(name, value, nan)
+        number_array = self.numbers(name, value, nan=nan)
         if number_array is None:
             return None
         return number_array if self._fits(name, number_array, axes.split(), leading) else None
 
-    def _numbers(self, name: str, value: Given, nan: bool) -> np.ndarray | None:
+    def numbers(self, name: str, value: Given, *, nan: bool = False) -> np.ndarray | None:
+        """`value` as finite float64 of any shape, with NaN where `nan` allows it; None if it is at fault."""
         if np.ma.is_masked(value):
             hint = f": pass {name}.filled(np.nan), where NaN means unknown" if nan else ""
             self.add(f"`{name}` has masked entries, and a mask is not read{hint}.")
@@ -203,12 +206,12 @@ class Faults:
                 return None
         return given
 
-    def whole(self, name: str, value: Numbers | None, lower: int) -> None:
-        """`value` must be an integer of at least `lower` that fits into 64 bits."""
+    def whole(self, name: str, value: Numbers | None, lower: int, upper: int = LARGEST) -> None:
+        """`value` must be an integer of at least `lower` and at most `upper`, by default what fits into 64 bits."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lower:
             self.add(f"`{name}` must be an integer of at least {lower}. Got {short(value)}.")
-        elif value > LARGEST:
-            self.add(f"`{name}` must be at most {LARGEST}. Got {short(value)}.")
+        elif value > upper:
+            self.add(f"`{name}` must be at most {upper}. Got {short(value)}.")
 
     def flag(self, name: str, value: Any) -> None:
         """`value` must be True or False."""
@@ -223,19 +226,32 @@ class Faults:
             self.add(f"`{name}` must be an array of real numbers, with rows of one length. Got {short(value)}.")
             return None
 
-    def instance(self, name: str, value: Any, cls: type, hint: str = "") -> bool:
-        """Whether `value` is a `cls`; else adds a fault."""
+    def instance(self, name: str, value: Any, cls: type | tuple[type, ...], hint: str = "") -> bool:
+        """Whether `value` is a `cls`, or one of several; else adds a fault."""
         if isinstance(value, cls):
             return True
-        article = "an" if cls.__name__[0] in "AEIOU" else "a"
-        self.add(f"`{name}` must be {article} {cls.__name__}. Got {short(value)}.{hint}")
+        classes = [one.__name__ for one in (cls if isinstance(cls, tuple) else (cls,))]
+        wanted = " or ".join(f"{'an' if one[0] in 'AEIOU' else 'a'} {one}" for one in classes)
+        self.add(f"`{name}` must be {wanted}. Got {short(value)}.{hint}")
         return False
 
-    def choice(self, name: str, value: Any, options: Sequence[str]) -> None:
-        """`value` must be one of `options`."""
-        if not isinstance(value, str) or value not in options:
-            words = f"{'one of ' if len(options) > 1 else ''}{listed(options)}"
-            self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
+    def function(self, name: str, value: Any, hint: str) -> None:
+        """`value` must be callable; `hint` says what it returns."""
+        if not callable(value):
+            self.add(f"`{name}` must be a function: {hint}. Got {short(value)}.")
+
+    def text(self, name: str, value: Any, hint: str = "") -> None:
+        """`value` must be a string."""
+        if not isinstance(value, str):
+            self.add(f"`{name}` must be a string{hint}. Got {short(value)}.")
+
+    def choice(self, name: str, value: Any, options: Sequence[str]) -> bool:
+        """Whether `value` is one of `options`; else adds a fault."""
+        if isinstance(value, str) and value in options:
+            return True
+        words = f"{'one of ' if len(options) > 1 else ''}{listed(options)}"
+        self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
+        return False
 
     def names(self, argument: str, given: Iterable[str] | None, axis: str, default: str) -> tuple[str, ...]:
         """Channel names: as many as the axis is long, each a nonempty string, without repetition."""
@@ -245,7 +261,7 @@ class Faults:
         if isinstance(given, str):
             self.add(f"`{argument}` must be a list of names. Got the string {given!r}. Did you mean [{given!r}]?")
             return ()
-        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray) and given.ndim != 1)
+        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray | memoryview) and given.ndim != 1)
         if not isinstance(given, Iterable) or unordered:
             self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()
@@ -262,6 +278,19 @@ class Faults:
             names = "1 name" if size == 1 else f"{size} names"
             self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
+
+
+def require(**arguments: tuple[Any, type | tuple[type, ...]]) -> None:
+    """Each argument, given as name=(value, class), must be an instance of its class; all faults are raised together.
+
+    >>> require(model=([[1.0]], Faults))
+    Traceback (most recent call last):
+    estimable.errors.InputError: `model` must be a Faults. Got [[1.0]].
+    """
+    faults = Faults()
+    for name, (value, cls) in arguments.items():
+        faults.instance(name, value, cls)
+    faults.finish()
 
 
 def refuse(*sentences: str) -> NoReturn:

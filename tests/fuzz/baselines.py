@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import estimable as es
-from estimable import protocols
+from estimable import checks, protocols
 
 PUBLIC = {name: getattr(package, name) for package in (es, es.results) for name in package.__all__}
 INNER = (protocols.Algorithm, protocols.Link, protocols.Controller, protocols.Identifier, protocols.Plant)
@@ -80,6 +80,8 @@ def _is_public(function: Any) -> bool:
     if not module.startswith("estimable.") or any(part.startswith("_") for part in name.split(".")) or "<" in name:
         return False
     owner = getattr(function, "__self__", None)
+    if isinstance(owner, checks.Faults):
+        return False  # its arguments are words of this package's own code, except the value that is checked
     if owner is not None and not isinstance(owner, type):
-        return not isinstance(owner, INNER)  # their steps are called by the drivers, with what was checked
+        return not isinstance(owner, INNER)  # their steps are called by the drivers, with checked arguments
     return name.split(".")[0] in PUBLIC or "diagnostics" in module or "plants" in module

@@ -4,6 +4,7 @@ import contextlib
 import io
 import random
 import signal
+import tempfile
 import traceback
 import warnings
 from typing import Any, NamedTuple
@@ -49,7 +50,13 @@ def called(baseline: Baseline, given: dict[str, Any]) -> Outcome:
     signal.signal(signal.SIGALRM, _hang)
     signal.setitimer(signal.ITIMER_REAL, SECONDS)
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), contextlib.redirect_stdout(io.StringIO()):
+        with (
+            tempfile.TemporaryDirectory() as folder,  # for the files of calls that are right by chance
+            contextlib.chdir(folder),
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+            contextlib.redirect_stdout(io.StringIO()),
+        ):
             warnings.simplefilter("ignore")
             baseline.function(**given)
     except EstimableError as error:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .. import checks
 from ..data.record import Record
 from ..diagnostics.cramer_rao import UNTOLD, scale_of, slopes, undetermined
 from ..kernels import output_error_response as kernel
@@ -25,6 +26,7 @@ def excitation(model: OutputError, record: Record) -> Excitation:
     >>> excitation(plant, step).check.passed, excitation(plant, Record(np.ones(200), np.zeros(200), dt=1)).directions.shape
     (True, (2, 2))
     """
+    checks.require(model=(model, OutputError), record=(record, Record))
     samples = np.unique(np.linspace(0, len(record) - 1, min(SHOWN, len(record))).astype(int))
     outputs = list(zip(slopes(model, record), record.seen.T, strict=True))
     M = _block_diagonal(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .. import checks
 from ..models.output_error import OutputError
 from ..results import Check
 
@@ -14,6 +15,7 @@ def positive_real_margin(model: OutputError) -> np.ndarray:
     >>> round(float(positive_real_margin(OutputError([0.523, 0.349], [1.0], noise_variance=0.1, dt=1))[0]), 3)
     0.034
     """
+    checks.require(model=(model, OutputError))
     ω = np.linspace(0.0, np.pi, 8193)
     lags = np.exp(-1j * np.outer(ω, np.arange(1, model.na + 1)))
     tail = lags @ np.asarray(model.a).T  # A - 1, one column an output

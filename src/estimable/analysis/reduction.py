@@ -45,8 +45,8 @@ def reduce(model: StateSpace, *, method: str = "output_process", order: int | No
     1
     """
     faults = checks.Faults()
-    faults.choice("method", method, METHODS)
-    if faults.instance("model", model, StateSpace):
+    known = faults.choice("method", method, METHODS)
+    if faults.instance("model", model, StateSpace) and known:
         _check(model, method, order, faults)
     faults.finish()
     if method == "balanced":
@@ -67,7 +67,7 @@ def _check(model: StateSpace, method: str, order: int | None, faults: checks.Fau
     if method == "balanced":
         faults.whole("order", order, 1)
         if isinstance(order, int) and order > model.n:
-            faults.add(f"`order` may be at most n = {model.n}, the states of the model. Got {order}.")
+            faults.add(f"`order` may be at most n = {model.n}, the states of the model. Got {checks.short(order)}.")
     elif order is not None:
         faults.add(
             f"`order` is only for method='balanced': {method!r} determines the order. Got {checks.short(order)}."

@@ -68,12 +68,17 @@ def unknown_columns(
     model: StateSpace, unknown: str | Sequence[str] | Sequence[int], faults: checks.Faults
 ) -> tuple[int, ...]:
     """Columns of the inputs given by name or number, checked."""
-    given = [unknown] if isinstance(unknown, str | int) else list(unknown)
+    if isinstance(unknown, np.ndarray) and unknown.ndim == 1:
+        unknown = unknown.tolist()
+    if not isinstance(unknown, str | int | np.integer | list | tuple | range):
+        faults.add(f"`unknown` must be a list of input names or columns. Got {checks.short(unknown)}.")
+        return ()
+    given = list(unknown) if isinstance(unknown, list | tuple | range) else [unknown]
     columns = []
     for one in given:
         if isinstance(one, int | np.integer) and not isinstance(one, bool) and 0 <= one < model.m:
             columns.append(int(one))
-        elif one in model.inputs:
+        elif isinstance(one, str) and one in model.inputs:
             columns.append(model.inputs.index(one))
         else:
             faults.add(

@@ -95,10 +95,18 @@ class Dither(SharedController[Any]):
         check_inner(controller, "Dither", faults)
         dt = faults.number("dt", dt, above=0.0, unit="seconds")
         seconds = faults.number("seconds", seconds, above=0.0, unit="seconds")
+        sigma = faults.number("sigma", sigma, above=0.0)
         faults.whole("period", period, 2)
+        faults.instance("model", model, StateSpace)
+        if dt and seconds and seconds / dt > checks.MOST_ROWS:
+            faults.add(
+                f"`seconds` must be at most {checks.MOST_ROWS:,} samples of `dt`. Got {seconds:g} s of {dt:g} s."
+            )
         faults.finish()
         rows = max(2, round(seconds / dt))
-        shape = np.ones(controller.size) if each is None else np.asarray(each, float)
+        faults.learn("m", controller.size, f"the controller has {checks.counted(controller.size, 'input')}")
+        shape = np.ones(controller.size) if each is None else np.asarray(faults.array("each", each, "m"))
+        faults.finish()
         wave = np.where(np.arange(rows) % period < period / 2, 1.0, -1.0)[:, None] * shape
         found = gain_information(
             model, np.zeros_like(wave), directions=directions, dither=wave, dt=dt if model.is_continuous else None

@@ -184,6 +184,15 @@ class Record:
         return applied
 
 
+def several(name: str, given: Any, faults: checks.Faults) -> list[Record]:
+    """One record, or a list of them, as a list; empty if it is at fault."""
+    records = [given] if isinstance(given, Record) else list(given) if isinstance(given, list | tuple) else []
+    if not records or not all(isinstance(one, Record) for one in records):
+        faults.add(f"`{name}` must be a Record, or a list of them. Got {checks.short(given)}.")
+        return []
+    return records
+
+
 def column(value: Numbers) -> Numbers:
     """A 1-D array of numbers as one channel."""
     if isinstance(value, Tracer):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import replace, saved
-from .record import Record
+from .record import Record, several
 
 DEGREES = (0, 1)
 
@@ -28,9 +28,15 @@ class Trend(NamedTuple):
         >>> Trend.of(Record([1.0, 2.0, 3.0], [4.0, 4.0, 4.0], dt=1), 1).outputs.round(9).ravel().tolist()
         [1.0, 1.0]
         """
-        if degree not in DEGREES or isinstance(degree, bool):
-            checks.refuse(f"`degree` must be 0 (levels) or 1 (straight lines). Got {checks.short(degree)}.")
-        records = [records] if isinstance(records, Record) else list(records)
+        faults = checks.Faults()
+        if not isinstance(degree, int | np.integer) or isinstance(degree, bool) or degree not in DEGREES:
+            faults.add(f"`degree` must be 0 (levels) or 1 (straight lines). Got {checks.short(degree)}.")
+        records = several("records", records, faults)
+        if len(counts := {(len(one.inputs), len(one.outputs)) for one in records}) > 1:
+            faults.add(
+                f"all `records` must have the same channels. Got (inputs, outputs) = {checks.listed(sorted(counts))}."
+            )
+        faults.finish()
         u, y = (np.concatenate(columns) for columns in zip(*((r.applied(), r.y) for r in records), strict=True))
         rows = np.concatenate([np.arange(len(record)) for record in records])
         return Trend(*(_lines(rows, values, degree) for values in (u, y)))
@@ -38,6 +44,7 @@ class Trend(NamedTuple):
     @staticmethod
     def none(record: Record) -> "Trend":
         """The zero trend of a record."""
+        checks.require(record=(record, Record))
         return Trend(np.zeros((2, len(record.inputs))), np.zeros((2, len(record.outputs))))
 
     def at(self, row: float) -> tuple[np.ndarray, np.ndarray]:
@@ -51,6 +58,12 @@ class Trend(NamedTuple):
         >>> Trend.of(record).taken_from(record).y.ravel().tolist()
         [-0.5, 0.5]
         """
+        checks.require(record=(record, Record))
+        if (len(record.inputs), len(record.outputs)) != (self.inputs.shape[1], self.outputs.shape[1]):
+            checks.refuse(
+                f"`record` must have the {self.inputs.shape[1]} inputs and {self.outputs.shape[1]} outputs of the trend. "
+                f"Got {len(record.inputs)} and {len(record.outputs)}."
+            )
         rows = np.arange(len(record))[:, None]
         u, y = (line[0] + rows * line[1] for line in self)
         return replace(record, y=record.y - y, u=record.applied() - u, arrived=None)

@@ -73,6 +73,10 @@ class DesignFamily:
 
     def at(self, eta: float) -> tuple[Any, Any, Any]:
         """Q (n, n), S (n, m) and R (m, m) at one η."""
+        if not isinstance(eta, float):  # that of a search is
+            faults = checks.Faults()
+            eta = faults.number("eta", eta)
+            faults.finish()
         p = eta if self.dt is None else -np.exp(-eta * self.dt)
         return self.Q0 + p * self.Q01 + p**2 * self.Q1, self.S0 + p * self.S1, self.R
 
@@ -106,6 +110,7 @@ class DesignFamily:
         Discrete: ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n), symmetric positive semidefinite (default I: it depends
         on the units of the states). B'W B must not be singular.
         """
+        checks.require(model=(model, StateSpace))
         return _approaching(model, model.A, model.B, weight)
 
     @staticmethod
@@ -115,6 +120,7 @@ class DesignFamily:
         `weight` (n, n); C weight C' (discrete: C A weight A' C') must not be singular: no two
         outputs may be dependent.
         """
+        checks.require(model=(model, StateSpace))
         if model.is_continuous:
             return _approaching(model, model.A.T, model.C.T, weight)
         return replace(_approaching(model, model.A.T, (model.C @ model.A).T, weight), next_output=True)

@@ -36,7 +36,11 @@ def alpha_beta_covariance(alpha: float, beta: float, *, dt: float, sigma_a2: flo
     faults.finish()
     assert α is not None
     assert β is not None
-    parts = σ_a2 * np.array(kernel.of_manoeuvre(α, β, dt)) + σ_s2 * np.array(kernel.of_noise(α, β, dt))
+    T = np.float64(dt)  # overflows to an infinite value, which is refused below
+    with np.errstate(all="ignore"):
+        parts = σ_a2 * np.array(kernel.of_manoeuvre(α, β, T)) + σ_s2 * np.array(kernel.of_noise(α, β, T))
+    if not np.isfinite(parts).all():
+        checks.refuse(f"the covariance is not finite for `dt` = {dt:g} s and these densities: choose other units.")
     return parts[np.array([[0, 1], [1, 2]])]
 
 
@@ -99,7 +103,8 @@ def _number(
 ) -> float:
     """`index` or `alpha`, whichever the choice needs, checked; 0 where it needs none."""
     faults = checks.Faults()
-    faults.choice("choice", choice, choices)
+    if not faults.choice("choice", choice, choices):
+        faults.finish()
     number = 0.0
     for name, value in (("index", index), ("alpha", alpha)):
         wanted = needs.get(choice) == name

@@ -64,7 +64,7 @@ class Waveform:
     def polynomial(degree: int) -> "Waveform":
         """A polynomial in time; z is d and its derivatives."""
         faults = checks.Faults()
-        faults.whole("degree", degree, 0)
+        faults.whole("degree", degree, 0, checks.LARGEST_ORDER)
         faults.finish()
         return Waveform(np.eye(degree + 1, k=1), np.eye(1, degree + 1))
 
@@ -85,11 +85,15 @@ class Waveform:
         """
         from scipy.linalg import block_diag
 
+        checks.require(**{f"waveforms[{i}]": (one, Waveform) for i, one in enumerate(waveforms)})
+        if not waveforms:
+            checks.refuse("`each` needs at least one waveform.")
         return Waveform(block_diag(*(w.D for w in waveforms)), block_diag(*(w.H for w in waveforms)))
 
     def __add__(self, other: "Waveform") -> "Waveform":
         from scipy.linalg import block_diag
 
+        checks.require(other=(other, Waveform))
         if self.channels != other.channels:
             checks.refuse(
                 f"waveforms on the same channels can be added. Got {self.channels} and {other.channels}: did you mean `each`?"

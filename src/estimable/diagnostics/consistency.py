@@ -97,11 +97,8 @@ def _read(name: str, values: Numbers, covariances: Numbers, probability: float) 
         (name, values),
         (f"{name}_covariance" if name == "innovation" else "covariance", covariances),
     ):
-        try:
-            read.append(np.asarray(value, float))
-        except (TypeError, ValueError):
-            faults.add(f"`{argument}` must be an array of numbers. Got {checks.short(value)}.")
-    if len(read) == 2 and (read[0].ndim == 0 or read[1].shape != (*read[0].shape, read[0].shape[-1])):
+        read.append(faults.numbers(argument, value, nan=True))
+    if not faults.sentences and (read[0].ndim == 0 or read[1].shape != (*read[0].shape, read[0].shape[-1])):
         faults.add(
             f"`{name}` must be (..., p) and its covariance (..., p, p). Got {read[0].shape} and {read[1].shape}."
         )

@@ -53,6 +53,7 @@ def information(model: OutputError, record: Record) -> np.ndarray:
     """
     from scipy.linalg import block_diag
 
+    checks.require(model=(model, OutputError), record=(record, Record))
     faults = checks.Faults()
     if np.any(np.asarray(model.noise_variance) <= 0):
         faults.add("`model` must have a noise variance greater than 0: without noise the information is infinite.")
@@ -92,12 +93,14 @@ def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
     >>> abs(efficiency(rng.normal(size=(4000, 2)), np.broadcast_to(np.eye(2), (4000, 2, 2))).ratio - 1) < 0.05
     True
     """
-    error, bound = np.asarray(error, float), np.asarray(bound, float)
-    if error.ndim != 2 or bound.shape != (*error.shape, error.shape[-1]):
-        checks.refuse(f"`error` must be (B, d) and `bound` (B, d, d). Got {error.shape} and {bound.shape}.")
-    squares = np.einsum("bi,bi->b", error, np.linalg.solve(bound, error[..., None])[..., 0])
-    ratio = np.mean(np.sum(error**2, axis=1)) / np.mean(np.trace(bound, axis1=1, axis2=2))
-    return Efficiency(float(ratio), float(np.mean(squares) / error.shape[1]), len(error))
+    faults = checks.Faults()
+    e, V = faults.array("error", error, "B d"), faults.array("bound", bound, "B d d")
+    faults.finish()
+    if not e.size or not _definite(V):
+        checks.refuse(f"`bound` must be positive definite, for at least one run and one parameter. Got {V.shape}.")
+    squares = np.einsum("bi,bi->b", e, np.linalg.solve(V, e[..., None])[..., 0])
+    ratio = np.mean(np.sum(e**2, axis=1)) / np.mean(np.trace(V, axis1=1, axis2=2))
+    return Efficiency(float(ratio), float(np.mean(squares) / e.shape[1]), len(e))
 
 
 def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
@@ -105,7 +108,8 @@ def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
 
     It needs the true model. The error of an estimate relative to this one, on the same records, does not depend on the draws.
     """
-    e = record.y - model.response(applied(model, record))
+    u = applied(model, record)
+    e = record.y - model.response(u)
     score = [
         ψ[seen].T @ e[seen, i] / r
         for i, (ψ, seen, r) in enumerate(zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True))
@@ -115,6 +119,7 @@ def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
 
 def applied(model: OutputError, record: Record) -> np.ndarray:
     """The applied inputs (T, m), checked to be known."""
+    checks.require(model=(model, OutputError), record=(record, Record))
     faults = checks.Faults()
     if (len(record.inputs), len(record.outputs)) != (model.m, model.p):
         faults.add(
@@ -128,6 +133,15 @@ def applied(model: OutputError, record: Record) -> np.ndarray:
         )
     faults.finish()
     return u
+
+
+def _definite(bound: np.ndarray) -> bool:
+    """Whether every matrix (B, d, d) is positive definite, in any units."""
+    variance = np.einsum("bii->bi", bound)
+    if not (variance > 0).all():
+        return False
+    size = np.sqrt(variance)
+    return bool((np.linalg.eigvalsh(bound / size[:, :, None] / size[:, None, :]) > 0).all())
 
 
 def undetermined(M: np.ndarray) -> np.ndarray:

@@ -49,9 +49,19 @@ def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndar
     >>> standardised([[2.0]], [[[4.0]]]).tolist()
     [[1.0]]
     """
-    e, S = np.asarray(innovation, float), np.asarray(innovation_covariance, float)
+    faults = checks.Faults()
+    e = faults.numbers("innovation", innovation, nan=True)
+    S = faults.numbers("innovation_covariance", innovation_covariance, nan=True)
+    faults.finish()
+    assert e is not None
+    assert S is not None
     if e.ndim != 2 or S.shape != (*e.shape, e.shape[-1]):
         checks.refuse(f"`innovation` must be (T, p) and its covariance (T, p, p). Got {e.shape} and {S.shape}.")
+    return in_sigmas(e, S)
+
+
+def in_sigmas(e: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """`standardised`, without checks: the predictions of an unstable model may be infinite."""
     variance = np.einsum("tii->ti", S)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(variance > 0, e / np.sqrt(variance), np.nan)
@@ -139,9 +149,12 @@ def _regressed(
 
 
 def _one(values: Numbers, name: str) -> np.ndarray:
-    array = np.asarray(values, float)
-    if array.ndim != 1:
-        checks.refuse(f"`{name}` must be one channel, (T,). Got {array.shape}.")
+    faults = checks.Faults()
+    array = faults.numbers(name, values, nan=True)
+    if array is not None and array.ndim != 1:
+        faults.add(f"`{name}` must be one channel, (T,). Got {array.shape}.")
+    faults.finish()
+    assert array is not None
     return array
 
 
@@ -149,8 +162,8 @@ def _check(lags: int, probability: float, T: int) -> None:
     faults = checks.Faults()
     faults.whole("lags", lags, 1)
     faults.number("probability", probability, above=0.0, upper=1.0)
-    if isinstance(lags, int) and lags >= T:
-        faults.add(f"`lags` must be less than the number of samples, {T}. Got {lags}.")
+    if isinstance(lags, int | np.integer) and lags >= T:
+        faults.add(f"`lags` must be less than the number of samples, {T}. Got {checks.short(lags)}.")
     faults.finish()
 
 

@@ -69,9 +69,11 @@ def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Non
     """
     faults = checks.Faults()
     faults.instance("model", model, NonlinearModel)
-    if getattr(result, "covariance", None) is None or len(result.covariance) < 2:
+    faults.instance("record", record, Record)
+    if faults.instance("result", result, Estimate) and (result.covariance is None or len(result.covariance) < 2):
         faults.add('`result` must hold the covariances of at least two rows. Make it by estimate(..., keep="all").')
     faults.finish()
+    assert result.covariance is not None
     clock = record.clock(model.dt or None)
     ready = plant(model, clock)
     columns = [record.inputs.index(name) if name in record.inputs else i for i, name in enumerate(model.inputs)]

@@ -17,6 +17,7 @@ SETTLED = 0.005  # remainder of the slowest pole at the end of a step response
 FEWEST, MOST = 20, 500  # fewest and most samples of a step response
 DECADES = 1.5  # by which a frequency response begins below the slowest pole
 POINTS = 200
+LONGEST = 100_000  # samples of a step response
 
 
 @saved
@@ -72,6 +73,7 @@ def spread_of(fit: Fit) -> Spread:
     >>> diagnostics.spread_of(fit).tangents.A.shape
     (2, 1, 1)
     """
+    checks.require(fit=(fit, Fit))
     model = fit.model if isinstance(fit.model, StateSpace) else fit.model.to_state_space()
     if model.is_continuous:
         checks.refuse("`fit` must be a fit of a discrete model, as all identifiers return.")
@@ -113,6 +115,10 @@ def zeros(fit: Fit, output: int = 0, input: int = 0) -> Roots:
     Zeros at the origin, and zeros that a hidden pole cancels, are omitted.
     """
     spread = spread_of(fit)
+    faults = checks.Faults()
+    faults.whole("output", output, 0, spread.model.p - 1)
+    faults.whole("input", input, 0, spread.model.m - 1)
+    faults.finish()
     one = _channel(spread.dynamics, output, input, 0)
     values, moves = kernel.zero_moves(one, _channel(spread.tangents, output, input, 1))
     eigenvalues = np.linalg.eigvals(one.A)
@@ -154,7 +160,13 @@ def frequency_response(fit: Fit, frequencies: Numbers | None = None) -> Frequenc
     """
     spread = spread_of(fit)
     dt = spread.model.dt
-    f = _frequencies(spread) if frequencies is None else np.atleast_1d(np.asarray(frequencies, float))
+    faults = checks.Faults()
+    f = _frequencies(spread) if frequencies is None else faults.numbers("frequencies", frequencies)
+    faults.finish()
+    assert f is not None
+    f = np.atleast_1d(f)
+    if f.ndim != 1:
+        checks.refuse(f"`frequencies` must be (K,), in hertz. Got {f.shape}.")
     G, moves = kernel.frequency_moves(spread.dynamics, spread.tangents, np.exp(2j * np.pi * f * dt))
     relative = moves / np.where(G == 0, np.nan, G)
     logs, phases = (_size(part, spread.known) for part in (relative.real, relative.imag))
@@ -184,6 +196,10 @@ def step_response(fit: Fit, steps: int | None = None) -> Response:
     ([1.0, 1.5, 1.8], True)
     """
     spread = spread_of(fit)
+    faults = checks.Faults()
+    if steps is not None:
+        faults.whole("steps", steps, 0, LONGEST)
+    faults.finish()
     steps = _length(spread) if steps is None else steps
     M, dM = kernel.impulse_moves(spread.dynamics, spread.tangents, steps)
     values, moves = np.cumsum(M, axis=0), np.cumsum(dM, axis=1)
@@ -201,7 +217,13 @@ def _length(spread: Spread) -> int:
 def simulation_sigma(fit: Fit, u: Numbers, state: Numbers) -> np.ndarray:
     """Standard deviations (T, p), from the covariance of the fit, of the outputs that u (T, m) causes from a given state."""
     spread = spread_of(fit)
-    moves = kernel.output_moves(spread.dynamics, spread.tangents, np.asarray(u, float), np.asarray(state, float))
+    faults = checks.Faults()
+    inputs, start = (
+        faults.array("u", u, f"T {spread.model.m}", nan=True),
+        faults.array("state", state, f"{spread.model.n}"),
+    )
+    faults.finish()
+    moves = kernel.output_moves(spread.dynamics, spread.tangents, inputs, start)
     return _size(moves, spread.known)
 
 

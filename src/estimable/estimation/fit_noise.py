@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Array
-from ..data.record import Record
+from ..data.record import Record, several
 from ..engines import xla
 from ..errors import AssumptionError
 from ..filters.kalman_filter import Kalman
@@ -96,9 +96,7 @@ def _prepare(
     faults = checks.Faults()
 
     found = parts(algorithm, free, faults)
-    records = list(record) if isinstance(record, Sequence) else [record]
-    if not records:
-        faults.add("`record` must hold at least one record.")
+    records = several("record", record, faults)
     faults.finish()
     terms = []
     for one in records:

@@ -68,7 +68,7 @@ def _read_inputs(record: Record, u: Numbers | None, steps: int | None) -> np.nda
     m = record.u.shape[1]
     faults.learn("m", m, f"the record has {checks.counted(m, 'input')}")
     if steps is not None:
-        faults.whole("steps", steps, 1)
+        faults.whole("steps", steps, 1, checks.MOST_ROWS)
     if u is None and m:
         faults.add(f"`u` must be (steps, m) = (steps, {m}): the inputs of the future rows.")
     if u is None and steps is None:

@@ -92,6 +92,11 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
     there = {"Q": (model.Q, noises), "R": (model.R, model.outputs)}
     if isinstance(algorithm, UnknownGain):
         there["walk"] = (algorithm.walk, algorithm.names.gains)
+    if not isinstance(free, dict | str) and not (
+        isinstance(free, list | tuple | set | frozenset) and all(isinstance(one, str) for one in free)
+    ):
+        faults.add(f"`free` must name covariances: {checks.listed(there)}. Got {checks.short(free)}.")
+        return []
     words = free if isinstance(free, dict) else dict.fromkeys([free] if isinstance(free, str) else free)
     found = []
     for field, how in words.items():

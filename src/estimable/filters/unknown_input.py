@@ -81,13 +81,13 @@ class UnknownInput(Smoothable[Any]):
         faults.instance("model", self.model, StateSpace)
         faults.finish()
         columns = unknown_columns(self.model, self.unknown, faults)
-        faults.choice("method", self.method, METHODS)
+        known = faults.choice("method", self.method, METHODS)
         if self.delay is not None:
             faults.whole("delay", self.delay, 0)
         faults.learn("d", len(columns), f"`unknown` names {checks.counted(len(columns), 'input')}")
         variance, walk = (_covariance(name, getattr(self, name), faults) for name in ("variance", "walk"))
         values = self.levels if self.levels is None else levels.read(self.levels, faults)
-        if self.method == "fang" and not (variance is walk is values is None and self.delay in (None, 0)):
+        if known and self.method == "fang" and not (variance is walk is values is None and self.delay in (None, 0)):
             faults.add(
                 '`method` = "fang" takes no `variance`, `walk`, `levels` or `delay`: leave `method` out to use them.'
             )

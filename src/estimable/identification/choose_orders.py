@@ -6,10 +6,11 @@ from itertools import product
 import numpy as np
 
 from .. import checks
-from ..data.record import Record
+from ..data.record import Record, several
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
 from ..results.order_selection import OrderCandidate, OrderRanking
+from .select_order import to_try
 
 CRITERIA = ("aic", "aicc", "bic")
 
@@ -35,14 +36,8 @@ def choose_orders(
     faults, ranges = checks.Faults(), {}
     faults.choice("criterion", criterion, CRITERIA)
     for name, given in (("na", na), ("nb", nb), ("delay", delay)):
-        ranges[name] = list(given) if isinstance(given, Iterable) else [given]
-        if not ranges[name]:
-            faults.add(f"`{name}` must hold at least one number to try.")
-        for value in ranges[name]:
-            faults.whole(name, value, 0)
-    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
-    if not records or not all(isinstance(one, Record) for one in records):
-        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+        ranges[name] = to_try(name, given, 0, faults)
+    records = several("record", record, faults)
     faults.finish()
     found = [
         _candidate(records, a, b, steps, initial)

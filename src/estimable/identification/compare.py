@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..data.record import Record
+from ..data.record import Record, several
 from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import LinearModel, standing, state_space_of
@@ -56,9 +56,9 @@ def compare(
     >>> found.best.name, found.ranked[1].alike
     ('OutputErrorML', False)
     """
-    records = _read(methods, record, split, level, order)
+    records = _read(methods, record, split, level, order, progress)
     task = divided(records, split, level)
-    report = progress or (lambda name, done, total: None)
+    report = (lambda name, done, total: None) if progress is None else progress
     if methods is None:
         report("choosing orders", 0, 1)
     chosen = candidates(task.first, order) if methods is None else tuple(methods)
@@ -71,16 +71,21 @@ def compare(
 
 
 def _read(
-    methods: Sequence[Method] | None, record: Record | Sequence[Record], split: float, level: str, order: int | None
+    methods: Sequence[Method] | None,
+    record: Record | Sequence[Record],
+    split: float,
+    level: str,
+    order: int | None,
+    progress: Any,
 ) -> list[Record]:
     faults = checks.Faults()
-    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
-    if not records or not all(isinstance(one, Record) for one in records):
-        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+    records = several("record", record, faults)
     if methods is not None and (not isinstance(methods, list | tuple) or not methods):
         faults.add(f"`methods` must be a list of identifiers, or None. Got {checks.short(methods)}.")
     fraction = faults.number("split", split, above=0.0, upper=1.0)
     faults.choice("level", level, tuple(LEVELS))
+    if progress is not None:
+        faults.function("progress", progress, "it is called with the name of a method, the number done and the total")
     if order is not None:
         faults.whole("order", order, 1)
         if methods is not None:

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..data.record import UNIFORM, Record
+from ..data.record import UNIFORM, Record, several
 from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select
@@ -81,9 +81,7 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
             "`method` must identify parameters, such as RecursiveOutputError(2, 1, ...); your own class must derive from "
             f"estimable.Identifier or RecursiveIdentifier. Got {checks.short(method)}."
         )
-    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
-    if not records or not all(isinstance(one, Record) for one in records):
-        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
+    records = several("record", record, faults)
     faults.finish()
     for i, one in enumerate(records):
         _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)

@@ -1,11 +1,13 @@
 """The choice of an order by information criteria, cross-validation and singular values, side by side."""
 
 from collections.abc import Iterable, Sequence
+from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from .. import checks
-from ..data.record import Record
+from ..data.record import Record, several
 from ..errors import EstimableError, InputError
 from ..identifiers.least_squares import LeastSquares, OutputEquations
 from ..identifiers.subspace import Subspace
@@ -13,6 +15,7 @@ from ..kernels.regression import regress
 from ..results.order_selection import CRITERIA, OrderSelection
 
 FOLDS = 5
+MOST = 1000  # most orders or delays to try
 TINY = np.finfo(float).tiny
 
 
@@ -56,21 +59,30 @@ def _read(
     record: Record | Sequence[Record], orders: Iterable[int], delays: Iterable[int], criterion: str
 ) -> tuple[list[Record], list[int], list[int]]:
     faults = checks.Faults()
-    records = [record] if isinstance(record, Record) else list(record) if isinstance(record, list | tuple) else []
-    if not records or not all(isinstance(one, Record) for one in records):
-        faults.add(f"`record` must be a Record, or a list of them. Got {checks.short(record)}.")
-    elif not records[0].inputs:
+    records = several("record", record, faults)
+    if records and not records[0].inputs:
         faults.add("`record` has no input: give `u`.")
     ranges = []
     for name, given, least in (("orders", orders, 1), ("delays", delays, 0)):
-        ranges.append(sorted(given) if isinstance(given, Iterable) else [given])
-        if not ranges[-1]:
-            faults.add(f"`{name}` must hold at least one number to try.")
-        for value in ranges[-1]:
-            faults.whole(name, value, least)
+        ranges.append(to_try(name, given, least, faults))
     faults.choice("criterion", criterion, CRITERIA)
     faults.finish()
     return records, *ranges
+
+
+def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:
+    """The orders or delays to try, in increasing order: one integer, or several."""
+    values: list[Any] = [given]
+    if isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0:
+        values = list(islice(given, MOST + 1))
+    if not values:
+        faults.add(f"`{name}` must hold at least one number to try.")
+    before = len(faults.sentences)
+    for value in values[:MOST]:
+        faults.whole(name, value, least, checks.LARGEST_ORDER)
+    if len(values) > MOST:
+        faults.add(f"`{name}` must hold at most {MOST} numbers to try.")
+    return sorted(values) if len(faults.sentences) == before else []
 
 
 def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> tuple[int, float, float, float, float]:

@@ -80,6 +80,8 @@ class AdaptiveIdentification(FilterIdentifier):
         faults = checks.Faults()
         faults.instance("model", self.model, NonlinearModel)
         faults.instance("state_prior", self.state_prior, Prior)
+        if self.parameters is not None:
+            faults.instance("parameters", self.parameters, Prior)
         for name, words in (("start", STARTS), ("moments", MOMENTS), ("refinement", REFINEMENTS)):
             faults.choice(name, getattr(self, name), words)
         if self.length is not None:

@@ -52,7 +52,7 @@ class HoKalman(Identifier):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("order", self.order, 1)
+        faults.whole("order", self.order, 1, checks.LARGEST_ORDER)
         whole("length", self.length, 2, faults)
         faults.choice("weighting", self.weighting, WEIGHTINGS)
         faults.finish()

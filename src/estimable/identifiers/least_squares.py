@@ -65,7 +65,7 @@ class LeastSquares(Identifier):
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
-            faults.whole(name, getattr(self, name), 0)
+            faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.flag("offset", self.offset)
         faults.finish()
 

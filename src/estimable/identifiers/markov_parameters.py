@@ -66,12 +66,13 @@ class MarkovParameters(Identifier):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("length", self.length, 0)
+        faults.whole("length", self.length, 0, checks.LARGEST_ORDER)
         faults.flag("offset", self.offset)
         faults.choice("weighting", self.weighting, WEIGHTINGS)
         r = self.noise_covariance
         if r is not None:
-            r = faults.array("noise_covariance", np.atleast_2d(np.asarray(r, float)), "p lags")
+            r = faults.numbers("noise_covariance", r)
+            r = None if r is None else faults.array("noise_covariance", np.atleast_2d(r), "p lags")
             if self.weighting != "best":
                 faults.add('`noise_covariance` belongs to weighting = "best": ordinary least squares does not use it.')
             if r is not None and np.any(r[:, 0] <= 0):

@@ -65,7 +65,7 @@ class MinimumVariance(Identifier):
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
-            faults.whole(name, getattr(self, name), 0)
+            faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.finish()
 
     def fit(self, records: Sequence[Record]) -> Fit:

@@ -68,7 +68,7 @@ class OutputErrorML(StartedIdentifier):
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
-            faults.whole(name, getattr(self, name), 0)
+            faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.choice("initial", self.initial, INITIAL)
         noise = self.noise_variance
         if noise is not None:

@@ -21,6 +21,7 @@ from .standing import validation_of
 
 DOMAINS = ("discrete", "continuous")
 FAINT = 1e-6  # of the largest input phasor: below it the input has no such frequency
+LARGEST = 1e100  # phasor of `second_order`: its square is finite
 COHERENT = 0.8  # part of the variation of an output that the sinusoids should explain
 
 
@@ -80,8 +81,9 @@ class Phasor(Identifier):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("order", self.order, 1)
-        f = faults.array("frequencies", np.atleast_1d(np.asarray(self.frequencies, float)), "K")
+        faults.whole("order", self.order, 1, checks.LARGEST_ORDER)
+        f = faults.numbers("frequencies", self.frequencies)
+        f = None if f is None else faults.array("frequencies", np.atleast_1d(f), "K")
         settle = faults.number("settle", self.settle, lower=0.0, unit="seconds")
         faults.choice("domain", self.domain, DOMAINS)
         if f is not None and np.any(f <= 0):
@@ -100,6 +102,11 @@ class Phasor(Identifier):
         >>> Phasor.second_order(0.0, -1.0, 0.5)
         SecondOrder(natural_frequency=0.5, damping=0.5)
         """
+        faults = checks.Faults()
+        in_phase = faults.number("in_phase", in_phase, lower=-LARGEST, upper=LARGEST)
+        quadrature = faults.number("quadrature", quadrature, lower=-LARGEST, upper=LARGEST)
+        frequency = faults.number("frequency", frequency, above=0.0, unit="hertz")
+        faults.finish()
         if in_phase**2 + quadrature**2 <= in_phase or quadrature >= 0:
             checks.refuse(
                 f"no stable second-order lag with unit gain has the phasor {in_phase:g} {quadrature:+g}j: it must lie below the "

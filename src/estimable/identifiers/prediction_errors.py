@@ -78,7 +78,7 @@ class PredictionError(Identifier):
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "nc", "delay"):
-            faults.whole(name, getattr(self, name), 0)
+            faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.finish()
 
     @property

@@ -83,4 +83,4 @@ def impulse_names(length: int, inputs: Sequence[str], outputs: Sequence[str]) ->
 def whole(name: str, value: int | None, lower: int, faults: checks.Faults) -> None:
     """An integer, or None for the default."""
     if value is not None:
-        faults.whole(name, value, lower)
+        faults.whole(name, value, lower, checks.LARGEST_ORDER)

@@ -22,7 +22,7 @@ VAGUE = 1e6  # prior variance of an entry of b where none is given, in squared u
 def read(method: Any, faults: checks.Faults) -> dict[str, Any]:
     """The noise variance and the names of the channels, checked with the orders and the prior."""
     for name in ("na", "nb", "delay"):
-        faults.whole(name, getattr(method, name), 0)
+        faults.whole(name, getattr(method, name), 0, checks.LARGEST_ORDER)
     inputs, outputs = _names(method.inputs, "inputs", faults), _names(method.outputs, "outputs", faults)
     if outputs is not None:
         faults.learn("p", len(outputs), f"`outputs` holds {checks.counted(len(outputs), 'name')}")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..data.record import Record
-from ..diagnostics import standardised
+from ..diagnostics.innovations import in_sigmas
 from ..kernels.innovations_form import System, initial_state, predictions, response
 from ..models.armax import ARMAX
 from ..models.arx import ARX
@@ -52,7 +52,7 @@ def standing(model: StateSpace, record: Record, rows: int | None = None) -> Stan
     simulated, _ = response(system, u, x)
     predicted, V, _ = predictions(system, u, y, x, np.zeros((len(x), len(x))))
     level = 0.0 if model.operating_point is None else model.operating_point.outputs
-    return Standing(y - simulated, y - predicted, standardised(y - predicted, V), simulated + level, x)
+    return Standing(y - simulated, y - predicted, in_sigmas(y - predicted, V), simulated + level, x)
 
 
 def system_of(model: StateSpace) -> System:

@@ -78,12 +78,12 @@ class Subspace(Identifier):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("order", self.order, 1)
+        faults.whole("order", self.order, 1, checks.LARGEST_ORDER)
         faults.choice("weighting", self.weighting, kernel.WEIGHTINGS)
         whole("horizon", self.horizon, 2, faults)
         faults.flag("feedthrough", self.feedthrough)
-        faults.whole("draws", self.draws, 0)
-        if self.draws == 1:
+        faults.whole("draws", self.draws, 0, checks.MOST_ROWS)
+        if isinstance(self.draws, int) and self.draws == 1:
             faults.add("`draws` must be 0, or at least 2: one draw has no spread.")
         faults.finish()
 

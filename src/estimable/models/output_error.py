@@ -76,8 +76,19 @@ class OutputError(polynomials.Polynomials):
         >>> OutputError.of_parameters([0.5, 1.0, 2.0], na=1, nb=1, noise_variance=1.0, dt=1).b.tolist()
         [[[1.0, 2.0]]]
         """
-        m, p = (1 if names is None else len(names) for names in (inputs, outputs))
-        rows = np.asarray(parameters, float).reshape(p, na + m * (nb + 1))
+        faults = checks.Faults()
+        faults.whole("na", na, 0, checks.LARGEST_ORDER)
+        faults.whole("nb", nb, 0, checks.LARGEST_ORDER)
+        m, p = (1 if names is None else len(faults.names(argument, names, "", ""))
+                for argument, names in (("inputs", inputs), ("outputs", outputs)))  # fmt: skip
+        if not faults.sentences:
+            size = p * (na + m * (nb + 1))
+            faults.learn(
+                "d", size, f"na = {na}, nb = {nb}, {checks.counted(m, 'input')}, {checks.counted(p, 'output')}"
+            )
+        given = faults.array("parameters", parameters, "d")
+        faults.finish()
+        rows = given.reshape(p, na + m * (nb + 1))
         return OutputError(
             rows[:, :na], rows[:, na:].reshape(p, m, nb + 1), delay=delay, noise_variance=noise_variance, dt=dt,
             inputs=inputs, outputs=outputs,

@@ -19,6 +19,7 @@ def uncorrelated(model: StateSpace) -> StateSpace:
     >>> found.A.tolist(), found.Q.round(9).tolist(), found.S
     ([[0.5, 0.5], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.1]], None)
     """
+    checks.require(model=(model, StateSpace))
     if model.varying or model.B_end is not None:
         checks.refuse("`model` must be constant, without B_end.")
     if model.S is None:

@@ -39,8 +39,17 @@ def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, 
     >>> sorted(round(float(z), 4) for z in np.linalg.eigvals(short_period().A))
     [-3.0691, 0.6737]
     """
-    R = np.diag([sigma_alpha**2, sigma_q**2])
+    R = np.diag(np.square(_sigmas(sigma_alpha, sigma_q)))
     return StateSpace(A, B, Q=Q, R=R, dt=0, states=STATES, inputs=INPUTS, outputs=OUTPUTS)
+
+
+def _sigmas(sigma_alpha: float, sigma_q: float) -> tuple[Any, Any]:
+    """The standard deviations of the sensors, checked."""
+    faults = checks.Faults()
+    found = tuple(faults.number(name, value, lower=0.0)
+                  for name, value in (("sigma_alpha", sigma_alpha), ("sigma_q", sigma_q)))  # fmt: skip
+    faults.finish()
+    return found[0], found[1]
 
 
 def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
@@ -49,6 +58,10 @@ def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
     >>> [round(float(abs(z)), 4) for z in np.sort_complex(np.linalg.eigvals(closed_loop(0.08)))][:2]
     [26.6776, 3.721]
     """
+    faults = checks.Faults()
+    gain = faults.number("gain", gain)
+    faults.flag("integral", integral)
+    faults.finish()
     F = np.zeros((4, 4))
     F[:2, :2], F[:2, 2:3] = A, gain * B
     F[2, :3], F[2, 2], F[2, 3] = ACTUATOR * FEEDBACK, ACTUATOR * (FEEDBACK[2] - 1), ACTUATOR * INTEGRAL
@@ -60,7 +73,10 @@ def pitch_command(t: np.ndarray) -> np.ndarray:
     """Three pitch-rate doublets of ±10 deg/s, period 4.5 s, then zero, through 3 / (s + 3): exact at the times t [s]."""
     edges = np.arange(0.0, 13.5 + 1e-9, 2.25)
     steps = np.array([10.0, -20.0, 20.0, -20.0, 20.0, -20.0, 10.0])
-    since = np.asarray(t, float)[:, None] - edges
+    faults = checks.Faults()
+    since = np.asarray(faults.array("t", t, "T"))
+    faults.finish()
+    since = since[:, None] - edges
     return np.sum(np.where(since > 0, steps * -np.expm1(-3 * np.maximum(since, 0)), 0.0), axis=1)
 
 
@@ -88,6 +104,9 @@ def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
     >>> law().feedback.tolist()
     [[-0.283, -0.876]]
     """
+    faults = checks.Faults()
+    faults.flag("integral", integral)
+    faults.finish()
     F, N, L = -FEEDBACK[None, :2], [[COMMAND]], -FEEDBACK[None, 2:]
     if not integral:
         return StateFeedback(F, reference_gain=N, input_feedback=L)
@@ -120,8 +139,12 @@ def flight(
     >>> flown.record.y.shape, float(flown.gain[-1])
     ((1651, 2), 0.5)
     """
+    sigmas = _sigmas(sigma_alpha, sigma_q)
+    faults = checks.Faults()
+    faults.whole("seed", seed, 0)
+    faults.finish()
     clean = _clean(gain_after, failure_time, simulation)
-    noise = np.random.default_rng(seed).normal(size=clean.state.shape) * [sigma_alpha, sigma_q]
+    noise = np.random.default_rng(seed).normal(size=clean.state.shape) * sigmas
     return clean._replace(record=replace(clean.record, y=clean.state + noise))
 
 
@@ -135,8 +158,8 @@ def drawn_flight(
     >>> drawn_flight(0.5)(jax.random.key(1)).record.y.shape
     (1651, 2)
     """
+    sigmas = np.array([_sigmas(sigma_alpha, sigma_q)])
     clean = _clean(gain_after, failure_time, simulation)
-    sigmas = np.array([[sigma_alpha, sigma_q]])
 
     def draw(key: Array) -> Flight:
         y = clean.state + sigmas * jax.random.normal(key, clean.state.shape)
@@ -150,6 +173,7 @@ def _clean(gain_after: float, failure_time: float, simulation: str) -> Flight:
     faults = checks.Faults()
     faults.choice("simulation", simulation, SIMULATIONS)
     faults.number("gain_after", gain_after)
+    faults.number("failure_time", failure_time, unit="seconds")
     faults.finish()
     held = simulation == "held_elevator"
     t = np.arange(round(SECONDS * RATE) + 1) / RATE

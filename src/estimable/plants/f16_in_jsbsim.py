@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import checks
 from ..controllers.gain_reconfiguration import GainReconfiguration
 from ..controllers.state_feedback import StateFeedback
 from ..design.gains import lqr_gain
@@ -60,6 +61,9 @@ def fly(gain_after: float, *, seed: int, about: str = "trim", seconds: float = f
 
     `about`: "trim" or "zero", see `JsbsimF16`. Links as in `close_loop`. Needs the extra `flight`.
     """
+    faults = checks.Faults()
+    seconds = faults.number("seconds", seconds, lower=0.0, unit="seconds")
+    faults.finish()
     aircraft, healthy = JsbsimF16(gain_after, failure_time=FAILURE, about=about), JsbsimF16()
     fixed, estimator = law(healthy.model), watched(healthy.model)
     t = np.arange(round(seconds * f16.RATE) + 1) / f16.RATE
@@ -77,7 +81,10 @@ def doublets(t: np.ndarray) -> np.ndarray:
     """Three pitch-rate doublets [deg/s], period 4.5 s, then zero, each step through 10 / (s + 10): exact at the times t [s]."""
     edges = np.arange(0.0, 13.5 + 1e-9, 2.25)
     steps = COMMAND * np.array([1.0, -2.0, 2.0, -2.0, 2.0, -2.0, 1.0])
-    since = np.maximum(np.asarray(t, float)[:, None] - edges, 0.0)
+    faults = checks.Faults()
+    times = np.asarray(faults.array("t", t, "T"))
+    faults.finish()
+    since = np.maximum(times[:, None] - edges, 0.0)
     return -np.expm1(-QUICK * since) @ steps
 
 

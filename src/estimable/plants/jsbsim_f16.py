@@ -69,6 +69,8 @@ class JsbsimF16(Plant):
         self.mach = faults.number("mach", mach, above=0.0)
         self.altitude_ft = faults.number("altitude_ft", altitude_ft, lower=0.0, unit="feet")
         faults.choice("about", about, ("trim", "zero"))
+        sigma_alpha = faults.number("sigma_alpha", sigma_alpha, lower=0.0)
+        sigma_q = faults.number("sigma_q", sigma_q, lower=0.0)
         faults.finish()
         self.about = about
         simulator = _Simulator(self.mach, self.altitude_ft)

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import jax
 import numpy as np
 
+from ..checks import Faults
 from ..frozen import frozen, replace, static
 from .estimates import Kept
 from .steps import Info, Names, Outcome
@@ -100,13 +101,19 @@ class MonteCarlo:
     def __len__(self) -> int:
         return len(self.failed)
 
+    def _values(self, name: str) -> Any:
+        faults = Faults()
+        faults.choice("name", name, tuple(self.values))
+        faults.finish()
+        return self.values[name]
+
     def mean(self, name: str) -> Any:
         """The mean over the runs in which the value is known (not NaN)."""
-        return np.nanmean(self.values[name], axis=0)
+        return np.nanmean(self._values(name), axis=0)
 
     def sigma(self, name: str) -> Any:
         """The standard deviation of one run, over the runs where the value is known."""
-        return np.nanstd(self.values[name], axis=0, ddof=1)
+        return np.nanstd(self._values(name), axis=0, ddof=1)
 
     def standard_error(self, name: str) -> Any:
         """The standard deviation of the mean."""

@@ -26,7 +26,7 @@ from ..protocols import Plant as Simulator
 from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
 from . import python_loop, window_loop
 from .loop import ControlLoop, LoopInputs
-from .transmit import Links, check_links
+from .transmit import Links, check_links, is_link
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
 NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
@@ -196,7 +196,7 @@ def _x0(plant: ControlledPlant, start: Numbers | None) -> np.ndarray:
 def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
-    faults.whole("runs", runs, 1)
+    faults.whole("runs", runs, 1, checks.MOST_ROWS)
     faults.whole("first", first, 0)
     faults.choice("on_failure", on_failure, ("raise", "keep"))
     choice.check(engine, faults)
@@ -285,7 +285,7 @@ def _check_blocks(
     if controller.acts_on == "predicted":
         _check_first(plant, controller, estimator, faults)
     if plant.actuator is None and not (
-        links.input is None or links.input.acknowledged or estimator.takes_unknown_arrivals
+        not is_link(links.input) or links.input.acknowledged or estimator.takes_unknown_arrivals
     ):
         faults.add(
             "`input_link` never acknowledges, so that the estimator would not know the applied inputs: measure them "

@@ -49,7 +49,7 @@ def monte_carlo(
     ((100,), True)
     """
     check_options(on_failure, engine, "all")
-    _check_call(algorithm, draw, summary, runs, seed, chunk)
+    _check_call(algorithm, draw, summary, runs, seed, chunk, progress)
     size = min(chunk, runs)
     draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))
     summaries: list[dict[str, Any]] = []
@@ -73,7 +73,13 @@ def monte_carlo(
 
 
 def _check_call(
-    algorithm: Algorithm[Any], draw: Callable[..., Any], summary: Callable[..., Any], runs: int, seed: int, chunk: int
+    algorithm: Algorithm[Any],
+    draw: Callable[..., Any],
+    summary: Callable[..., Any],
+    runs: int,
+    seed: int,
+    chunk: int,
+    progress: bool,
 ) -> None:
     faults = checks.Faults()
     check_algorithm(algorithm, faults)
@@ -81,11 +87,11 @@ def _check_call(
         ("draw", draw, "write drawn_from(model, u), or a function of a random key that returns a Record"),
         ("summary", summary, "it takes the drawn object and its estimate, and returns {name: number}"),
     ):
-        if not callable(value):
-            faults.add(f"`{name}` must be a function: {hint}. Got {checks.short(value)}.")
-    faults.whole("runs", runs, 1)
+        faults.function(name, value, hint)
+    faults.whole("runs", runs, 1, checks.MOST_ROWS)
     faults.whole("seed", seed, 0)
     faults.whole("chunk", chunk, 1)
+    faults.flag("progress", progress)
     faults.finish()
 
 

@@ -109,7 +109,7 @@ def monte_carlo_loops(
     True
     """
     cases = {"": cases} if isinstance(cases, LoopCase) else cases
-    _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler, version)
+    _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler, version, progress)
     parts = _Parts(cases, runs, seed, summary if version is None else version, chunk, Folder(folder))
     with bar(runs * len(cases), shown=progress) as advance:
         found = {place: part for place in parts.places if (part := parts.read(*place)) is not None}
@@ -201,6 +201,7 @@ def _check_call(
     engine: str,
     scheduler: str | None,
     version: str | None,
+    progress: bool,
 ) -> None:
     faults = checks.Faults()
     if not isinstance(cases, Mapping) or not cases or not all(isinstance(case, LoopCase) for case in cases.values()):
@@ -211,7 +212,8 @@ def _check_call(
             + f"{checks.short(summary)}."
         )
     for name, value, least in (("runs", runs, 1), ("seed", seed, 0), ("chunk", chunk, 1)):
-        faults.whole(name, value, least)
+        faults.whole(name, value, least, checks.LARGEST if name == "seed" else checks.MOST_ROWS)
+    faults.flag("progress", progress)
     if version is not None and not isinstance(version, str):
         faults.add(f"`version` must be a text. Got {checks.short(version)}.")
     if scheduler is not None and not isinstance(scheduler, str):

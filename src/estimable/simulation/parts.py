@@ -22,13 +22,16 @@ class Folder:
     """Parts on the disk, {name: array} each; None stores none. A part is written completely or not at all."""
 
     def __init__(self, path: str | Path | None):
+        if path is not None and not isinstance(path, str | os.PathLike):
+            checks.refuse(f"`folder` must be the name of a folder. Got {checks.short(path)}.")
         self.path = None if path is None else Path(path)
         if self.path is None:
             return
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            checks.refuse(f"`folder` must be a writable folder. Got {str(path)!r}: {error.strerror}.")
+        except (OSError, ValueError) as error:  # ValueError: a character that no name may hold
+            reason = error.strerror if isinstance(error, OSError) else "a character that is not allowed in a name"
+            checks.refuse(f"`folder` must be a writable folder. Got {checks.short(str(path))}: {reason}.")
 
     def read(self, name: str, runs: int) -> Part | None:
         """A stored, complete part with this number of runs. A damaged one, or one of another computation, logs a warning."""

@@ -16,6 +16,7 @@ from ..data.record import Record
 from ..estimation.binding import check_hold, check_prior
 from ..frozen import replace
 from ..kernels.small import apply, factor
+from ..models.discretisation import HOLDS
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
 from ..models.plant import Functions
@@ -155,9 +156,9 @@ def _check_call(
 ) -> None:
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
-    faults.whole("runs", runs, 1)
+    faults.whole("runs", runs, 1, checks.MOST_ROWS)
     if steps is not None:
-        faults.whole("steps", steps, 1)
+        faults.whole("steps", steps, 1, checks.MOST_ROWS)
     is_model = isinstance(model, StateSpace | NonlinearModel)
     if not is_model:
         faults.add(f"`model` must be a StateSpace, a NonlinearModel or an OutputError. Got {checks.short(model)}.")
@@ -180,6 +181,12 @@ def _empty_record(
 ) -> Record:
     """The times and inputs of the run, checked."""
     faults = checks.Faults()
+    if dt is not None:
+        dt = faults.number("dt", dt, lower=0.0, unit="seconds")
+    if t is not None:
+        faults.array("t", t, "T")
+    faults.choice("hold", hold, HOLDS)
+    faults.finish()
     _check_rows(model, u, steps, t, faults)
     if model.is_continuous and dt is None and t is None:
         faults.add("`dt` or `t` must be given, in seconds: the model is continuous.")
