@@ -24,6 +24,7 @@ ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by 
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
 MOST_ROWS = 10**8  # of a simulation or a forecast, and most runs: 0.8 GB for each channel
 LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
+HUGE = 1e150  # largest entry of a covariance: its square is a number
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LISTED = 40  # most names in a message
 
@@ -140,6 +141,12 @@ class Faults:
             return P
         turned, n = np.swapaxes(P, -1, -2), P.shape[-1]
         largest = np.abs(P).max(axis=(-1, -2))
+        if np.any(largest > HUGE):
+            self.add(
+                f"`{name}` must have entries of at most {HUGE:g}, so that sums and products of them are numbers. Got "
+                f"{np.max(largest):.3g}."
+            )
+            return None
         size = np.where(largest > 0, largest, 1.0)
         skew = np.atleast_1d(np.abs(P - turned).max(axis=(-1, -2)))
         if np.any(wrong := skew > ROUNDING * size):

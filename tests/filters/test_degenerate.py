@@ -152,5 +152,5 @@ def test_a_diffuse_gain_that_is_forgotten_for_long_is_still_learnt():
 def test_an_overflow_of_a_proper_variance_is_called_so():
     model = StateSpace([[0.5]], [[1.0]], R=[[0.01]], dt=0.01)
     algorithm = UnknownGain(model, Prior([1.0], [[1.0]]), forgetting=0.98)
-    with pytest.raises(RunError, match="not finite"):
+    with pytest.raises(RunError, match="no longer finite"):
         estimate(algorithm, Record(np.zeros(40_000), np.zeros(40_000), dt=0.01), prior=Prior([0.0], [[0.0]]))

@@ -128,7 +128,7 @@ def test_a_contradiction_of_what_is_known_exactly_is_refused_with_its_sample():
 
 def test_an_overflow_is_refused_with_its_sample():
     model = StateSpace([[1e200]], C=[[1.0]], R=[[1.0]], dt=1)
-    with pytest.raises(RunError, match=r"At sample 1 .*not finite"):
+    with pytest.raises(RunError, match=r"At sample 1 .*no longer finite"):
         estimate(Kalman(model), Record(np.full((4, 1), np.nan), dt=1), prior=Prior([1.0], [[1.0]]))
 
 

@@ -16,6 +16,7 @@ from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample, Stacked
 from .time_unit import check_time_unit
 
+FLATTEST = 1e28  # variance of an output by the prior, relative to its noise: beyond it, rounding shows in the estimates
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
 
 
@@ -144,6 +145,29 @@ def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults:
     """Check that the prior describes the model's states."""
     if prior is not None and prior.mean.shape[-1] != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
+    elif (
+        isinstance(model, StateSpace)
+        and prior is not None
+        and model.R is not None
+        and not checks.is_traced(prior, model)
+    ):
+        _check_prior_size(prior, model, faults)
+
+
+def _check_prior_size(prior: Prior, model: StateSpace, faults: checks.Faults) -> None:
+    """A prior of which double precision leaves nothing once the outputs were seen must be diffuse instead."""
+    A, C, R = (np.asarray(M)[0] if np.ndim(M) == 3 else np.asarray(M) for M in (model.A, model.C, model.R))
+    with np.errstate(over="ignore"):
+        later = np.abs(C @ A) / max(1.0, np.abs(A).sum(axis=1).max(initial=0.0))
+        rows = np.maximum(np.abs(C), later) ** 2
+        variance = np.atleast_2d(np.diagonal(np.asarray(prior.covariance), axis1=-2, axis2=-1)) @ rows.T
+        ratio = np.where((noise := np.diagonal(R)) > 0, variance / np.where(noise > 0, noise, 1.0), 0.0)
+    if ratio.max(initial=0.0) > FLATTEST:
+        output = model.outputs[int(np.argmax(ratio.max(axis=0)))]
+        faults.add(
+            f"`prior` is too wide for double precision: it makes the variance of {output!r} {ratio.max():.1g} times its noise, "
+            f"and {FLATTEST:g} times is the most. Give the unknown directions of the state as `diffuse=`, which is exact."
+        )
 
 
 def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) -> None:
