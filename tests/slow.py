@@ -58,6 +58,10 @@ SLOW = {
         "test_equals_least_squares_over_the_whole_record",
         "test_smoothed_it_equals_least_squares_with_later_samples",
     ),
+    "fuzz/test_fuzz.py": (
+        "test_wrong_calls_end_with_a_sentence",
+        "test_wrong_command_lines_end_with_a_sentence",
+    ),
     "identifiers/test_adaptive_identification.py": (
         "test_the_likelihood_has_its_peak_where_the_refinement_ends_and_its_curvature_is_the_information",
     ),

@@ -26,6 +26,7 @@ MOST_ROWS = 10**8  # of a simulation or a forecast, and most runs: 0.8 GB for ea
 LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 HUGE = 1e150  # largest entry of a covariance: its square is a number
 LARGEST = 2**63 - 1  # largest integer, also for a seed
+LONGEST_PATH = 300  # characters of a path in a message
 LISTED = 40  # most names in a message
 
 
@@ -309,10 +310,10 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     """`path` as the path of an existing file; raises `InputError` otherwise."""
     if not isinstance(path, str | os.PathLike):
         refuse(f"`path` must be the name of a file. Got {short(path)}.")
-    found = Path(path)
-    if not found.is_file():
-        refuse(f"{path} does not exist." if not found.exists() else f"{path} is not a file.")
-    return found
+    if not os.path.isfile(path):  # False for a name that is too long, at which Path.is_file raises
+        shown = str(path) if len(str(path)) <= LONGEST_PATH else f"{str(path)[:LONGEST_PATH]}..."
+        refuse(f"{shown} is not a file." if os.path.exists(path) else f"{shown} does not exist.")
+    return Path(path)
 
 
 def listed(names: Iterable[Any]) -> str:

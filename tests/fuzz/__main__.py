@@ -1,12 +1,13 @@
-"""`python -m tests.fuzz --minutes 30`: wrong calls until the time is over, and every fault with what makes it again."""
+"""`python -m tests.fuzz --minutes 30`: wrong calls until the time is over, and each fault with its seed."""
 
 import argparse
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 
+from . import calls, command_line
 from .baselines import baselines
-from .calls import run
 
 
 def main() -> int:
@@ -15,25 +16,39 @@ def main() -> int:
     options.add_argument("--minutes", type=float, default=5.0)
     options.add_argument("--calls", type=int, default=10**9)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--only", default="", help="names that hold this text")
+    options.add_argument(
+        "--only", default="", help="names that hold this text; the commands are called `estimable gain`"
+    )
     given = options.parse_args()
-    end, counts, faults = time.monotonic() + 60 * given.minutes, Counter[str](), dict[str, str]()
-    all_of_them = [one for one in baselines() if given.only in one.name]
-    print(f"{len(all_of_them)} right calls of {len({one.name for one in all_of_them})} names", file=sys.stderr)
-    seed = given.seed
-    while time.monotonic() < end and sum(counts.values()) < given.calls:
-        for baseline in all_of_them:
-            outcome = run(baseline, seed)
-            counts[outcome.kind] += 1
-            if outcome.kind not in ("answer", "refused"):
-                faults.setdefault(f"{outcome.kind} {outcome.words}", f"{baseline.name} seed {seed} {outcome.changed}")
-            if time.monotonic() > end or sum(counts.values()) >= given.calls:
-                break
-        seed += 1
+    counts, faults = fuzz(given.only, given.seed, given.calls, given.minutes)
     for words, call in sorted(faults.items()):
         print(f"{call}: {words}")
     print(f"{sum(counts.values()):,} calls: {dict(counts)}; {len(faults)} different faults")
     return 1 if faults else 0
+
+
+def fuzz(only: str, seed: int, most: int, minutes: float) -> tuple[Counter[str], dict[str, str]]:
+    """How often each outcome occurred, and {fault: the call}."""
+    end, counts, faults = time.monotonic() + 60 * minutes, Counter[str](), dict[str, str]()
+    names: list[tuple[str, Callable[[int], calls.Outcome]]] = [
+        (one.name, lambda seed, one=one: calls.run(one, seed)) for one in baselines()
+    ]
+    names += [
+        (f"estimable {name}", lambda seed, name=name: command_line.run(name, seed)) for name in command_line.commands()
+    ]
+    names = [(name, run) for name, run in names if only in name]
+    print(f"{len(names)} right calls of {len({name for name, _ in names})} names", file=sys.stderr)
+    while True:
+        for name, run in names:
+            if time.monotonic() > end or counts.total() >= most:
+                return counts, faults
+            outcome = run(seed)
+            counts[outcome.kind] += 1
+            if outcome.is_fault:
+                faults.setdefault(
+                    f"{outcome.kind} {outcome.words[:300]}", f"{name} seed {seed} {str(outcome.changed)[:200]}"
+                )
+        seed += 1
 
 
 if __name__ == "__main__":

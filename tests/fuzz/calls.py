@@ -1,4 +1,4 @@
-"""One wrong call, made again from its seed, and what became of it."""
+"""One wrong call, repeated exactly by its seed, and its outcome."""
 
 import contextlib
 import io
@@ -7,6 +7,8 @@ import signal
 import tempfile
 import traceback
 import warnings
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +18,7 @@ from estimable import EstimableError
 from .baselines import Baseline
 from .odd import odd
 
-SECONDS = 10  # that a call may take
+SECONDS = 10  # most time that a call may take
 LONGEST = 600  # characters of a message
 
 
@@ -25,11 +27,16 @@ class Hang(BaseException):
 
 
 class Outcome(NamedTuple):
-    """What became of a call: "answer", "refused", or a fault, with its words."""
+    """The outcome of a call: "answer", "refused", or a fault, with its message."""
 
     kind: str
     words: str
     changed: tuple[str, ...] = ()
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether it is neither an answer nor an `EstimableError`."""
+        return self.kind not in ("answer", "refused")
 
 
 def run(baseline: Baseline, seed: int) -> Outcome:
@@ -46,22 +53,27 @@ def run(baseline: Baseline, seed: int) -> Outcome:
 
 
 def called(baseline: Baseline, given: dict[str, Any]) -> Outcome:
-    """The outcome of a call."""
+    """The outcome of a call, in a new folder, for the files of calls that are right by chance."""
+
+    def call() -> Outcome:
+        with contextlib.redirect_stdout(io.StringIO()):
+            baseline.function(**given)
+        return Outcome("answer", "")
+
+    with tempfile.TemporaryDirectory() as folder:
+        return limited(call, Path(folder))
+
+
+def limited(call: Callable[[], Outcome], folder: Path) -> Outcome:
+    """The outcome of a call in a folder, ended after `SECONDS`."""
     signal.signal(signal.SIGALRM, _hang)
     signal.setitimer(signal.ITIMER_REAL, SECONDS)
     try:
-        with (
-            tempfile.TemporaryDirectory() as folder,  # for the files of calls that are right by chance
-            contextlib.chdir(folder),
-            warnings.catch_warnings(),
-            np.errstate(all="ignore"),
-            contextlib.redirect_stdout(io.StringIO()),
-        ):
+        with contextlib.chdir(folder), warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            baseline.function(**given)
+            return call()
     except EstimableError as error:
-        kind = "refused" if len(str(error)) <= LONGEST else "long"
-        return Outcome(kind, str(error))
+        return Outcome("refused" if len(str(error)) <= LONGEST else "long", str(error))
     except Hang:
         return Outcome("hang", f"after {SECONDS} s")
     except RecursionError as error:
@@ -71,7 +83,6 @@ def called(baseline: Baseline, given: dict[str, Any]) -> Outcome:
         return Outcome("raw", f"{type(error).__name__}: {str(error)[:200]} ({' '.join(frames)})")
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
-    return Outcome("answer", "")
 
 
 def _hang(*_: Any) -> None:
