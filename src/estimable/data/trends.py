@@ -59,9 +59,10 @@ class Trend(NamedTuple):
         [-0.5, 0.5]
         """
         checks.require(record=(record, Record))
-        if (len(record.inputs), len(record.outputs)) != (self.inputs.shape[1], self.outputs.shape[1]):
+        m, p = self.inputs.shape[1], self.outputs.shape[1]
+        if (len(record.inputs), len(record.outputs)) != (m, p):
             checks.refuse(
-                f"`record` must have the {self.inputs.shape[1]} inputs and {self.outputs.shape[1]} outputs of the trend. "
+                f"`record` must have the channels of the trend, {checks.counted(m, 'input')} and {checks.counted(p, 'output')}. "
                 f"Got {len(record.inputs)} and {len(record.outputs)}."
             )
         rows = np.arange(len(record))[:, None]

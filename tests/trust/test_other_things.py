@@ -1,0 +1,279 @@
+"""Something else than a record, a model, a fit, a link, a name, a folder or a number gets a sentence, before any work."""
+
+import re
+
+import numpy as np
+import pytest
+
+import estimable as es
+from estimable import checks, diagnostics
+from estimable.analysis.reduction import reduce
+from estimable.data.trends import Trend
+from estimable.design.families import DesignFamily
+from estimable.design.waveforms import Waveform
+from estimable.identifiers.phasor import Phasor
+from estimable.models.output_error import OutputError
+from estimable.models.uncorrelated import uncorrelated
+from estimable.plants import f16
+from estimable.results import MonteCarlo
+from estimable.simulation.parts import Folder
+
+U = np.random.default_rng(0).normal(size=30)
+RECORD = es.Record(U**2, U, dt=1)
+PLANT = OutputError([-0.5], [1.0], noise_variance=0.1, dt=1)
+MODEL = es.StateSpace([[0.9]], [[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
+PRIOR = es.Prior([0.0], [[1.0]])
+FIT = es.identify(es.LeastSquares(1, 0), RECORD)
+RESULT = es.estimate(es.Kalman(MODEL), RECORD, prior=PRIOR)
+TREND = Trend.of(RECORD)
+LAW = es.StateFeedback([[0.5]], reference_gain=[[0.5]])
+RUNS = MonteCarlo({"error": np.zeros(3)}, np.zeros(3, bool), 0, "xla")
+GRID = np.eye(2)
+CURVED = es.NonlinearModel(lambda x, u, θ: -θ * x + u, lambda x, u, θ: x, Q=[[0.1]], R=[[1.0]], dt=1, inputs=["u"],
+                           parameters={"θ": 0.5})  # fmt: skip
+
+
+def fly(**given):
+    return es.close_loop(MODEL, LAW, es.Kalman(MODEL), **{"reference": np.ones(5), "seed": 0, "prior": PRIOR, **given})
+
+
+def many(**given):
+    case = es.LoopCase(MODEL, LAW, es.Kalman(MODEL), reference=np.ones(5), prior=PRIOR)
+    summary = lambda closed: {"end": closed.state[-1, 0]}  # noqa: E731
+    return es.monte_carlo_loops(case, **{"runs": 2, "seed": 0, "summary": summary, **given})
+
+
+def draws(**given):
+    draw, summary = es.drawn_from(MODEL, np.zeros(5)), lambda drawn, found: {"error": 0.0}
+    return es.monte_carlo(es.Kalman(MODEL), draw, **{"prior": PRIOR, "runs": 2, "seed": 0, "summary": summary, **given})
+
+
+SENTENCES = {
+    "information of no model": (
+        lambda: diagnostics.information("x", RECORD),
+        "`model` must be an OutputError. Got 'x'.",
+    ),
+    "cramer_rao of no record": (lambda: diagnostics.cramer_rao(PLANT, [1.0]), "`record` must be a Record. Got [1.0]."),
+    "efficient_estimate of neither": (
+        lambda: diagnostics.efficient_estimate(1, 2),
+        "`model` must be an OutputError. Got 1.\n`record` must be a Record. Got 2.",
+    ),
+    "efficiency of text": (
+        lambda: diagnostics.efficiency("x", np.ones((1, 1, 1))),
+        "`error` must be an array of real numbers. Got 'x'.",
+    ),
+    "efficiency of no bound": (
+        lambda: diagnostics.efficiency([[1.0]], [[[0.0]]]),
+        "`bound` must be positive definite, for at least one run and one parameter. Got (1, 1, 1).",
+    ),
+    "nis of text": (lambda: diagnostics.nis("x", [[[1.0]]]), "`innovation` must be an array of real numbers. Got 'x'."),
+    "standardised of text": (
+        lambda: diagnostics.standardised([[1.0]], "x"),
+        "`innovation_covariance` must be an array of real numbers. Got 'x'.",
+    ),
+    "whiteness of text": (lambda: diagnostics.whiteness("x"), "`e` must be an array of real numbers. Got 'x'."),
+    "check_innovations of no lags": (
+        lambda: diagnostics.check_innovations(RESULT, RECORD, lags=GRID),
+        "`lags` must be an integer of at least 1. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "check_innovations of no result": (
+        lambda: diagnostics.check_innovations(None, RECORD),
+        "`result` must be an Estimate. Got None.",
+    ),
+    "spread_of no fit": (lambda: diagnostics.spread_of("x"), "`fit` must be a Fit. Got 'x'."),
+    "poles of no fit": (lambda: diagnostics.poles([1]), "`fit` must be a Fit. Got [1]."),
+    "zeros of no output": (lambda: diagnostics.zeros(FIT, output=3), "`output` must be at most 0. Got 3."),
+    "frequency_response at no frequency": (
+        lambda: diagnostics.frequency_response(FIT, ["a"]),
+        "`frequencies` must be an array of real numbers. Got ['a'].",
+    ),
+    "frequency_response at a grid": (
+        lambda: diagnostics.frequency_response(FIT, GRID),
+        "`frequencies` must be (K,), in hertz. Got (2, 2).",
+    ),
+    "step_response without end": (
+        lambda: diagnostics.step_response(FIT, 10**9),
+        "`steps` must be at most 100000. Got 1000000000.",
+    ),
+    "step_response of no steps": (
+        lambda: diagnostics.step_response(FIT, "x"),
+        "`steps` must be an integer of at least 0. Got 'x'.",
+    ),
+    "simulation_sigma of other inputs": (
+        lambda: diagnostics.simulation_sigma(FIT, np.ones((3, 2)), [0.0]),
+        "`u` must be (T, 1). Got (3, 2).",
+    ),
+    "nonlinearity of no record": (
+        lambda: diagnostics.nonlinearity(CURVED, RESULT, "x"),
+        "`record` must be a Record. Got 'x'.",
+    ),
+    "excitation of no model": (lambda: es.excitation(1.0, RECORD), "`model` must be an OutputError. Got 1.0."),
+    "positive_real_margin of no model": (
+        lambda: es.positive_real_margin(None),
+        "`model` must be an OutputError. Got None.",
+    ),
+    "uncorrelated of no model": (lambda: uncorrelated("x"), "`model` must be a StateSpace. Got 'x'."),
+    "reduce by no method": (
+        lambda: reduce(MODEL, method=GRID),
+        "`method` must be one of 'output_process', 'minimal', 'balanced'. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "trend of no record": (lambda: Trend.of(1.0), "`records` must be a Record, or a list of them. Got 1.0."),
+    "trend of degree": (
+        lambda: Trend.of(RECORD, GRID),
+        "`degree` must be 0 (levels) or 1 (straight lines). Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "trend of other channels": (
+        lambda: Trend.of([RECORD, es.Record(U, dt=1)]),
+        "all `records` must have the same channels. Got (inputs, outputs) = (0, 1), (1, 1).",
+    ),
+    "no trend of no record": (lambda: Trend.none("x"), "`record` must be a Record. Got 'x'."),
+    "trend from no record": (lambda: TREND.taken_from([1]), "`record` must be a Record. Got [1]."),
+    "trend from another record": (
+        lambda: TREND.taken_from(es.Record(U, dt=1)),
+        "`record` must have the channels of the trend, 1 input and 1 output. Got 0 and 1.",
+    ),
+    "model of no order": (
+        lambda: OutputError.of_parameters([1.0], na="x", nb=0, noise_variance=0.1, dt=1),
+        "`na` must be an integer of at least 0. Got 'x'.",
+    ),
+    "model of too few parameters": (
+        lambda: OutputError.of_parameters([1.0], na=1, nb=0, noise_variance=0.1, dt=1),
+        "`parameters` must be (d,) = (2,): na = 1, nb = 0, 1 input, 1 output. Got (1,).",
+    ),
+    "family at no number": (
+        lambda: DesignFamily([[1.0]], Q1=[[1.0]]).at([1.0]),
+        "`eta` must be a finite number. Got [1.0].",
+    ),
+    "family of no model": (lambda: DesignFamily.approach("x"), "`model` must be a StateSpace. Got 'x'."),
+    "error family of no model": (lambda: DesignFamily.approach_of_error(1), "`model` must be a StateSpace. Got 1."),
+    "each of no waveform": (
+        lambda: Waveform.each(Waveform.ramp(), "x"),
+        "`waveforms[1]` must be a Waveform. Got 'x'.",
+    ),
+    "each of none": (lambda: Waveform.each(), "`each` needs at least one waveform."),
+    "sum of no waveform": (lambda: Waveform.ramp() + 1, "`other` must be a Waveform. Got 1."),
+    "gains of no choice": (
+        lambda: es.alpha_beta_gains(["kalata"]),
+        "`choice` must be one of 'least_worst', 'kalata', 'benedict_bordner', 'critically_damped'. Got ['kalata'].",
+    ),
+    "tracker covariance beyond floats": (
+        lambda: es.alpha_beta_covariance(0.5, 0.1, dt=1e-300, sigma_a2=1.0, sigma_s2=1.0),
+        "the covariance is not finite for `dt` = 1e-300 s and these densities: choose other units.",
+    ),
+    "sensors of no size": (lambda: f16.short_period(sigma_q=[1]), "`sigma_q` must be a finite number. Got [1]."),
+    "loop of no gain": (lambda: f16.closed_loop([1.0]), "`gain` must be a finite number. Got [1.0]."),
+    "law of no flag": (
+        lambda: f16.law(integral=GRID),
+        "`integral` must be True or False. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "flight of no seed": (lambda: f16.flight(0.5, seed="x"), "`seed` must be an integer of at least 0. Got 'x'."),
+    "flight of no time": (
+        lambda: f16.drawn_flight(0.5, failure_time="x"),
+        "`failure_time` must be a finite number of seconds. Got 'x'.",
+    ),
+    "phasor of no frequencies": (
+        lambda: Phasor(1, ...),
+        "`frequencies` must be an array of real numbers. Got Ellipsis.",
+    ),
+    "second order of no number": (
+        lambda: Phasor.second_order([0.0], -1.0, 1.0),
+        "`in_phase` must be a finite number. Got [0.0].",
+    ),
+    "unknown inputs of no method": (
+        lambda: es.UnknownInput(MODEL, unknown=["u1"], method=GRID),
+        "`method` must be one of 'auto', 'feedthrough', ",
+    ),
+    "unknown inputs of no name": (
+        lambda: es.UnknownInput(MODEL, unknown=1j),
+        "`unknown` must be a list of input names or columns. Got 1j.",
+    ),
+    "parameters that are no prior": (
+        lambda: es.AdaptiveIdentification(CURVED, PRIOR, parameters=[1.0]),
+        "`parameters` must be a Prior. Got [1.0].",
+    ),
+    "a million orders": (lambda: es.LeastSquares(10**6, 0), "`na` must be at most 10000. Got 1000000."),
+    "a subspace of a million": (lambda: es.Subspace(10**6), "`order` must be at most 10000. Got 1000000."),
+    "orders of no number": (
+        lambda: es.select_order(RECORD, orders=[GRID]),
+        "`orders` must be an integer of at least 1. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "orders by the million": (
+        lambda: es.choose_orders(RECORD, na=range(10**6)),
+        "`na` must hold at most 1000 numbers to try.",
+    ),
+    "compare with no progress": (
+        lambda: es.compare([es.LeastSquares(1, 0)], RECORD, progress=GRID),
+        "`progress` must be a function: it is called with the name of a method, the number done and the total. Got an array",
+    ),
+    "fit_noise of no names": (
+        lambda: es.fit_noise(es.Kalman(MODEL), RECORD, prior=PRIOR, free=GRID),
+        "`free` must name covariances: 'Q', 'R'. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "fit_noise of no record": (
+        lambda: es.fit_noise(es.Kalman(MODEL), "x", prior=PRIOR),
+        "`record` must be a Record, or a list of them. Got 'x'.",
+    ),
+    "simulate at no step": (
+        lambda: es.simulate(MODEL, U, seed=0, dt=GRID),
+        "`dt` must be a finite number of seconds. Got an array of shape (2, 2) and dtype float64.",
+    ),
+    "simulate with no hold": (
+        lambda: es.simulate(MODEL, U, seed=0, hold=GRID),
+        "`hold` must be one of 'zero_order', 'first",
+    ),
+    "simulate a billion rows": (
+        lambda: es.simulate(es.StateSpace([[0.9]], Q=[[0.1]], R=[[0.1]], dt=1), seed=0, steps=10**9),
+        "`steps` must be at most 100000000. Got 1000000000.",
+    ),
+    "loop with no link": (
+        lambda: fly(input_link={}),
+        "`input_link` must be a link, such as BernoulliLink(0.8). Got {}.",
+    ),
+    "loops in no folder": (lambda: many(folder=re), "`folder` must be the name of a folder. Got <module 're'"),
+    "loops in a folder of no name": (
+        lambda: many(folder="a\0b"),
+        "`folder` must be a writable folder. Got 'a\\x00b': a character that is not allowed in a name.",
+    ),
+    "loops with no progress": (lambda: many(progress=GRID), "`progress` must be True or False. Got an array"),
+    "runs with no progress": (lambda: draws(progress=GRID), "`progress` must be True or False. Got an array"),
+    "runs by the billion": (lambda: draws(runs=10**10), "`runs` must be at most 100000000. Got 10000000000."),
+    "mean of no name": (lambda: RUNS.mean("erro"), "`name` must be 'error'. Got 'erro'. Did you mean 'error'?"),
+    "sigma of no name": (lambda: RUNS.sigma([1]), "`name` must be 'error'. Got [1]."),
+    "standard error of no name": (lambda: RUNS.standard_error(None), "`name` must be 'error'. Got None."),
+    "dither of no model": (
+        lambda: es.Dither.sized(LAW, 1, sigma=0.1, seconds=1.0, period=4, dt=0.1),
+        "`model` must be a StateSpace. Got 1.",
+    ),
+    "dither without end": (
+        lambda: es.Dither.sized(LAW, MODEL, sigma=0.1, seconds=1e12, period=4, dt=1),
+        "`seconds` must be at most 100,000,000 samples of `dt`. Got 1e+12 s of 1 s.",
+    ),
+    "dither of no sizes": (
+        lambda: es.Dither.sized(LAW, MODEL, sigma=0.1, seconds=9.0, period=4, dt=1, each=print),
+        "`each` must be an array of real numbers. Got <built-in function print>.",
+    ),
+    "a path of no length": (lambda: checks.existing_file("x" * 5000), "x" * 300 + "... does not exist."),
+    "names in a grid": (
+        lambda: es.StateSpace([[0.9]], dt=1, states=memoryview(GRID)),
+        "`states` must be a list of names, in order. Got <memory at",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SENTENCES)
+def test_other_things_get_a_sentence(name):
+    call, sentence = SENTENCES[name]
+    with pytest.raises(es.InputError, match="^" + re.escape(sentence)) as raised:
+        call()
+    assert len(str(raised.value)) <= 600
+
+
+def test_a_folder_is_named_by_text_or_a_path(tmp_path):
+    assert Folder(tmp_path / "a").path.is_dir()
+    assert Folder(str(tmp_path / "b")).path.is_dir()
+
+
+def test_orders_are_tried_from_one_integer_an_array_or_a_generator():
+    assert es.select_order(RECORD, orders=1, delays=[0]).order == 1
+    assert list(es.select_order(RECORD, orders=np.array([2, 1]), delays=np.array([0])).orders) == [1, 2]
+    assert list(es.select_order(RECORD, orders=(n for n in (1, 2)), delays=0).orders) == [1, 2]
