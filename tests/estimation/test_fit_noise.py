@@ -130,7 +130,7 @@ def test_a_wrong_call_is_refused_in_words():
         fit_noise(START, record, prior=PRIOR, free={"Q": [True, False]})
     with pytest.raises(InputError, match="'diagonal', 'scale', 'full'"):
         fit_noise(START, record, prior=PRIOR, free={"Q": "diag"})
-    with pytest.raises(InputError, match="`record` must hold at least one record"):
+    with pytest.raises(InputError, match=r"`record` must be a Record, or a list of them\. Got \[\]\."):
         fit_noise(START, [], prior=PRIOR)
     with pytest.raises(InputError, match="fit_noise needs an algorithm of a model with noises"):
         fit_noise(TRUE, record, prior=PRIOR)
