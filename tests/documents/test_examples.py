@@ -52,7 +52,8 @@ def test_the_readme_shows_the_two_commands():
     text = (ROOT / "README.md").read_text()
     assert "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock . && .venv/bin/estimable demo" in text
     tests = (
-        "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock '.[test]' && .venv/bin/python -m pytest"
+        "python3 -m venv .venv && .venv/bin/pip install -c requirements.lock '.[test]' && "
+        "PYTEST_ADDOPTS='-n 2' .venv/bin/python -m pytest\n"
     )
     assert tests in text
     assert "pytest$" in (ROOT / ".ci" / "run").read_text()
