@@ -46,7 +46,7 @@ def test_a_record_that_is_empty_or_not_there(run, tmp_path):
 
 def test_an_input_that_is_not_known(run, tmp_path, write_record):
     write_record(ROW, "0.01,0.3,0.0,")
-    check_refused(run, tmp_path, ["'elevator_deg'", "is not known"])
+    check_refused(run, tmp_path, ["'elevator_deg'", "is unknown at u[1]"])
 
 
 @pytest.mark.parametrize(
