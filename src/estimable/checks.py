@@ -3,6 +3,7 @@
 """The checks of all arguments. The faults of a call are collected and raised together, in the user's words."""
 
 import difflib
+import logging
 import math
 import numbers
 import os
@@ -20,8 +21,10 @@ from .errors import InputError
 Shape: TypeAlias = tuple[int, ...]
 Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # what an array is made of
 
+log = logging.getLogger("estimable.checks")
 ROUNDING = 1e-12  # largest asymmetry or negative eigenvalue of a covariance by rounding, relative to its size
 VARIANCE_ROUNDING = 16 * np.finfo(float).eps  # the same for a variance on the diagonal
+SINGLE = 8 * float(np.finfo(np.float32).eps)  # both for a covariance that comes in float32
 MOST_ROWS = 10**8  # of a simulation or a forecast, and most runs: 0.8 GB for each channel
 LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 HUGE = 1e150  # largest entry of a covariance: its square is a number
@@ -149,8 +152,10 @@ class Faults:
             )
             return None
         size = np.where(largest > 0, largest, 1.0)
+        single = getattr(value, "dtype", None) == np.float32
+        rounding, on_diagonal = (SINGLE, SINGLE) if single else (ROUNDING, VARIANCE_ROUNDING)
         skew = np.atleast_1d(np.abs(P - turned).max(axis=(-1, -2)))
-        if np.any(wrong := skew > ROUNDING * size):
+        if np.any(wrong := skew > rounding * size):
             at = np.argmax(wrong)
             self.add(
                 f"`{name}` must be symmetric: {f'at row {at} ' if P.ndim == 3 else ''}it differs from its transpose by "
@@ -160,13 +165,17 @@ class Faults:
         symmetric = P + (turned - P) / 2
         smallest = np.atleast_1d(np.linalg.eigvalsh(symmetric / size[..., None, None])[..., 0] * size)
         variance = np.atleast_1d(np.diagonal(symmetric, axis1=-2, axis2=-1).min(axis=-1))
-        if np.any(wrong := (smallest < -ROUNDING * size * n) | (variance < -VARIANCE_ROUNDING * size * n)):
+        if np.any(wrong := (smallest < -rounding * size * n) | (variance < -on_diagonal * size * n)):
             at = np.argmax(wrong)
             self.add(
                 f"`{name}` must be positive semidefinite: {f'at row {at} ' if P.ndim == 3 else ''}its smallest "
                 f"eigenvalue is {min(smallest[at], variance[at]):.6g}."
             )
             return None
+        if single and np.any(smallest < -ROUNDING * size * n):
+            log.warning("`%s` is float32, and indefinite by its rounding: eigenvalues below 0 were set to 0.", name)
+            values, vectors = np.linalg.eigh(symmetric)
+            return (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
         return symmetric
 
     def positive_definite(self, name: str, matrix: np.ndarray) -> bool:

@@ -60,6 +60,10 @@ def bind(
     faults.finish()
     model, names, rows = model_of(algorithm), algorithm.names, bank or record
     outputs = columns(names.outputs, record.outputs, "output", "y", faults)
+    if faults.sentences and record.y.shape[-2] == len(names.outputs) < record.y.shape[-1]:
+        faults.add(
+            f"`y` of the record has {len(names.outputs)} rows and {record.y.shape[-1]} columns: did you mean `y.T`?"
+        )
     inputs = columns(names.inputs, record.inputs, "input", "u", faults)
     if algorithm.has_state_prior:
         check_prior(prior, model, faults)
