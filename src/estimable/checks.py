@@ -7,6 +7,7 @@ import logging
 import math
 import numbers
 import os
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeGuard
@@ -30,6 +31,8 @@ LARGEST_ORDER = 10_000  # of a model: its matrices then have 1e8 entries
 HUGE = 1e150  # largest entry of a covariance: its square is a number
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LONGEST_PATH = 300  # characters of a path in a message
+LONGEST_NAME = 200  # characters of a channel's name
+DIRECTIONS = "\u200e\u200f\u061c" + "".join(map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A))))
 LISTED = 40  # most names in a message
 
 
@@ -270,6 +273,19 @@ class Faults:
         self.add(f"`{name}` must be {words}. Got {short(value)}.{suggestion(value, options)}")
         return False
 
+    def printable(self, argument: str, texts: Iterable[str]) -> None:
+        """Texts that a terminal, a page and a table can show, of at most `LONGEST_NAME` characters each."""
+        for text in texts:
+            if found := [character for character in text if _is_hidden(character)]:
+                self.add(
+                    f"`{argument}` must be plain text. {ascii(text)[:60]} has the character {found[0]!a}, which controls a "
+                    "terminal or the direction of writing, or cannot be stored: remove it."
+                )
+            elif len(text) > LONGEST_NAME:
+                self.add(
+                    f"`{argument}` must have at most {LONGEST_NAME} characters each. {short(text)} has {len(text):,}."
+                )
+
     def names(self, argument: str, given: Iterable[str] | None, axis: str, default: str) -> tuple[str, ...]:
         """Channel names: as many as the axis is long, each a nonempty string, without repetition."""
         size = self.sizes.get(axis)
@@ -287,6 +303,7 @@ class Faults:
             self.add(f"`{argument}` must be nonempty strings. Got {short(found)}.")
             return ()
         found = tuple(str(name) for name in found)
+        self.printable(argument, found)
         twice = sorted({name for name in found if found.count(name) > 1})
         if twice:
             self.add(f"`{argument}` names a channel twice: {listed(twice)}.")
@@ -295,6 +312,12 @@ class Faults:
             names = "1 name" if size == 1 else f"{size} names"
             self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
+
+
+def _is_hidden(character: str) -> bool:
+    """Whether it is a control character other than a tab, a mark of the direction of writing, or half of a surrogate pair."""
+    control = unicodedata.category(character) in ("Cs", "Cc") and character != "\t"
+    return control or character in DIRECTIONS
 
 
 def require(**arguments: tuple[Any, type | tuple[type, ...]]) -> None:

@@ -218,6 +218,7 @@ def _read_units(units: Units, channels: tuple[str, ...], faults: checks.Faults) 
     if not texts:
         faults.add(f"`units` must be a mapping of names to units, as in {{'speed': 'm/s'}}. Got {checks.short(units)}.")
         return ()
+    faults.printable("units", (unit for _, unit in pairs))
     unknown = [name for name, _ in pairs if name not in channels]
     if unknown:
         near = checks.suggestion(unknown[0], channels)
