@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from ..errors import EstimableError, InputError
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # its module differs between versions of typer
+LONGEST = 100  # characters of an argument in a message
 WRONG_CALL, OTHER, INTERRUPTED = 2, 1, 130
 
 
@@ -39,7 +40,7 @@ class Edge(TyperGroup):
 def _usage(error: Exception) -> str:
     """What is wrong with the options, and the help that describes them."""
     text = getattr(error, "format_message", error.__str__)
-    message = " ".join(text().split())
+    message = " ".join(word if len(word) <= LONGEST else f"{word[:LONGEST]}..." for word in text().split())
     message += "" if message.endswith((".", "?")) else "."
     context = getattr(error, "ctx", None)
     return message if context is None else f"{message} Try: {context.command_path} --help."

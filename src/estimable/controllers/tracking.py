@@ -86,9 +86,10 @@ class Tracking(Controller[Remembered]):
     def __post_init__(self):
         faults = checks.Faults()
         for name, least in (("na", 0), ("nb", 0), ("delay", 0), ("size", 1)):
-            faults.whole(name, getattr(self, name), least)
+            faults.whole(name, getattr(self, name), least, checks.LARGEST_ORDER)
         faults.choice("feedback", self.feedback, FEEDBACK)
         faults.choice("law", self.law, LAWS)
+        faults.finish()
         ratio = faults.number("noise_ratio", self.noise_ratio, lower=0.0)
         lower = faults.number("lower", self.lower, lower=0.0)
         reach = faults.number("reach", self.reach, above=0.0)

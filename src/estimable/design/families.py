@@ -10,6 +10,8 @@ from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..models.state_space import StateSpace
 
+FASTEST = 1e100  # largest η: its square is finite
+
 
 @frozen
 class DesignFamily:
@@ -73,10 +75,9 @@ class DesignFamily:
 
     def at(self, eta: float) -> tuple[Any, Any, Any]:
         """Q (n, n), S (n, m) and R (m, m) at one η."""
-        if not isinstance(eta, float):  # that of a search is
-            faults = checks.Faults()
-            eta = faults.number("eta", eta)
-            faults.finish()
+        faults = checks.Faults()
+        eta = faults.number("eta", eta, lower=-FASTEST, upper=FASTEST)
+        faults.finish()
         p = eta if self.dt is None else -np.exp(-eta * self.dt)
         return self.Q0 + p * self.Q01 + p**2 * self.Q1, self.S0 + p * self.S1, self.R
 

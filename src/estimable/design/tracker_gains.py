@@ -10,6 +10,7 @@ from ..models.state_space import StateSpace
 from ..results import TrackerChoices
 from .gains import kalman_gain
 
+LARGEST_INDEX = 1e70  # tracking index: its square, and the covariances, are then finite
 CHOICES = ("least_worst", "kalata", "benedict_bordner", "critically_damped")
 
 
@@ -135,10 +136,13 @@ def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> Tracke
         faults.number(name, value, above=0.0) for name, value in (("sigma_a2", sigma_a2), ("sigma_s2", sigma_s2))
     )
     faults.finish()
+    index = np.float64(dt) ** 2 * np.sqrt(σ_a2 / σ_s2)
+    if not 1 / LARGEST_INDEX < index < LARGEST_INDEX:
+        checks.refuse(f"the tracking index dt² (sigma_a2 / sigma_s2)^½ is {index:.3g}: choose other units.")
     noises = {"dt": dt, "sigma_a2": σ_a2, "sigma_s2": σ_s2}
     gains = {
         "kalman": _kalman(dt, σ_a2, σ_s2),
-        "kalata": _gains("kalata", dt**2 * np.sqrt(σ_a2 / σ_s2)),
+        "kalata": _gains("kalata", float(index)),
         "benedict_bordner": _best("benedict_bordner", noises),
         "critically_damped": _best("critically_damped", noises),
         "least_worst": _gains("least_worst"),

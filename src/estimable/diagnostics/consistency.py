@@ -54,7 +54,7 @@ def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: flo
     >>> nis(e, np.broadcast_to(np.eye(2), (1000, 2, 2))).consistent
     True
     """
-    e, S = _read("innovation", innovation, innovation_covariance, probability)
+    e, S, probability = _read("innovation", innovation, innovation_covariance, probability)
     p = e.shape[-1]
     e, S = e.reshape(-1, p), S.reshape(-1, p, p)
     judged = ~np.isnan(e) & (np.einsum("bii->bi", S) > 0)
@@ -79,7 +79,7 @@ def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> 
     >>> round(nees(np.ones((4, 1)), np.ones((4, 1, 1))).mean, 3)
     1.0
     """
-    error, covariance = _read("error", error, covariance, probability)
+    error, covariance, probability = _read("error", error, covariance, probability)
     if error.ndim != 2 or np.isnan(error).any() or np.isnan(covariance).any():
         checks.refuse("`error` must be (B, n), one row for each run. It and its covariance must not hold NaN.")
     squares, ranks = _squares(error, covariance)
@@ -88,10 +88,10 @@ def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> 
     return _against_chi_square(float(squares.sum()), len(squares), int(ranks.sum()), probability)
 
 
-def _read(name: str, values: Numbers, covariances: Numbers, probability: float) -> tuple[np.ndarray, np.ndarray]:
+def _read(name: str, values: Numbers, covariances: Numbers, probability: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Vectors (..., p), their covariances (..., p, p), and a probability between 0 and 1."""
     faults = checks.Faults()
-    faults.number("probability", probability, above=0.0, upper=1.0)
+    probability = faults.number("probability", probability, above=0.0, upper=1.0)
     read = []
     for argument, value in (
         (name, values),
@@ -103,7 +103,7 @@ def _read(name: str, values: Numbers, covariances: Numbers, probability: float) 
             f"`{name}` must be (..., p) and its covariance (..., p, p). Got {read[0].shape} and {read[1].shape}."
         )
     faults.finish()
-    return read[0], read[1]
+    return read[0], read[1], probability
 
 
 def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

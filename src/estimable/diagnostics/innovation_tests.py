@@ -72,7 +72,7 @@ def check_innovations(
     >>> str(diagnostics.check_innovations(result, drawn.record))
     'consistent with the model'
     """
-    e, u, inputs = _read(result, record, lags, false_alarm)
+    e, u, inputs, false_alarm = _read(result, record, lags, false_alarm)
     outputs = result.names.outputs
     lags = max(1, min(lags, len(e) // 4))
     tests = 1 + len(outputs) * (2 + len(inputs))
@@ -103,16 +103,16 @@ def checks_share(false_alarm: float, tests: int) -> float:
 
 def _read(
     result: Estimate, record: Record, lags: int, false_alarm: float
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], float]:
     faults = checks.Faults()
     faults.instance("result", result, Estimate)
     faults.instance("record", record, Record)
     faults.whole("lags", lags, 1)
-    faults.number("false_alarm", false_alarm, above=0.0, upper=1.0)
+    false_alarm = faults.number("false_alarm", false_alarm, above=0.0, upper=1.0)
     faults.finish()
     innovation, S = result.innovation, result.innovation_covariance
     if innovation is None or S is None:
         checks.refuse('`result` has no innovations with covariances. Make it by estimate(..., keep="all").')
     if len(record) != len(innovation):
         checks.refuse(f"`record` must be the record of the result, with {len(innovation)} rows.")
-    return standardised(innovation, S), np.asarray(record.applied(), float), tuple(record.inputs)
+    return standardised(innovation, S), np.asarray(record.applied(), float), tuple(record.inputs), false_alarm

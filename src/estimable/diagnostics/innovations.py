@@ -78,7 +78,7 @@ def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probabi
     True
     """
     series = _one(e, "e")
-    _check(lags, probability, len(series))
+    probability = _check(lags, probability, len(series))
     known = ~np.isnan(series)
     z = np.where(known, series, 0.0)
     steps = np.arange(1, lags + 1)
@@ -120,7 +120,7 @@ def cross_correlation(
     T = len(driving)
     if len(series) != T:
         checks.refuse(f"`e` and `u` must have the same length. Got {len(series)} and {T}.")
-    _check(lags, probability, len(series))
+    probability = _check(lags, probability, len(series))
     steps = np.arange(lags + 1)
     past = np.stack([np.concatenate([np.full(lag, np.nan), driving[: T - lag]]) for lag in steps], axis=1)
     rows = ~np.isnan(series) & ~np.isnan(past).any(axis=1)
@@ -158,13 +158,15 @@ def _one(values: Numbers, name: str) -> np.ndarray:
     return array
 
 
-def _check(lags: int, probability: float, T: int) -> None:
+def _check(lags: int, probability: float, T: int) -> float:
+    """`probability` as a float, checked with the number of lags."""
     faults = checks.Faults()
     faults.whole("lags", lags, 1)
-    faults.number("probability", probability, above=0.0, upper=1.0)
+    probability = faults.number("probability", probability, above=0.0, upper=1.0)
     if isinstance(lags, int | np.integer) and lags >= T:
         faults.add(f"`lags` must be less than the number of samples, {T}. Got {checks.short(lags)}.")
     faults.finish()
+    return probability
 
 
 def _judged(

@@ -96,7 +96,7 @@ class ChangeDetection(Wrapper[Watch]):
     def __post_init__(self):
         faults = checks.Faults()
         self._check_algorithm(faults)
-        faults.whole("length", self.length, 2)
+        faults.whole("length", self.length, 2, checks.LARGEST_ORDER)
         seconds = faults.number("seconds_between_false_alarms", self.seconds_between_false_alarms, above=0.0)
         persistence = faults.number("persistence", self.persistence, lower=1.0)
         faults.finish()

@@ -63,9 +63,10 @@ class SecondOrderKalman(JumpingGains[Belief]):
         faults = checks.Faults()
         faults.whole("iterations", self.iterations, 1)
         faults.choice("moments", self.moments, MOMENTS)
-        faults.choice("between", self.between, BETWEEN)
+        known = faults.choice("between", self.between, BETWEEN)
         if (
-            self.between == "map"
+            known
+            and self.between == "map"
             and getattr(self.model, "is_continuous", False)
             and not getattr(self.model, "substeps", 1)
         ):

@@ -14,6 +14,7 @@ from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select
 from ..frozen import frozen
+from ..identifiers.realised import check_lags
 from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
@@ -128,6 +129,9 @@ def _started(method: StartedIdentifier, records: list[Record], engine: str) -> F
 
 def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> Fit:
     """Run the recursion over the records, and validate the final model."""
+    faults = checks.Faults()
+    check_lags(method, records, faults)
+    faults.finish()
     method = method.for_channels(records[0].inputs, records[0].outputs)
     estimate, log_likelihood = _run(method, records, engine)
     θ, Σ = np.asarray(estimate.mean)[-1], np.asarray(estimate.covariance)[-1]

@@ -82,12 +82,13 @@ class AdaptiveIdentification(FilterIdentifier):
         faults.instance("state_prior", self.state_prior, Prior)
         if self.parameters is not None:
             faults.instance("parameters", self.parameters, Prior)
-        for name, words in (("start", STARTS), ("moments", MOMENTS), ("refinement", REFINEMENTS)):
-            faults.choice(name, getattr(self, name), words)
+        known = faults.choice("start", self.start, STARTS)
+        faults.choice("moments", self.moments, MOMENTS)
+        faults.choice("refinement", self.refinement, REFINEMENTS)
         if self.length is not None:
-            faults.whole("length", self.length, 2)
+            faults.whole("length", self.length, 2, checks.LARGEST_ORDER)
         accuracy = faults.number("accuracy", self.accuracy, above=0.0, upper=1.0)
-        if self.start == "none" and self.parameters is None:
+        if known and self.start == "none" and self.parameters is None:
             faults.add(
                 '`parameters` must be a Prior where start = "none": no linear model provides their initial values.'
             )

@@ -68,17 +68,19 @@ class MarkovParameters(Identifier):
         faults = checks.Faults()
         faults.whole("length", self.length, 0, checks.LARGEST_ORDER)
         faults.flag("offset", self.offset)
-        faults.choice("weighting", self.weighting, WEIGHTINGS)
+        known = faults.choice("weighting", self.weighting, WEIGHTINGS)
         r = self.noise_covariance
         if r is not None:
             r = faults.numbers("noise_covariance", r)
             r = None if r is None else faults.array("noise_covariance", np.atleast_2d(r), "p lags")
-            if self.weighting != "best":
+            if known and self.weighting != "best":
                 faults.add('`noise_covariance` belongs to weighting = "best": ordinary least squares does not use it.')
-            if r is not None and np.any(r[:, 0] <= 0):
-                faults.add(f"`noise_covariance` must begin with variances greater than 0. Got {r[:, 0].tolist()}.")
+            if r is not None and not (r.size and np.all(r[:, 0] > 0)):
+                faults.add(
+                    f"`noise_covariance` must begin with variances greater than 0. Got {checks.short(r[:, :1].ravel().tolist())}."
+                )
         whole("observer", self.observer, 1, faults)
-        if self.observer is not None and self.weighting != "observer":
+        if known and self.observer is not None and self.weighting != "observer":
             faults.add('`observer` belongs to weighting = "observer".')
         faults.finish()
         set_field(self, noise_covariance=r)

@@ -15,7 +15,7 @@ from ..models.output_error import OutputError
 from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares, OutputEquations
-from .realised import check_records
+from .realised import check_lags, check_records
 from .standing import validation_of
 
 ROUNDS = 200  # alternating weights and parameters, at most
@@ -74,6 +74,7 @@ class MinimumVariance(Identifier):
 
         first, faults = records[0], checks.Faults()
         check_records(records, faults)
+        check_lags(self, records, faults)
         faults.finish()
         ordinary = LeastSquares(self.na, self.nb, delay=self.delay)
         rows = ordinary.complete_rows(records)

@@ -17,6 +17,7 @@ from ..models.output_error import OutputError
 from ..protocols import StartedIdentifier
 from ..results import Fit
 from .one_output import OneOutput, Orders, fit_output
+from .realised import check_lags
 from .recursive_output_error import RecursiveOutputError
 from .uncertain_inputs import expected, fit_uncertain
 from .validation import validated
@@ -117,6 +118,7 @@ class OutputErrorML(StartedIdentifier):
     def check(self, records: Sequence[Record]) -> None:
         """Check that every output was seen at least once and has a noise variance."""
         faults, first = checks.Faults(), records[0]
+        check_lags(self, records, faults)
         if self.noise_variance is not None and len(self.noise_variance) != len(first.outputs):
             outputs = checks.counted(len(first.outputs), "output")
             faults.add(f"`noise_variance` must hold one for each of {outputs}. Got {len(self.noise_variance)}.")

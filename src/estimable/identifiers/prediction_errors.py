@@ -23,7 +23,7 @@ from ..results import Fit
 from .least_squares import LeastSquares
 from .one_output import FAR, marginal
 from .output_error_ml import block_diagonal, by_output, covariance
-from .realised import check_records
+from .realised import check_lags, check_records
 from .standing import validation_of
 
 LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
@@ -90,6 +90,7 @@ class PredictionError(Identifier):
         """The fit to records of equal channels and step."""
         faults, first = checks.Faults(), records[0]
         check_records(records, faults)
+        check_lags(self, records, faults)
         d = self.na + self.nc + len(first.inputs) * (self.nb + 1)
         for i, name in enumerate(first.outputs):
             seen = sum(int(record.seen[:, i].sum()) for record in records)

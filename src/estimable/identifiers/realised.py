@@ -1,6 +1,7 @@
 """Shared by the identifiers of state-space models: checks of records, the innovations form, and its impulse response."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,16 @@ def check_records(records: Sequence[Record], faults: checks.Faults) -> None:
     never = [name for i, name in enumerate(records[0].outputs) if not seen[:, i].any()]
     if never:
         faults.add(f"output {checks.listed(never)} was never seen: there is nothing to fit. Leave it out.")
+
+
+def check_lags(method: Any, records: Sequence[Record], faults: checks.Faults) -> None:
+    """Check that a record is longer than a model of these orders reaches back."""
+    lags, longest = max(method.na, method.nb + method.delay), max(len(record) for record in records)
+    if lags >= longest:
+        faults.add(
+            f"a model with na = {method.na}, nb = {method.nb} and delay = {method.delay} reaches {checks.counted(lags, 'row')} "
+            f"back, but the longest record has {longest}: lower the orders."
+        )
 
 
 def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:

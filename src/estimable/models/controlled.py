@@ -1,6 +1,5 @@
 """A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
-from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -227,7 +226,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
 
 def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
     """The events in order of time, checked against the model."""
-    if not isinstance(events, Sequence) or not all(isinstance(event, Failure | Change) for event in events):
+    if not isinstance(events, list | tuple) or not all(isinstance(event, Failure | Change) for event in events):
         faults.add(
             f"`events` must be a list of Failure(time, gain) and Change(time, model). Got {checks.short(events)}."
         )
