@@ -254,7 +254,7 @@ def _check_settings(
         faults.add("the model file has no section [gain]: give the prior of the gain there (mean, covariance).")
     if built.cls is UnknownInput and not settings.setdefault("unknown", file.unknown):
         faults.add(
-            "no unknown input is named: name it in section [unknown] of the model file (inputs), or by --unknown NAME."
+            "no unknown input is named: give `inputs` in section [unknown] of the model file, or --unknown NAME."
         )
     for key in _required(built):
         if key not in settings:

@@ -213,7 +213,10 @@ class Method:
 
 
 class Identifier(Method, ABC):
-    """A method for whole records: several experiments on one plant, with equal channels and step."""
+    """A method that fits a model to whole records: one, or several experiments on one plant.
+
+    Several records have the same channels and the same time step.
+    """
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
@@ -350,8 +353,11 @@ class SharedController(Controller[State]):
 
 @runtime_checkable
 class Link(Protocol):
-    """A carrier of packets over a network. `draws`: the uniform numbers of one instant; `acknowledged`: whether the sender
-    learns which packets arrived; `late`: "drop" or "use", for late packets."""
+    """A carrier of packets over a network.
+
+    `draws`: how many uniform random numbers it needs at each instant. `acknowledged`: whether the sender learns which packets
+    arrived. `late`: what the receiver does with a late packet, "drop" or "use".
+    """
 
     @property
     def draws(self) -> int:
@@ -378,7 +384,7 @@ class Link(Protocol):
 
 
 class Plant(ABC):
-    """A simulator that engines cannot trace: its loops run in Python, sample by sample.
+    """A simulator that the compiled engines cannot run: a closed loop with it runs in Python, sample by sample.
 
     `linear`: a `ControlledPlant` with its linear model, names, noises and limits.
     """

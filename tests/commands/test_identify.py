@@ -52,7 +52,7 @@ def test_bursts_and_other_plants(run):
         (("identify", "run.csv", "--method", "arx"), "no identifier 'arx'"),
         (("identify", "none.csv"), "none.csv does not exist"),
         (("identify", "run.csv", "--output", "z"), "z"),
-        (("identify", "run.csv", "--set", "na=1", "--set", "nb=1", "--set", "colour=1"), "has the settings"),
+        (("identify", "run.csv", "--set", "na=1", "--set", "nb=1", "--set", "colour=1"), "Its settings are"),
     ],
 )
 def test_what_is_wrong_is_said(run, drawn, arguments, sentence):

@@ -261,7 +261,7 @@ EDITED = {
     "a number that is written elsewhere": (
         PRIOR,
         lambda said, arrays: said.update(thing={"float": "1_0"}),
-        ["thing is the number '1_0', which `save` does not write."],
+        ["thing holds the text '1_0' as a number. `save` writes only 'nan', 'inf' and '-inf' as text."],
     ),
     "a dictionary of no pairs": (
         PRIOR,

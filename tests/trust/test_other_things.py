@@ -64,7 +64,7 @@ SENTENCES = {
     ),
     "efficiency of no bound": (
         lambda: diagnostics.efficiency([[1.0]], [[[0.0]]]),
-        "`bound` must be positive definite, for at least one run and one parameter. Got (1, 1, 1).",
+        "`bound` must be positive definite in every run.",
     ),
     "nis of text": (lambda: diagnostics.nis("x", [[[1.0]]]), "`innovation` must be an array of real numbers. Got 'x'."),
     "standardised of text": (

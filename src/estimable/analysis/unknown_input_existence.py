@@ -25,18 +25,19 @@ METHODS = {
 def unknown_input_existence(
     model: StateSpace, *, unknown: str | Sequence[str] | Sequence[int], seen: Numbers | Sequence[str] | None = None
 ) -> UnknownInputExistence:
-    """Whether the inputs named in `unknown` can be estimated from the outputs, before any data.
+    """Whether the inputs named in `unknown` can be estimated from the outputs. It needs the model only, no data.
 
     Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], with the columns `unknown` of B and D.
 
-    An input is known after L samples where rank M[L] = d + rank of M[L] without its first d columns, M[L] being the
-    block-Toeplitz map from inputs to outputs 0..L (Sain & Massey 1969, for a state known with finite variance). Errors
-    decay where every invariant zero lies inside the unit circle (strong detectability, Hautus 1983); the spectral
-    radius of the steady filter shows it.
+    Let d be the number of unknown inputs, and M[L] the block-Toeplitz map from them to the outputs 0..L. The input is known after
+    L samples if rank M[L] is d plus the rank of M[L] without its first d columns (Sain & Massey 1969, for a state known with
+    finite variance). Errors decay if every invariant zero lies inside the unit circle (strong detectability, Hautus 1983): then
+    the spectral radius of the steady filter is below 1.
 
     `unknown`: names, or column numbers. `seen` (T, p): which outputs of the next T samples arrive; `input_delay` is then the
-    delay after which the input of each sample is known, NaN for never. For a continuous model, derivatives replace samples, and
-    its zeros must lie in the open left half plane. A time-varying one has ranks, but no zeros.
+    delay after which the input of each sample is known, NaN for never. For a continuous model the
+    delay counts derivatives instead of samples, and the zeros must lie in the open left half plane. A time-varying model has
+    ranks, but no zeros.
 
     Cost: a few singular value decompositions; with `seen` about T of them, of size T d.
 

@@ -79,7 +79,10 @@ def _made(entry: "Entry", given: dict[str, Any]) -> Any:
     try:
         return entry.cls(*places, **rest)
     except TypeError:
-        checks.refuse(f"{entry.name} has the settings {checks.listed(fields)}. Got {checks.listed(given)}.")
+        checks.refuse(
+            f"the settings do not fit {entry.name}: one is missing or unknown. Its settings are {checks.listed(fields)}. Got "
+            f"{checks.listed(given)}."
+        )
 
 
 def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> WrittenFiles:

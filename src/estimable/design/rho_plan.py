@@ -104,7 +104,9 @@ def _read_part(
     if not isinstance(given, DesignFamily):
         return faults.array(name, given, axes)
     if (given.n, given.m) != sizes:
-        faults.add(f"`{name}` must be a family of (n, {axes.split()[0]}) = {sizes}. Got {(given.n, given.m)}.")
+        faults.add(
+            f"`{name}` must be a `DesignFamily` with n = {sizes[0]} and m = {sizes[1]}. Got n = {given.n} and m = {given.m}."
+        )
     return given
 
 

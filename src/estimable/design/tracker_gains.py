@@ -50,7 +50,8 @@ def alpha_beta_gains(choice: str, *, index: float | None = None, alpha: float | 
 
     "least_worst": Bass's, where ∂φ/∂β = 0 and ψ = α (β = 2 α² / (2 - α)). "benedict_bordner": β = α² / (2 - α) for the given
     `alpha`. "critically_damped": both poles equal, for the given `alpha`. "kalata": optimal for a target whose
-    acceleration is constant over each step, of tracking `index` = σ_accel dt² / σ_measurement.
+    acceleration is constant over each step; `index` is the tracking index σ_accel dt² / σ_measurement. φ and ψ are the factors of
+    the position's variance, φ σ_a² dt³ / 3 + ψ σ_s² / dt (`alpha_beta_covariance`).
 
     Raises `InputError` for a choice without its number, or a number outside its range.
 

@@ -28,21 +28,21 @@ def trans_kalman(
     weight: Numbers | None = None,
     free: Numbers | None = None,
 ) -> TransKalman:
-    """The constant gain with the least worst case over a set of noises, and a bound that proves it.
+    """The constant gain whose worst case over a set of noise covariances is smallest, and a bound that proves it.
 
     Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k], constant and discrete, without cross noise; cov w and cov v lie in the
-    convex hull of `noises`, a list of pairs (Q, R), its corners. None: the model's own Q and R, for which the gain is the Kalman
-    filter's.
+    convex hull of `noises`, a list of pairs (Q, R), its corners. With None the set is the model's own (Q, R), and the gain
+    is that of the Kalman filter.
 
-    `weight` W: of the error, (n, n), or (n,) for the one combination c'x; None: the identity, in the units of the states. With
-    one corner it has no effect: the Kalman gain is best for every W >= 0 at once. `criterion`: "relative_regret", the excess
-    cost over the Kalman filter that knows the noise, relative to its cost; "regret", the same in absolute units; "cost". `free`
-    (n, p) of bool: where the gain may be nonzero; None: everywhere.
+    `weight` W (n, n): the cost is tr W P, with P the covariance of the error. A vector c (n,) weights only the combination c'x.
+    None: the identity, in the units of the states. With one corner it has no effect: the Kalman gain is best for every W >= 0 at
+    once. `criterion`: "relative_regret", the excess cost over the Kalman filter that knows the noise, relative to its cost;
+    "regret", the same in absolute units; "cost". `free` (n, p), True or False: where the gain may be nonzero; None: everywhere.
 
-    All three are largest at a corner (the cost of a gain is linear in (Q, R), that of the Kalman filter concave), so the corners
-    cover the set. The minimax gain is the Kalman gain of a least favourable mixture of them, which is found and returned:
-    `worst` = `bound` proves that no constant gain does better. This does not hold for a sparse gain: the search is local, and
-    `bound` is that of a full gain.
+    Each of the three criteria is largest at a corner, because the cost of a gain is linear in (Q, R) and that of the Kalman
+    filter is concave. So it is enough to check the corners. The minimax gain is the Kalman gain of a least favourable mixture of
+    the corners; both are returned. `worst` equals `bound`, which proves that no constant gain does better. For a sparse gain
+    (`free`) this proof is lost: the search is local, and `bound` is that of a full gain.
 
     Raises `InputError` for wrong shapes, an empty set or invalid covariances; `AssumptionError` where a corner has no stationary
     Kalman filter, or no stabilising gain of this sparsity was found. Cost: some 10 to 100 Riccati equations; .1 s at n = 2 and

@@ -96,8 +96,10 @@ def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
     faults = checks.Faults()
     e, V = faults.array("error", error, "B d"), faults.array("bound", bound, "B d d")
     faults.finish()
-    if not e.size or not _definite(V):
-        checks.refuse(f"`bound` must be positive definite, for at least one run and one parameter. Got {V.shape}.")
+    if not e.size:
+        checks.refuse(f"`error` and `bound` must hold at least one run and one parameter. Got `error` {e.shape}.")
+    if not _definite(V):
+        checks.refuse("`bound` must be positive definite in every run.")
     squares = np.einsum("bi,bi->b", e, np.linalg.solve(V, e[..., None])[..., 0])
     ratio = np.mean(np.sum(e**2, axis=1)) / np.mean(np.trace(V, axis1=1, axis2=2))
     return Efficiency(float(ratio), float(np.mean(squares) / e.shape[1]), len(e))

@@ -77,4 +77,4 @@ def pass_over(engine: str, name: str, why: Exception) -> None:
     if isinstance(why, UnsupportedError):
         log.debug('engine = "%s" does not run %s: %s', engine, name, reason)
     else:
-        log.warning('engine = "%s" failed on %s, and the next one is tried: %s', engine, name, reason)
+        log.warning('engine = "%s" failed on %s (%s). The next engine is tried.', engine, name, reason)

@@ -29,15 +29,18 @@ class HoKalman(Identifier):
     Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], balanced: `fit.model`, without process noise.
 
     Assumes what `MarkovParameters` assumes: a stable plant whose response dies out within `length` steps, and a long record.
-    `realise` needs only 2 n Markov parameters, and is exact where they are. `Subspace` is better on short records.
+    `realise` needs only M_0 .. M_q, where q is at most 2 n. If these are exact, so is the model. `Subspace` is better on short
+    records.
 
-    Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20, or 2 n + 2); `weighting` of their fit:
-    "ordinary", "best" or "observer" (OKID).
+    Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20 or 2 n + 2, the larger); `weighting` of
+    their fit: "ordinary", "best" or "observer" (OKID).
 
-    `fit.parameters` are the model's own M_0 .. M_2n, which determine it for any choice of states. Their covariance follows from
-    that of the fitted parameters, to first order. A gap in `fit.extra["singular_values"]` of the Hankel matrix shows the order.
+    `fit.parameters` are the model's own M_0 .. M_2n. They determine the model whatever states are chosen. Their covariance
+    follows from that of the fitted parameters, to first order. A gap in `fit.extra["singular_values"]` of the Hankel matrix shows
+    the order.
 
-    Cost: that of `MarkovParameters`, and a singular value decomposition of half the length for each parameter.
+    Cost: that of `MarkovParameters`, and two singular value decompositions of a Hankel matrix with length / 2 block rows for
+    each parameter.
 
     Reference: B. L. Ho, R. E. Kálmán (1966); J.-N. Juang, R. S. Pappa (1985).
 

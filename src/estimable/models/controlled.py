@@ -40,7 +40,8 @@ class Failure:
 class Change:
     """From `time` [s] on the plant follows `model`, starting from its current state.
 
-    An `OutputError` instead of a `StateSpace` changes the parameters of one and uses its past outputs and inputs.
+    `model` is a `StateSpace`. If the plant is an `OutputError`, give an `OutputError`: the parameters change, and the past
+    outputs and inputs stay.
 
     >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
     [[0.5]]

@@ -159,8 +159,11 @@ class SmoothedEstimate(Shown):
 
 @frozen
 class Forecast(Kept):
-    """The result of `forecast`: row i is the i-th sample after the record. `output` (steps, p), its covariance with the
-    measurement noise; states and gains as in `Estimate`."""
+    """The result of `forecast`: row i is the i-th sample after the record.
+
+    `output` (steps, p): the predicted outputs. `output_covariance` includes the measurement noise. States and gains are as in
+    `Estimate`.
+    """
 
     info: Annotated[Info, "T"]
     t: Annotated[Any, "T"]

@@ -43,10 +43,10 @@ class Interval:
 
 @frozen
 class Info:
-    """The report of an algorithm after one sample, in the user's units; None where it does not apply.
+    """The report of an algorithm after one sample, in the user's units; a field that does not apply is None.
 
     `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans the directions still undetermined.
-    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`. `gain_quantiles` (p, 5) at .025, .16, .5, .84
+    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`. `gain_quantiles` (g, 5) at .025, .16, .5, .84
     and .975, and `jump_probability`, that a gain has jumped undetected, for algorithms whose gains are not Gaussian. `extra`:
     results specific to this algorithm, by name.
     """
@@ -109,7 +109,8 @@ class Outcome(NamedTuple):
 class Names(NamedTuple):
     """The names of the columns of a result, and the units of its channels, where given.
 
-    Row k of an unknown input is that of row k - `input_delay`; `note` says which samples a row uses, where that is not obvious.
+    Row k of a result holds the unknown input of row k - `input_delay`. `note` says which samples a row uses, where that is not
+    obvious.
     """
 
     states: tuple[str, ...]

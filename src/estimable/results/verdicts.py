@@ -35,17 +35,18 @@ class Assessment:
 class Estimability(Assessment):
     """The result of `estimability`. Directions are rows (.., n) in the model's own states, of norm 1.
 
-    `verdict` "yes", "no" or "borderline" (rounding could decide) for the one-step predictor, and `estimable` whether it
-    is "yes"; `filter_verdict` for the filter, which also uses the present output.
-    `directions`: those about which past outputs carry no information (`filter_directions`: nor the present one);
-    `known_directions`: those without variance from the start.
-    `singular_values` (n,): of the covariances of the state with all past outputs, in the states' units; constant model in
-    steady state: of [F N, F² N, .., F^n N]. `distance`: relative size of the smallest change found that hides a direction;
-    a verdict is "no" below `tolerance[0]`, "borderline" below `tolerance[1]`.
+    `verdict` is "yes", "no" or "borderline" (rounding could decide), for the one-step predictor. `estimable` is True if it is
+    "yes". `filter_verdict` is the same for the filter, which also uses the present output.
+    `directions`: combinations of states about which past outputs carry no information. `filter_directions`: those about which
+    the present output carries none either. `known_directions`: those whose prior variance is zero.
+    `singular_values` (n,): of the matrix of covariances between the state and all past outputs, in the states' units. For a
+    constant discrete model in steady state, without cross noise, that is [F N, F² N, .., F^n N] with F = A and N = Π C'.
+    `distance`: relative size of the smallest change of the model found that hides a direction. A verdict is "no" below
+    `tolerance[0]`, "borderline" below `tolerance[1]`.
     `squared_correlations` (r,), ascending: eigenvalues of (Π - P, Π), the squared canonical correlations of state and past
     outputs, without units; `correlation_directions` (r, n) are the corresponding directions, the least known first.
-    `variance_reduction` (n,): the relative reduction of each state's variance, 0 to 1; `filter_variance_reduction`.
-    `prior_covariance` Π and `covariance` P (n, n); `horizon`: steps (seconds where dt = 0), None in steady state.
+    `variance_reduction` (n,): the relative reduction of each state's variance, 0 to 1. `filter_variance_reduction`: the same
+    for the filter. `prior_covariance` Π and `covariance` P (n, n); `horizon`: steps (seconds where dt = 0), None in steady state.
     """
 
     states: Annotated[tuple[str, ...], "n"] = static(default=())
@@ -76,12 +77,13 @@ class Estimability(Assessment):
 class Regulability(Assessment):
     """The result of `regulability`; the fields of `Estimability`, for the dual problem.
 
-    `verdict`, and `regulable` whether it is "yes"; `directions` (.., n): states x0 from which control cannot lower the
-    cost; `known_directions`: those without a cost from the start. `prior_covariance` (n, n): the cost without control is
-    x0' Ψ x0; `covariance`: with the optimal control. `variance_reduction` (n,): the relative reduction of the cost of each state
-    alone; `squared_correlations`, `correlation_directions`: the same for the directions, from the least reduction to the
-    largest. `singular_values`: of [F'S, F'²S, .., F'^n S] in steady state, S = Ψ G.
-    The `filter_` fields refer to the cost-to-go before the first control acts, (F', S).
+    `verdict` is "yes", "no" or "borderline", and `regulable` is True if it is "yes". `directions` (.., n): states x0 from which
+    control cannot lower the cost. `known_directions`: states x0 that cost nothing even without control.
+    `prior_covariance` Ψ (n, n): the cost without control is x0' Ψ x0. `covariance` (n, n): the same matrix for the cost with the
+    optimal control. `variance_reduction` (n,): the share of its cost that control saves, for each state alone.
+    `squared_correlations`: that share for each of `correlation_directions`, the smallest first. `singular_values`: in steady
+    state those of [F'S, F'²S, .., F'^n S], with F = A and S = Ψ B.
+    The `filter_` fields refer to the cost-to-go before the first control acts: the pair is (F', S).
     """
 
     states: Annotated[tuple[str, ...], "n"] = static(default=())
@@ -154,9 +156,10 @@ class Observability(_Structure):
 
 @frozen
 class Reachability(_Structure):
-    """The result of `reachability`. `directions` (k, n): combinations g'x that nothing moves, of norm 1.
+    """The result of `reachability`. `directions` (k, n): vectors g of norm 1 such that the inputs do not move g'x.
 
-    The fields are those of `Observability`, for (A, B): `reachable`, and `stabilisable`, whether the unmoved part dies out.
+    With `by="noise"` the noise replaces the inputs. The other fields are as in `Observability`, for (A, B). `reachable` replaces
+    `observable`, and `stabilisable` replaces `detectable`: whether the part that is not moved dies out.
     `gramian` (n, n): the covariance due to unit white inputs.
     """
 

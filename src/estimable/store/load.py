@@ -81,7 +81,9 @@ class Reader:
 
     def _float(self, text: str, where: str) -> float:
         if text not in ("nan", "inf", "-inf"):
-            checks.refuse(f"{where} is the number {text!r}, which `save` does not write.")
+            checks.refuse(
+                f"{where} holds the text {text!r} as a number. `save` writes only 'nan', 'inf' and '-inf' as text."
+            )
         return float(text)
 
     def _tuple(self, items: list, where: str) -> tuple:
