@@ -91,3 +91,10 @@ def test_help_loads_neither_pandas_nor_plotly_nor_scipy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_a_long_argument_is_shortened_in_the_message(run):
+    answer = run("gain", "flight.csv", "--model", "model.toml", "x" * 5000)
+    assert answer.code == 2
+    assert "x" * 90 in answer.stderr
+    assert len(answer.stderr) < 600

@@ -193,6 +193,58 @@ SENTENCES = {
     ),
     "a million orders": (lambda: es.LeastSquares(10**6, 0), "`na` must be at most 10000. Got 1000000."),
     "a subspace of a million": (lambda: es.Subspace(10**6), "`order` must be at most 10000. Got 1000000."),
+    "orders beyond the record": (
+        lambda: es.identify(es.OutputErrorML(3000, 0), RECORD),
+        "a model with na = 3000, nb = 0 and delay = 0 reaches 3000 rows back, but the longest record has 30: lower the orders.",
+    ),
+    "a recursion beyond the record": (
+        lambda: es.identify(es.RecursiveOutputError(30, 0, noise_variance=0.1), RECORD),
+        "a model with na = 30, nb = 0 and delay = 0 reaches 30 rows back",
+    ),
+    "a change sought without end": (
+        lambda: es.ChangeDetection(es.UnknownGain(MODEL, es.Prior([1.0], [[0.0]])), jump=1.0, length=10**9),
+        "`length` must be at most 10000. Got 1000000000.",
+    ),
+    "a horizon without end": (
+        lambda: es.estimability(MODEL, horizon=10**9),
+        "`horizon` may be at most 1000000 steps with 1 state. Got 1000000000.",
+    ),
+    "iterations without end": (
+        lambda: es.ExtendedKalman(CURVED, iterations=10**9),
+        "`iterations` must be at most 100. Got 1000000000.",
+    ),
+    "a delay without end": (
+        lambda: OutputError([-0.5], [1.0], delay=10**9, noise_variance=0.1, dt=1),
+        "`delay` must be at most 10000. Got 1000000000.",
+    ),
+    "family beyond floats": (
+        lambda: DesignFamily([[1.0]], Q1=[[1.0]]).at(1e300),
+        "`eta` must be at most 1e+100. Got 1e+300.",
+    ),
+    "tracker choices beyond floats": (
+        lambda: es.alpha_beta_choices(dt=1e300, sigma_a2=1.0, sigma_s2=1.0),
+        "the tracking index dt² (sigma_a2 / sigma_s2)^½ is inf: choose other units.",
+    ),
+    "responses without rows": (
+        lambda: es.MarkovParameters(3, weighting="best", noise_covariance=np.zeros((1, 0))),
+        "`noise_covariance` must begin with variances greater than 0. Got [].",
+    ),
+    "identification from no start": (
+        lambda: es.AdaptiveIdentification(CURVED, PRIOR, start=GRID),
+        "`start` must be one of ",
+    ),
+    "tracking by no law": (
+        lambda: es.Tracking(1, 0, law=GRID),
+        "`law` must be one of ",
+    ),
+    "moments between no samples": (
+        lambda: es.SecondOrderKalman(CURVED, between=GRID),
+        "`between` must be one of ",
+    ),
+    "events in a buffer": (
+        lambda: es.ControlledPlant(MODEL, events=memoryview(GRID)),
+        "`events` must be a list of Failure(time, gain) and Change(time, model). Got <memory at",
+    ),
     "orders of no number": (
         lambda: es.select_order(RECORD, orders=[GRID]),
         "`orders` must be an integer of at least 1. Got an array of shape (2, 2) and dtype float64.",
@@ -277,3 +329,15 @@ def test_orders_are_tried_from_one_integer_an_array_or_a_generator():
     assert es.select_order(RECORD, orders=1, delays=[0]).order == 1
     assert list(es.select_order(RECORD, orders=np.array([2, 1]), delays=np.array([0])).orders) == [1, 2]
     assert list(es.select_order(RECORD, orders=(n for n in (1, 2)), delays=0).orders) == [1, 2]
+
+
+def test_a_probability_is_any_number():
+    exact = diagnostics.nis([[1.0]], [[[1.0]]], probability=0.99)
+    assert diagnostics.nis([[1.0]], [[[1.0]]], probability=np.array(0.99)) == exact
+
+
+def test_a_lag_beyond_the_record_uses_every_sample():
+    whole = es.smooth(es.Kalman(MODEL), RECORD, prior=PRIOR)
+    lagged = es.smooth(es.Kalman(MODEL), RECORD, prior=PRIOR, lag=10**9)
+    np.testing.assert_allclose(lagged.mean, whole.mean, rtol=1e-9)
+    assert (lagged.used == len(RECORD) - 1).all()

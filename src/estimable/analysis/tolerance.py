@@ -7,6 +7,7 @@ from ..kernels.reach import DOUBTFUL, ZERO
 
 MOST_STATES = 500
 MOST_WORK = 3e11  # multiplications: some tens of seconds
+MOST_STEPS = 1_000_000  # each costs some 30 µs, whatever the number of states
 
 
 def judged(ratio: float) -> str:
@@ -29,6 +30,5 @@ def check_size(n: int, faults: checks.Faults, *, steps: int = 0) -> None:
         faults.add(
             f"`model` must have at most {MOST_STATES} states. Got {n}. Reduce it first, or analyse a part of it."
         )
-    elif steps * n**3 * 30 > MOST_WORK:
-        most = int(MOST_WORK / (30 * n**3))
-        faults.add(f"`horizon` may be at most {most} steps with {n} states. Got {steps}.")
+    elif steps > (most := min(MOST_STEPS, int(MOST_WORK / (30 * max(n, 1) ** 3)))):
+        faults.add(f"`horizon` may be at most {most} steps with {checks.counted(n, 'state')}. Got {steps}.")

@@ -137,7 +137,8 @@ def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> Tracke
         faults.number(name, value, above=0.0) for name, value in (("sigma_a2", sigma_a2), ("sigma_s2", sigma_s2))
     )
     faults.finish()
-    index = np.float64(dt) ** 2 * np.sqrt(σ_a2 / σ_s2)
+    with np.errstate(all="ignore"):
+        index = np.float64(dt) ** 2 * np.sqrt(np.float64(σ_a2) / σ_s2)
     if not 1 / LARGEST_INDEX < index < LARGEST_INDEX:
         checks.refuse(f"the tracking index dt² (sigma_a2 / sigma_s2)^½ is {index:.3g}: choose other units.")
     noises = {"dt": dt, "sigma_a2": σ_a2, "sigma_s2": σ_s2}

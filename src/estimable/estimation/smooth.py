@@ -69,6 +69,7 @@ def smooth(
         engine, info, code, at = _backwards(bound, rows, last, engine)
         used = np.full(last + 1, last)
     else:
+        lag = min(lag, last)
         engine, info = "xla", _lagged(bound.algorithm, rows, lag)
         at = np.argmax(info.outcome != 0)
         code, used = info.outcome[at], np.minimum(np.arange(last + 1) + lag, last)

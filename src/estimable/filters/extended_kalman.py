@@ -54,7 +54,7 @@ class ExtendedKalman(JumpingGains[Belief]):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("iterations", self.iterations, 1)
+        faults.whole("iterations", self.iterations, 1, nonlinear.MOST_ITERATIONS)
         faults.finish()
         nonlinear.check(self)
 

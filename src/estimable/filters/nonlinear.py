@@ -24,6 +24,8 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from .belief import Belief, believe, posterior, side_by_side
 from .input_noise import refuse_unknown_input
 
+MOST_ITERATIONS = 100  # of a linearisation at one sample: each is traced by itself
+
 
 def check(algorithm: Any) -> None:
     """The settings that the nonlinear filters share; sets `walk` to a covariance per second."""

@@ -61,7 +61,7 @@ class SecondOrderKalman(JumpingGains[Belief]):
 
     def __post_init__(self):
         faults = checks.Faults()
-        faults.whole("iterations", self.iterations, 1)
+        faults.whole("iterations", self.iterations, 1, nonlinear.MOST_ITERATIONS)
         faults.choice("moments", self.moments, MOMENTS)
         known = faults.choice("between", self.between, BETWEEN)
         if (

@@ -83,7 +83,7 @@ class UnknownInput(Smoothable[Any]):
         columns = unknown_columns(self.model, self.unknown, faults)
         known = faults.choice("method", self.method, METHODS)
         if self.delay is not None:
-            faults.whole("delay", self.delay, 0)
+            faults.whole("delay", self.delay, 0, checks.LARGEST_ORDER)
         faults.learn("d", len(columns), f"`unknown` names {checks.counted(len(columns), 'input')}")
         variance, walk = (_covariance(name, getattr(self, name), faults) for name in ("variance", "walk"))
         values = self.levels if self.levels is None else levels.read(self.levels, faults)

@@ -65,7 +65,7 @@ class NonlinearModel:
             G = faults.array("G", np.eye(faults.sizes["n"]) if G is None else G, "n q")
         parameter_names, θ = _read_parameters(self.parameters, faults)
         if self.substeps is not None:
-            faults.whole("substeps", self.substeps, 1)
+            faults.whole("substeps", self.substeps, 1, checks.LARGEST_ORDER)
         if dt == 0 and self.substeps is None:
             _need_solver(faults)
         if not faults.sentences:

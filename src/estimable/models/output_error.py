@@ -46,7 +46,7 @@ class OutputError(polynomials.Polynomials):
         faults = checks.Faults()
         b = faults.array("b", _raised(self.b, 3), "p m lags")
         a = faults.array("a", _raised(self.a, 2), "p na")
-        faults.whole("delay", self.delay, 0)
+        faults.whole("delay", self.delay, 0, checks.LARGEST_ORDER)
         dt = faults.number("dt", self.dt, above=0.0, unit="seconds")
         for axis, what in (("p", "an output"), ("m", "an input"), ("lags", "at least b0")):
             if faults.sizes.get(axis) == 0:
