@@ -235,8 +235,6 @@ WRONG = {
     "`model` has no input": {"model": StateSpace([[-1.0]], dt=0)},
     "must be rates per second, greater than 0 and increasing": {"eta": [2.0, 1.0]},
     r"`control` must be a `DesignFamily` with n = 2 and m = 1\. Got n = 1 and m = 1\.": {
-        
-    },
         "control": DesignFamily([[1.0]], Q0=[[1.0]])
     },
     r"`control`: \[\[Q, S\], \[S\.T, R\]\] must be positive semidefinite: at eta = 8": {
