@@ -161,11 +161,17 @@ def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults:
 def _check_prior_size(prior: Prior, model: StateSpace, faults: checks.Faults) -> None:
     """A prior of which double precision leaves nothing once the outputs were seen must be diffuse instead."""
     A, C, R = (np.asarray(M)[0] if np.ndim(M) == 3 else np.asarray(M) for M in (model.A, model.C, model.R))
+    noise = np.diagonal(R)
+    smallest = noise[noise > 0].min(initial=np.inf)
+    if (
+        np.abs(prior.covariance).max(initial=0.0) * (1.0 + np.vdot(C, C)) <= FLATTEST * smallest
+    ):  # so no output is near the limit
+        return
     with np.errstate(over="ignore"):
         later = np.abs(C @ A) / max(1.0, np.abs(A).sum(axis=1).max(initial=0.0))
         rows = np.maximum(np.abs(C), later) ** 2
         variance = np.atleast_2d(np.diagonal(np.asarray(prior.covariance), axis1=-2, axis2=-1)) @ rows.T
-        ratio = np.where((noise := np.diagonal(R)) > 0, variance / np.where(noise > 0, noise, 1.0), 0.0)
+        ratio = np.where(noise > 0, variance / np.where(noise > 0, noise, 1.0), 0.0)
     if ratio.max(initial=0.0) > FLATTEST:
         output = model.outputs[int(np.argmax(ratio.max(axis=0)))]
         faults.add(
