@@ -7,7 +7,6 @@ import logging
 import math
 import numbers
 import os
-import unicodedata
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeGuard
@@ -18,8 +17,8 @@ from jax.core import Tracer
 
 from .annotations import Numbers
 from .errors import InputError
+from .hints import is_hidden, remedy_of
 
-Shape: TypeAlias = tuple[int, ...]
 Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # what an array is made of
 
 log = logging.getLogger("estimable.checks")
@@ -32,7 +31,6 @@ HUGE = 1e150  # largest entry of a covariance: its square is a number
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LONGEST_PATH = 300  # characters of a path in a message
 LONGEST_NAME = 200  # characters of a channel's name
-DIRECTIONS = "\u200e\u200f\u061c" + "".join(map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A))))
 LISTED = 40  # most names in a message
 
 
@@ -138,7 +136,7 @@ class Faults:
         sizes += "," if len(axes) == 1 else ""
         because = "; ".join(dict.fromkeys(self.sources[a] for a in axes if a in self.sources))
         known = f" = ({sizes})" if sizes != symbols else ""
-        remedy = _remedy(name, shape, axes, wanted, core)
+        remedy = remedy_of(name, shape, axes, wanted, core)
         return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
 
     def covariance(self, name: str, value: Given, axes: str, *, leading: str | None = None) -> Any:
@@ -276,7 +274,7 @@ class Faults:
     def printable(self, argument: str, texts: Iterable[str]) -> None:
         """Texts that a terminal, a page and a table can show, of at most `LONGEST_NAME` characters each."""
         for text in texts:
-            if found := [character for character in text if _is_hidden(character)]:
+            if found := [character for character in text if is_hidden(character)]:
                 self.add(
                     f"`{argument}` must be plain text. {ascii(text)[:60]} has the character {found[0]!a}, which controls a "
                     "terminal or the direction of writing, or cannot be stored: remove it."
@@ -312,12 +310,6 @@ class Faults:
             names = "1 name" if size == 1 else f"{size} names"
             self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
-
-
-def _is_hidden(character: str) -> bool:
-    """Whether it is a control character other than a tab, a mark of the direction of writing, or half of a surrogate pair."""
-    control = unicodedata.category(character) in ("Cs", "Cc") and character != "\t"
-    return control or character in DIRECTIONS
 
 
 def require(**arguments: tuple[Any, type | tuple[type, ...]]) -> None:
@@ -396,25 +388,3 @@ def _is_finite_number(value: Numbers | None) -> TypeGuard[float]:
         return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))
     except OverflowError:
         return False
-
-
-def _remedy(name: str, shape: Shape, axes: list[str], wanted: tuple[int | None, ...], core: Shape) -> str:
-    """A likely correction of an array of a wrong shape, or an empty string."""
-
-    def fits(sizes: Shape) -> bool:
-        same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1
-        return len(sizes) == len(axes) and same and all(w in (None, g) for w, g in zip(wanted, sizes, strict=True))
-
-    if len(core) == 2 and 0 not in core and fits(core[::-1]):
-        return f" Did you mean `{f'np.swapaxes({name}, 1, 2)' if len(shape) == 3 else f'{name}.T'}`?"
-    if len(core) == 1 and len(axes) == 2 and axes[0] == axes[1] and 0 not in core and fits(core * 2):
-        return f" Did you mean `np.diag({name})`?"
-    if len(axes) == 1 and len(core) == 2 and 1 in core and fits((max(core),)):
-        return f" Did you mean `np.ravel({name})`?"
-    if len(core) >= len(axes):
-        return ""
-    return (
-        " A list is needed, as in [1.0].",
-        " A matrix is needed: write nested lists, as in [[1.0]].",
-        " A stack of matrices is needed: write nested lists, as in [[[1.0]]].",
-    )[len(axes) - 1]

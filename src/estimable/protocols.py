@@ -213,10 +213,7 @@ class Method:
 
 
 class Identifier(Method, ABC):
-    """A method that fits a model to whole records: one, or several experiments on one plant.
-
-    Several records have the same channels and the same time step.
-    """
+    """A method that fits a model to one record, or to several of one plant with the same channels and time step."""
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
@@ -353,11 +350,8 @@ class SharedController(Controller[State]):
 
 @runtime_checkable
 class Link(Protocol):
-    """A carrier of packets over a network.
-
-    `draws`: how many uniform random numbers it needs at each instant. `acknowledged`: whether the sender learns which packets
-    arrived. `late`: what the receiver does with a late packet, "drop" or "use".
-    """
+    """A carrier of packets over a network. `draws`: how many uniform random numbers it needs at each instant. `acknowledged`:
+    whether the sender learns which packets arrived. `late`: what happens to a late packet, "drop" or "use"."""
 
     @property
     def draws(self) -> int:
