@@ -2,7 +2,6 @@
 # pyright: reportUnnecessaryIsInstance=false
 """The checks of all arguments. The faults of a call are collected and raised together, in the user's words."""
 
-import difflib
 import logging
 import math
 import numbers
@@ -18,8 +17,8 @@ from jax.core import Tracer
 
 from .annotations import Numbers
 from .errors import InputError
+from .phrases import counted, first_index, limited, listed, remedy, short, suggestion
 
-Shape: TypeAlias = tuple[int, ...]
 Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # what an array is made of
 
 log = logging.getLogger("estimable.checks")
@@ -33,7 +32,6 @@ LARGEST = 2**63 - 1  # largest integer, also for a seed
 LONGEST_PATH = 300  # characters of a path in a message
 LONGEST_NAME = 200  # characters of a channel's name
 DIRECTIONS = "\u200e\u200f\u061c" + "".join(map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A))))
-LISTED = 40  # most names in a message
 
 
 class Faults:
@@ -58,7 +56,7 @@ class Faults:
     def finish(self) -> None:
         """Raise all collected faults together."""
         if self.sentences:
-            raise InputError(*self.sentences)
+            raise InputError(*limited(self.sentences))
 
     def learn(self, axis: str, size: int, source: str) -> None:
         """Set the size of an axis and its source, for messages."""
@@ -138,8 +136,8 @@ class Faults:
         sizes += "," if len(axes) == 1 else ""
         because = "; ".join(dict.fromkeys(self.sources[a] for a in axes if a in self.sources))
         known = f" = ({sizes})" if sizes != symbols else ""
-        remedy = _remedy(name, shape, axes, wanted, core)
-        return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
+        advice = remedy(name, shape, axes, wanted, core)
+        return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{advice}"
 
     def covariance(self, name: str, value: Given, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
@@ -292,9 +290,11 @@ class Faults:
         if given is None:
             return tuple(f"{default}{i + 1}" for i in range(size or 0))
         if isinstance(given, str):
-            self.add(f"`{argument}` must be a list of names. Got the string {given!r}. Did you mean [{given!r}]?")
+            self.add(
+                f"`{argument}` must be a list of names. Got the string {short(given)}. Did you mean [{short(given)}]?"
+            )
             return ()
-        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray | memoryview) and given.ndim != 1)
+        unordered = isinstance(given, Set | Mapping) or getattr(given, "ndim", 1) != 1
         if not isinstance(given, Iterable) or unordered:
             self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()
@@ -348,43 +348,6 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     return Path(path)
 
 
-def listed(names: Iterable[Any]) -> str:
-    """Names, as a list in a sentence."""
-    shown = [short(str(name) if isinstance(name, str) else name) for name in names]
-    more = f" and {len(shown) - LISTED} more" if len(shown) > LISTED else ""
-    return ", ".join(shown[:LISTED]) + more or "none"
-
-
-def counted(count: int, noun: str) -> str:
-    """'1 entry', '2 entries'."""
-    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
-    return f"{count} {noun if count == 1 else plural}"
-
-
-def suggestion(wrong: Any, options: Iterable[str]) -> str:
-    """' Did you mean ...?' if one of the options is similar, else an empty string."""
-    near = difflib.get_close_matches(wrong if isinstance(wrong, str) else short(wrong), list(options), n=1, cutoff=0.6)
-    return f" Did you mean {near[0]!r}?" if near else ""
-
-
-def short(value: Any) -> str:
-    """A given value, in at most 60 characters."""
-    try:
-        text = (
-            f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
-        )
-    except Exception:  # any exception of a user's class; integers of more than 4,300 digits have no text
-        text = f"a value of the type {type(value).__name__}"
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def first_index(mask: np.ndarray) -> str:
-    """Index of the first true entry, as a user writes it."""
-    index = tuple(int(i) for i in np.argwhere(mask)[0])
-    return str(index[0]) if len(index) == 1 else str(index)
-
-
 def is_traced(*values: Any) -> bool:
     """Whether JAX is tracing any of these values."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
@@ -396,25 +359,3 @@ def _is_finite_number(value: Numbers | None) -> TypeGuard[float]:
         return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))
     except OverflowError:
         return False
-
-
-def _remedy(name: str, shape: Shape, axes: list[str], wanted: tuple[int | None, ...], core: Shape) -> str:
-    """A likely correction of an array of a wrong shape, or an empty string."""
-
-    def fits(sizes: Shape) -> bool:
-        same = len({g for a, g in zip(axes, sizes, strict=False) if axes.count(a) > 1}) <= 1
-        return len(sizes) == len(axes) and same and all(w in (None, g) for w, g in zip(wanted, sizes, strict=True))
-
-    if len(core) == 2 and 0 not in core and fits(core[::-1]):
-        return f" Did you mean `{f'np.swapaxes({name}, 1, 2)' if len(shape) == 3 else f'{name}.T'}`?"
-    if len(core) == 1 and len(axes) == 2 and axes[0] == axes[1] and 0 not in core and fits(core * 2):
-        return f" Did you mean `np.diag({name})`?"
-    if len(axes) == 1 and len(core) == 2 and 1 in core and fits((max(core),)):
-        return f" Did you mean `np.ravel({name})`?"
-    if len(core) >= len(axes):
-        return ""
-    return (
-        " A list is needed, as in [1.0].",
-        " A matrix is needed: write nested lists, as in [[1.0]].",
-        " A stack of matrices is needed: write nested lists, as in [[[1.0]]].",
-    )[len(axes) - 1]
