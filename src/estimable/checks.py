@@ -2,11 +2,11 @@
 # pyright: reportUnnecessaryIsInstance=false
 """The checks of all arguments. The faults of a call are collected and raised together, in the user's words."""
 
-import difflib
 import logging
 import math
 import numbers
 import os
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeGuard
@@ -17,7 +17,7 @@ from jax.core import Tracer
 
 from .annotations import Numbers
 from .errors import InputError
-from .hints import is_hidden, remedy_of
+from .phrases import counted, first_index, limited, listed, remedy, short, suggestion
 
 Given: TypeAlias = Numbers | Sequence[Numbers] | Sequence[Sequence[Numbers]] | None  # what an array is made of
 
@@ -31,7 +31,7 @@ HUGE = 1e150  # largest entry of a covariance: its square is a number
 LARGEST = 2**63 - 1  # largest integer, also for a seed
 LONGEST_PATH = 300  # characters of a path in a message
 LONGEST_NAME = 200  # characters of a channel's name
-LISTED = 40  # most names in a message
+DIRECTIONS = "\u200e\u200f\u061c" + "".join(map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A))))
 
 
 class Faults:
@@ -56,7 +56,7 @@ class Faults:
     def finish(self) -> None:
         """Raise all collected faults together."""
         if self.sentences:
-            raise InputError(*self.sentences)
+            raise InputError(*limited(self.sentences))
 
     def learn(self, axis: str, size: int, source: str) -> None:
         """Set the size of an axis and its source, for messages."""
@@ -136,8 +136,8 @@ class Faults:
         sizes += "," if len(axes) == 1 else ""
         because = "; ".join(dict.fromkeys(self.sources[a] for a in axes if a in self.sources))
         known = f" = ({sizes})" if sizes != symbols else ""
-        remedy = remedy_of(name, shape, axes, wanted, core)
-        return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{remedy}"
+        advice = remedy(name, shape, axes, wanted, core)
+        return f"`{name}` must be ({symbols}){known}{': ' + because if because else ''}. Got {shape}.{advice}"
 
     def covariance(self, name: str, value: Given, axes: str, *, leading: str | None = None) -> Any:
         """`value` as a symmetric positive semidefinite float64 matrix (or a stack of them over time)."""
@@ -274,7 +274,7 @@ class Faults:
     def printable(self, argument: str, texts: Iterable[str]) -> None:
         """Texts that a terminal, a page and a table can show, of at most `LONGEST_NAME` characters each."""
         for text in texts:
-            if found := [character for character in text if is_hidden(character)]:
+            if found := [character for character in text if _is_hidden(character)]:
                 self.add(
                     f"`{argument}` must be plain text. {ascii(text)[:60]} has the character {found[0]!a}, which controls a "
                     "terminal or the direction of writing, or cannot be stored: remove it."
@@ -290,9 +290,11 @@ class Faults:
         if given is None:
             return tuple(f"{default}{i + 1}" for i in range(size or 0))
         if isinstance(given, str):
-            self.add(f"`{argument}` must be a list of names. Got the string {given!r}. Did you mean [{given!r}]?")
+            self.add(
+                f"`{argument}` must be a list of names. Got the string {short(given)}. Did you mean [{short(given)}]?"
+            )
             return ()
-        unordered = isinstance(given, Set | Mapping) or (isinstance(given, np.ndarray | memoryview) and given.ndim != 1)
+        unordered = isinstance(given, Set | Mapping) or getattr(given, "ndim", 1) != 1
         if not isinstance(given, Iterable) or unordered:
             self.add(f"`{argument}` must be a list of names, in order. Got {short(given)}.")
             return ()
@@ -310,6 +312,12 @@ class Faults:
             names = "1 name" if size == 1 else f"{size} names"
             self.add(f"`{argument}` must hold {axis} = {names}: {self.sources[axis]}. {got}")
         return found
+
+
+def _is_hidden(character: str) -> bool:
+    """Whether it is a control character other than a tab, a mark of the direction of writing, or half of a surrogate pair."""
+    control = unicodedata.category(character) in ("Cs", "Cc") and character != "\t"
+    return control or character in DIRECTIONS
 
 
 def require(**arguments: tuple[Any, type | tuple[type, ...]]) -> None:
@@ -338,43 +346,6 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         shown = str(path) if len(str(path)) <= LONGEST_PATH else f"{str(path)[:LONGEST_PATH]}..."
         refuse(f"{shown} is not a file." if os.path.exists(path) else f"{shown} does not exist.")
     return Path(path)
-
-
-def listed(names: Iterable[Any]) -> str:
-    """Names, as a list in a sentence."""
-    shown = [short(str(name) if isinstance(name, str) else name) for name in names]
-    more = f" and {len(shown) - LISTED} more" if len(shown) > LISTED else ""
-    return ", ".join(shown[:LISTED]) + more or "none"
-
-
-def counted(count: int, noun: str) -> str:
-    """'1 entry', '2 entries'."""
-    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
-    return f"{count} {noun if count == 1 else plural}"
-
-
-def suggestion(wrong: Any, options: Iterable[str]) -> str:
-    """' Did you mean ...?' if one of the options is similar, else an empty string."""
-    near = difflib.get_close_matches(wrong if isinstance(wrong, str) else short(wrong), list(options), n=1, cutoff=0.6)
-    return f" Did you mean {near[0]!r}?" if near else ""
-
-
-def short(value: Any) -> str:
-    """A given value, in at most 60 characters."""
-    try:
-        text = (
-            f"an array of shape {value.shape} and dtype {value.dtype}" if isinstance(value, np.ndarray) else repr(value)
-        )
-    except Exception:  # any exception of a user's class; integers of more than 4,300 digits have no text
-        text = f"a value of the type {type(value).__name__}"
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def first_index(mask: np.ndarray) -> str:
-    """Index of the first true entry, as a user writes it."""
-    index = tuple(int(i) for i in np.argwhere(mask)[0])
-    return str(index[0]) if len(index) == 1 else str(index)
 
 
 def is_traced(*values: Any) -> bool:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "estimable"
 FILES = sorted(SOURCE.rglob("*.py"))
 ROOMS = (  # each may know those before it
-    ("errors", "annotations", "frozen", "hints", "lazy", "precision", "checks", "packaged"),
+    ("errors", "annotations", "frozen", "lazy", "precision", "phrases", "checks", "packaged"),
     ("tables", "writing"),
     ("cache_folder",),
     ("engines/program",),

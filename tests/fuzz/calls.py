@@ -67,7 +67,7 @@ def called(baseline: Baseline, given: dict[str, Any]) -> Outcome:
 def limited(call: Callable[[], Outcome], folder: Path) -> Outcome:
     """The outcome of a call in a folder, ended after `SECONDS`."""
     signal.signal(signal.SIGALRM, _hang)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.setitimer(signal.ITIMER_REAL, SECONDS, 1.0)  # again, where a callback from C drops the exception
     try:
         with contextlib.chdir(folder), warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")

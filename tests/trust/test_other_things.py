@@ -245,6 +245,38 @@ SENTENCES = {
         lambda: es.ControlledPlant(MODEL, events=memoryview(GRID)),
         "`events` must be a list of Failure(time, gain) and Change(time, model). Got <memory at",
     ),
+    "the same fault of many orders": (
+        lambda: es.select_order(RECORD, orders="x" * 900),
+        "`orders` must be an integer of at least 1. Got 'x'.",
+    ),
+    "many different faults": (
+        lambda: es.select_order(RECORD, orders=[f"order {i}" for i in range(900)]),
+        "`orders` must be an integer of at least 1. Got 'order 0'.",
+    ),
+    "orders in a buffer": (
+        lambda: es.select_order(RECORD, delays=memoryview(GRID)),
+        "`delays` must be an integer of at least 0. Got <memory at",
+    ),
+    "a long string for names": (
+        lambda: es.StateSpace([[0.9]], dt=1, states="x" * 5000),
+        "`states` must be a list of names. Got the string 'xxxx",
+    ),
+    "names that are one number": (
+        lambda: es.StateSpace([[0.9]], dt=1, states=np.array(1.0)),
+        "`states` must be a list of names, in order. Got an array of shape () and dtype float64.",
+    ),
+    "a delay beyond floats": (
+        lambda: es.Trace(10**400),
+        "`delay` must be (T, c): 0 if in time, an integer number of steps if late, infinite if lost.",
+    ),
+    "a response to rows of two lengths": (
+        lambda: PLANT.response([[1.0], [1.0, 2.0]]),
+        "`u` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "a nonlinear model without a size": (
+        lambda: es.NonlinearModel(CURVED.f, CURVED.h, Q=[[0.1]], R=[[1.0]], dt=1, states=4.0),
+        "`states` must be a list of names, in order. Got 4.0.",
+    ),
     "orders of no number": (
         lambda: es.select_order(RECORD, orders=[GRID]),
         "`orders` must be an integer of at least 1. Got an array of shape (2, 2) and dtype float64.",
@@ -325,10 +357,16 @@ def test_a_folder_is_named_by_text_or_a_path(tmp_path):
     assert Folder(str(tmp_path / "b")).path.is_dir()
 
 
+def test_of_very_many_faults_the_others_are_counted():
+    with pytest.raises(es.InputError, match=r"There are \d+ more faults\.$"):
+        SENTENCES["many different faults"][0]()
+
+
 def test_orders_are_tried_from_one_integer_an_array_or_a_generator():
     assert es.select_order(RECORD, orders=1, delays=[0]).order == 1
     assert list(es.select_order(RECORD, orders=np.array([2, 1]), delays=np.array([0])).orders) == [1, 2]
     assert list(es.select_order(RECORD, orders=(n for n in (1, 2)), delays=0).orders) == [1, 2]
+    assert es.choose_orders(RECORD, na=np.int8(1), nb=0).best.na == 1
 
 
 def test_a_probability_is_any_number():

@@ -73,7 +73,7 @@ def _read(
 def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:
     """The orders or delays to try, in increasing order: one integer, or several."""
     values: list[Any] = [given]
-    if isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0:
+    if isinstance(given, Iterable) and getattr(given, "ndim", 1) == 1:
         values = list(islice(given, MOST + 1))
     if not values:
         faults.add(f"`{name}` must hold at least one number to try.")
@@ -82,7 +82,7 @@ def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Fau
         faults.whole(name, value, least, checks.LARGEST_ORDER)
     if len(values) > MOST:
         faults.add(f"`{name}` must hold at most {MOST} numbers to try.")
-    return sorted(values) if len(faults.sentences) == before else []
+    return sorted(int(value) for value in values) if len(faults.sentences) == before else []
 
 
 def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> tuple[int, float, float, float, float]:

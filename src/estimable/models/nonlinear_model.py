@@ -61,7 +61,7 @@ class NonlinearModel:
         Q, R = faults.covariance("Q", self.Q, "q q"), faults.covariance("R", self.R, "p p")
         names = _read_names(self, faults)
         G, noise_input = (None, self.G) if callable(self.G) else (self.G, None)
-        if noise_input is None and not faults.sentences:
+        if noise_input is None and "n" in faults.sizes and not faults.sentences:
             G = faults.array("G", np.eye(faults.sizes["n"]) if G is None else G, "n q")
         parameter_names, θ = _read_parameters(self.parameters, faults)
         if self.substeps is not None:

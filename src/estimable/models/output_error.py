@@ -127,7 +127,8 @@ class OutputError(polynomials.Polynomials):
         """
         faults = checks.Faults()
         faults.learn("m", self.m, f"the model has {checks.counted(self.m, 'input')}")
-        inputs = faults.array("u", np.asarray(u)[:, None] if np.ndim(u) == 1 else u, "T m")
+        given = faults.numbers("u", u)
+        inputs: Any = None if given is None else faults.array("u", given[:, None] if given.ndim == 1 else given, "T m")
         faults.finish()
         return np.stack(
             [kernel.response(a, b, self.delay, inputs) for a, b in zip(self.a, self.b, strict=True)], axis=1

@@ -35,7 +35,7 @@ class Trace:
         faults.choice("late", self.late, LATE)
         try:
             delay = np.asarray(self.delay, float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             delay = np.full((1, 1), np.nan)
         delay = delay[:, None] if delay.ndim == 1 else delay
         whole = np.isinf(delay) | (delay == np.floor(delay))

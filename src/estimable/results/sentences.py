@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
+from .. import checks, phrases
 
 DIRECTIONS = 4  # listed at most
 TERMS = 6  # of a direction, listed at most
@@ -106,7 +106,7 @@ def _and(names: tuple[str, ...]) -> str:
     >>> _and(("a",)), _and(("a", "b")), _and(("a", "b", "c"))
     ('a', 'a and b', 'a, b and c')
     """
-    if len(names) > checks.LISTED:
+    if len(names) > phrases.LISTED:
         return f"{len(names)} outputs"
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
