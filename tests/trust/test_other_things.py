@@ -198,8 +198,8 @@ SENTENCES = {
         "a model with na = 3000, nb = 0 and delay = 0 reaches 3000 rows back, but the longest record has 30: lower the orders.",
     ),
     "a recursion beyond the record": (
-        lambda: es.identify(es.RecursiveOutputError(30, 0, noise_variance=0.1), RECORD),
-        "a model with na = 30, nb = 0 and delay = 0 reaches 30 rows back",
+        lambda: es.identify(es.RecursiveOutputError(0, 100, noise_variance=0.1), RECORD),
+        "a model with na = 0, nb = 100 and delay = 0 reaches 100 rows back, but the longest record has 30: lower the orders.",
     ),
     "a change sought without end": (
         lambda: es.ChangeDetection(es.UnknownGain(MODEL, es.Prior([1.0], [[0.0]])), jump=1.0, length=10**9),
