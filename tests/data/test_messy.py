@@ -112,3 +112,12 @@ def test_periods_are_times():
     assert_array_equal(es.Record.from_pandas(table, outputs=["y"]).t, [0.0, 1.0, 2.0])
     column = table.reset_index(names="when")
     assert_array_equal(es.Record.from_pandas(column, outputs=["y"], time="when").t, [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("given", [{"dt": 0.1}, {"t": [0.0, 0.1, 0.2]}, {"t": [0.0, 0.1, 0.3]}, {}])
+def test_a_record_of_any_time_is_saved_and_loaded(given, tmp_path):
+    record = es.Record([1.0, 2.0, 3.0], **given)
+    es.save(tmp_path / "record.npz", {"whole": record, "part": record[1:]})
+    found = es.load(tmp_path / "record.npz")
+    assert (found["whole"].timed, found["part"].timed) == (record.timed, record.timed)
+    assert_array_equal(found["whole"].y, record.y)

@@ -56,7 +56,7 @@ class Record:
     held: Annotated[Any, "m"] = field(
         default=None, init=False
     )  # the input held by the actuator before row 0, if earlier rows were cut off
-    timed: bool = static(default=False, init=False)  # whether the step is that of `t` alone
+    timed: bool | None = static(default=None, init=False)  # True: the step is that of `t` alone
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -86,7 +86,7 @@ class Record:
             y, u, arrived = channels["y"], channels["u"], channels["arrived"]
         dt, t = _read_step(dt, t, 0 if y is None else len(y), faults)
         faults.finish()
-        timed = self.timed or (self.t is not None and self.dt is None)
+        timed = True if self.t is not None and self.dt is None else None
         set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, units=units, timed=timed, **names)
 
     @staticmethod
