@@ -6,15 +6,15 @@ from estimable import checks
 from fuzz import calls, command_line
 from fuzz.baselines import Baseline, baselines
 
-EACH = 40  # command lines of each command
+EACH = 10  # command lines of each command
 
 
 def test_wrong_calls_end_with_a_sentence():
     found = baselines()
     assert len(found) > 300
-    by_name = {one.name: one for one in found}  # one right call for each name, with two seeds
+    by_name = {one.name: one for one in found}  # one right call for each name
     faults = {}
-    for seed in (0, 1):
+    for seed in (0,):
         for name, one in by_name.items():
             outcome = calls.run(one, seed)
             if outcome.is_fault:
