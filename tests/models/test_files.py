@@ -44,7 +44,7 @@ def test_a_model_and_its_prior_are_read_back_to_the_last_bit(full, diffuse_prior
     [
         StateSpace([[0.5]], R=[[1.0]], dt=1),
         StateSpace([[0.5, 0.0], [0.1, 0.2]], R=np.eye(2), dt=0),
-        StateSpace([[0.1]], [[0.2]], R=[[0.3]], dt=0.1, states=["α"], inputs=['δ "e"\\'], outputs=["q [°/s]\n"]),
+        StateSpace([[0.1]], [[0.2]], R=[[0.3]], dt=0.1, states=["α"], inputs=['δ "e"\\'], outputs=["q [°/s]\t"]),
     ],
     ids=["no input", "two states", "names"],
 )
