@@ -6,7 +6,7 @@ from estimable import checks
 from fuzz import calls, command_line
 from fuzz.baselines import Baseline, baselines
 
-EACH = 10  # command lines of each command
+EACH = 8  # command lines of each command
 
 
 def test_wrong_calls_end_with_a_sentence():
