@@ -207,7 +207,7 @@ SENTENCES = {
     ),
     "a horizon without end": (
         lambda: es.estimability(MODEL, horizon=10**9),
-        "`horizon` may be at most 1000000 steps with 1 state. Got 1000000000.",
+        "`horizon` may be at most 200000 steps with 1 state. Got 1000000000.",
     ),
     "iterations without end": (
         lambda: es.ExtendedKalman(CURVED, iterations=10**9),
