@@ -348,6 +348,18 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     return Path(path)
 
 
+def depth(value: Any) -> int:
+    """Number of axes of a given array, of nested lists or of a number; -1 for rows of different lengths.
+
+    >>> depth(1.0), depth([[1.0]]), depth([[1.0], [2.0, 3.0]])
+    (0, 2, -1)
+    """
+    try:
+        return np.ndim(value)
+    except (ValueError, TypeError):
+        return -1
+
+
 def is_traced(*values: Any) -> bool:
     """Whether JAX is tracing any of these values."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))

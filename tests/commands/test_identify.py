@@ -136,3 +136,10 @@ def test_files_that_cannot_be_written_are_refused_before_anything_runs(run, leve
     answer = run(*level_run, "--out", "model.csv", "--report", "nowhere/r.html")
     assert answer.code == 2
     assert "--out must end in .toml" in answer.stderr
+
+
+def test_an_unknown_level_is_refused(run):
+    answer = run("identify", "flight.csv", "--method", "least-squares", "--input", "elevator_deg", "--output", "alpha_deg",
+                 "--level", "walk=-1")  # fmt: skip
+    assert answer.code == 2
+    assert "`level` must be one of 'mean', 'trend', 'none'. Got 'walk=-1'." in answer.stderr

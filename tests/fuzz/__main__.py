@@ -1,6 +1,7 @@
 """`python -m tests.fuzz --minutes 30`: wrong calls until the time is over, and each fault with its seed."""
 
 import argparse
+import resource
 import sys
 import time
 from collections import Counter
@@ -8,6 +9,8 @@ from collections.abc import Callable
 
 from . import calls, command_line
 from .baselines import baselines
+
+MEMORY = 12 << 30  # bytes of address space: a call that needs more is a fault, not the end of this process
 
 
 def main() -> int:
@@ -20,6 +23,7 @@ def main() -> int:
         "--only", default="", help="names that hold this text; the commands are called `estimable gain`"
     )
     given = options.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
     counts, faults = fuzz(given.only, given.seed, given.calls, given.minutes)
     for words, call in sorted(faults.items()):
         print(f"{call}: {words}")

@@ -207,7 +207,7 @@ SENTENCES = {
     ),
     "a horizon without end": (
         lambda: es.estimability(MODEL, horizon=10**9),
-        "`horizon` may be at most 1000000 steps with 1 state. Got 1000000000.",
+        "`horizon` may be at most 200000 steps with 1 state. Got 1000000000.",
     ),
     "iterations without end": (
         lambda: es.ExtendedKalman(CURVED, iterations=10**9),
@@ -276,6 +276,34 @@ SENTENCES = {
     "a nonlinear model without a size": (
         lambda: es.NonlinearModel(CURVED.f, CURVED.h, Q=[[0.1]], R=[[1.0]], dt=1, states=4.0),
         "`states` must be a list of names, in order. Got 4.0.",
+    ),
+    "a walk of two lengths": (
+        lambda: es.SecondOrderKalman(CURVED, parameters=PRIOR, walk=[[1.0], [1.0, 2.0]]),
+        "`walk` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "a reference of two lengths": (
+        lambda: fly(reference=[[1.0], [1.0, 2.0]]),
+        "`reference` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "a gain of two lengths": (
+        lambda: es.Failure(1.0, [[1.0], [1.0, 2.0]]),
+        "`gain` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "a noise variance of two lengths": (
+        lambda: OutputError([-0.5], [1.0], noise_variance=[[1.0], [1.0, 2.0]], dt=1),
+        "`noise_variance` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "limits of two lengths": (
+        lambda: es.ControlledPlant(MODEL, limits=[[1.0], [1.0, 2.0]]),
+        "`limits` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "an amplitude of two lengths": (
+        lambda: es.Dither(LAW, amplitude=[[1.0], [1.0, 2.0]], period=4, sigma=0.1),
+        "`amplitude` must be an array of real numbers. Got [[1.0], [1.0, 2.0]].",
+    ),
+    "a delay of two lengths": (
+        lambda: es.BernoulliLink([[1.0], [1.0, 0.5]]),
+        "`arrival` must be an array of real numbers. Got [[1.0], [1.0, 0.5]].",
     ),
     "orders of no number": (
         lambda: es.select_order(RECORD, orders=[GRID]),

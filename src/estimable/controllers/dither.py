@@ -57,7 +57,7 @@ class Dither(SharedController[Any]):
         faults.finish()
         m = self.controller.size
         faults.learn("m", m, f"the controller has {checks.counted(m, 'input')}")
-        given = [self.amplitude] * m if np.ndim(self.amplitude) == 0 else self.amplitude
+        given = [self.amplitude] * m if checks.depth(self.amplitude) == 0 else self.amplitude
         amplitude = faults.array("amplitude", given, "m")
         faults.whole("period", self.period, 2)
         if isinstance(self.period, int) and self.period % 2:

@@ -120,7 +120,7 @@ def _read(
 
 def _read_walk(walk: Numbers, disturbance: Waveform, faults: checks.Faults) -> Any:
     """The covariance per second of z, (q, q)."""
-    if np.ndim(walk) >= 2:
+    if checks.depth(walk) >= 2:
         return faults.covariance("walk", walk, "q q")
     given = np.asarray(walk)
     if given.dtype.kind in "fiu" and given.shape in ((), (disturbance.order,)):
@@ -142,7 +142,7 @@ def _read_freed(freed: Sequence[str] | Numbers | None, model: StateSpace, faults
 
 
 def _are_names(freed: Sequence[str] | Numbers) -> TypeGuard[Sequence[str]]:
-    return np.ndim(freed) == 1 and all(isinstance(name, str) for name in np.asarray(freed, object).tolist())
+    return checks.depth(freed) == 1 and all(isinstance(name, str) for name in np.asarray(freed, object).tolist())
 
 
 def _sampled(D: np.ndarray, dt: float) -> tuple[Any]:

@@ -189,7 +189,7 @@ def _weight(model: StateSpace, weight: Numbers | None, faults: checks.Faults) ->
     faults.learn("n", model.n, model.size_source)
     if weight is None:
         return np.eye(model.n)
-    if np.ndim(weight) == 1:
+    if checks.depth(weight) == 1:
         c = faults.array("weight", weight, "n")
         W = None if c is None else np.outer(c, c)
     else:

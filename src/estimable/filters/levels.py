@@ -22,7 +22,7 @@ def read(given: Numbers, faults: checks.Faults) -> Any:
     if np.size(values) == 0:
         faults.add("`levels` must hold at least one value.")
         return None
-    if np.ndim(values) == 1 and faults.sizes.get("d") == 1:
+    if checks.depth(values) == 1 and faults.sizes.get("d") == 1:
         given = [[value] for value in values]
     return faults.array("levels", given, "q d")
 

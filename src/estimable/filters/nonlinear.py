@@ -49,10 +49,10 @@ def check(algorithm: Any) -> None:
 def read_walk(self: Any, given: Numbers, faults: checks.Faults) -> Any:
     """A walk of the parameters as a covariance per second, (k, k), from one variance, k of them, or a covariance."""
     k = 0 if self.parameters is None else getattr(self.parameters, "size", 0)
-    if checks.is_traced(given) or np.shape(given) == (k, k):
+    if checks.is_traced(given) or (checks.depth(given) == 2 and np.shape(given) == (k, k)):
         return given if checks.is_traced(given) else faults.covariance("walk", given, "k k")
     faults.learn("k", k, f"{checks.counted(k, 'parameter')} {'is' if k == 1 else 'are'} estimated")
-    variances = faults.array("walk", [given] * k if np.ndim(given) == 0 else given, "k")
+    variances = faults.array("walk", [given] * k if checks.depth(given) == 0 else given, "k")
     if variances is not None and np.any(variances < 0):
         faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(given)}.")
     return None if variances is None else np.diag(variances)

@@ -105,6 +105,9 @@ def _read(
 
 def divided(records: Sequence[Record], split: float, level: str) -> Divided:
     """The records without their levels, and the first part of each."""
+    faults = checks.Faults()
+    faults.choice("level", level, tuple(LEVELS))
+    faults.finish()
     parts = [one.split(split)[0] if split < 1 else one for one in records]
     degree = LEVELS[level]
     trend = Trend.none(records[0]) if degree is None else Trend.of(parts, degree)

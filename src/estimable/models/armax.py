@@ -46,7 +46,7 @@ class ARMAX(EquationNoise):
         plant = self.plant
         faults = checks.Faults()
         faults.learn("p", plant.p, f"`a` has {checks.counted(plant.p, 'row')}")
-        c = faults.array("c", [self.c] if np.ndim(self.c) == 1 else self.c, "p nc")
+        c = faults.array("c", [self.c] if checks.depth(self.c) == 1 else self.c, "p nc")
         faults.finish()
         set_field(
             self, a=plant.a, b=plant.b, c=c, noise_variance=plant.noise_variance, dt=plant.dt, inputs=plant.inputs,

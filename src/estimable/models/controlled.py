@@ -27,7 +27,7 @@ class Failure:
     def __post_init__(self):
         faults = checks.Faults()
         time = faults.number("time", self.time, lower=0.0, unit="seconds")
-        gain = faults.array("gain", [self.gain] if np.ndim(self.gain) == 0 else self.gain, "m")
+        gain = faults.array("gain", [self.gain] if checks.depth(self.gain) == 0 else self.gain, "m")
         faults.finish()
         set_field(self, time=time, gain=gain)
 
@@ -207,7 +207,7 @@ def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
     if limits is None or checks.is_traced(limits):
         return limits
     m = faults.sizes.get("m", 1)
-    each = [[limit] * m for limit in np.asarray(limits, object)] if np.ndim(limits) == 1 else limits
+    each = [[limit] * m for limit in np.asarray(limits, object)] if checks.depth(limits) == 1 else limits
     read = faults.array("limits", each, "2 m")
     if read is not None and np.any(read[0] >= read[1]):
         faults.add(f"`limits` must be (smallest, largest), the first below the second. Got {checks.short(limits)}.")
@@ -219,7 +219,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
     if given is None or checks.is_traced(given):
         return given
     count = faults.sizes.get(size, 1)
-    steps = faults.array(name, [given] * count if np.ndim(given) == 0 else given, size)
+    steps = faults.array(name, [given] * count if checks.depth(given) == 0 else given, size)
     if steps is not None and np.any(steps <= 0):
         faults.add(f"`{name}` must be greater than 0. Got {checks.short(given)}.")
     return steps

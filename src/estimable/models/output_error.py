@@ -191,7 +191,7 @@ def read_variance(name: str, value: Numbers, faults: checks.Faults) -> Any:
     """Variances of the outputs, (p,); one number applies to each."""
     if checks.is_traced(value):
         return value
-    if np.ndim(value) == 0:
+    if checks.depth(value) == 0:
         number = faults.number(name, value, lower=0.0)
         return None if number is None else np.full(faults.sizes.get("p", 1), number)
     variances = faults.array(name, value, "p")

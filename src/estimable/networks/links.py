@@ -197,7 +197,7 @@ class DelayLink:
 def _read_probabilities(name: str, value: Numbers, faults: checks.Faults) -> Any:
     if checks.is_traced(value):
         return jnp.atleast_1d(jnp.asarray(value))
-    read = faults.array(name, [value] if np.ndim(value) == 0 else value, "channels")
+    read = faults.array(name, [value] if checks.depth(value) == 0 else value, "channels")
     if read is not None and (len(read) == 0 or np.any((read < 0) | (read > 1))):
         faults.add(f"`{name}` must be probabilities, from 0 to 1. Got {checks.short(value)}.")
         return None

@@ -62,7 +62,7 @@ class DisturbanceAccommodation:
             faults.add(f"`of_state` must be a prior of n = {n} states: the plant has as many. Got {of_state.size}.")
         faults.learn("q", q, f"the waveform has {checks.counted(q, 'state')}")
         given: Any = covariance
-        given = given * np.eye(q) if given is not None and np.ndim(given) == 0 else given
+        given = given * np.eye(q) if given is not None and checks.depth(given) == 0 else given
         V = np.zeros((q, q)) if given is None else faults.covariance("covariance", given, "q q")
         faults.finish()
         known = (

@@ -91,7 +91,7 @@ class GainInformation:
         faults = checks.Faults()
         faults.learn("p", len(self.gains), f"there {'are' if len(self.gains) > 1 else 'is'} "
                      f"{checks.counted(len(self.gains), 'gain')}")  # fmt: skip
-        wanted = faults.array("sigma", np.full(len(self.gains), sigma) if np.ndim(sigma) == 0 else sigma, "p")
+        wanted = faults.array("sigma", np.full(len(self.gains), sigma) if checks.depth(sigma) == 0 else sigma, "p")
         if wanted is not None and np.any(np.asarray(wanted) <= 0):
             faults.add(f"`sigma` must be greater than 0. Got {checks.short(sigma)}.")
         self._need_dither(faults)

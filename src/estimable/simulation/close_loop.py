@@ -227,7 +227,7 @@ def _check_call(
         check_prior(prior, inner, faults)
     step = _read_step(model, inner, dt, faults)
     _check_blocks(plant, controller, estimator, links, lost, faults)
-    given = np.asarray(reference)[:, None] if np.ndim(reference) == 1 else reference
+    given = np.asarray(reference)[:, None] if checks.depth(reference) == 1 else reference
     r = controller.references
     faults.learn("r", r, f"the controller follows {checks.counted(r, 'reference')}")
     followed = faults.array("reference", given, "T r")
