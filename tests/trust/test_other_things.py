@@ -305,6 +305,14 @@ SENTENCES = {
         lambda: es.BernoulliLink([[1.0], [1.0, 0.5]]),
         "`arrival` must be an array of real numbers. Got [[1.0], [1.0, 0.5]].",
     ),
+    "a nonlinear model without a state": (
+        lambda: es.NonlinearModel(CURVED.f, CURVED.h, Q=[[0.1]], R=[[1.0]], dt=1, states=[]),
+        "`states` must name at least one state.",
+    ),
+    "information of inputs beyond squares": (
+        lambda: es.gain_information(MODEL, [[1.0], [1e300]]),
+        "`u` must hold numbers of at most 1e+150, whose squares are finite.",
+    ),
     "orders of no number": (
         lambda: es.select_order(RECORD, orders=[GRID]),
         "`orders` must be an integer of at least 1. Got an array of shape (2, 2) and dtype float64.",

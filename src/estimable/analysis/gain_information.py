@@ -61,6 +61,9 @@ def gain_information(
     _check_prior("gain", gain, p, "gain", faults)
     inputs, seen, clock = _read_inputs(model, u, dt, faults)
     added = None if dither is None else faults.array("dither", dither, "T m")
+    for name, given_input in (("u", inputs), ("dither", added)):
+        if given_input is not None and np.abs(given_input).max(initial=0.0) > checks.HUGE:
+            faults.add(f"`{name}` must hold numbers of at most {checks.HUGE:g}, whose squares are finite.")
     faults.finish()
     blocks = gain_blocks.in_blocks(model, p, directions=given, feedthrough=passing)
     rows = _rows(sample(blocks, clock), inputs, added, seen, p)

@@ -176,6 +176,8 @@ def _read_names(model: NonlinearModel, faults: checks.Faults) -> dict:
                     f"`Q` must be (n, n) = ({len(states)}, {len(states)}) without `G`: noise then enters every state, "
                     f"and `states` names {len(states)}. Got {np.shape(model.Q)}."
                 )
+    elif model.states is not None and not faults.sentences:
+        faults.add("`states` must name at least one state.")
     inputs = faults.names("inputs", model.inputs, "m", "u")
     faults.learn("m", len(inputs), f"`inputs` names {len(inputs)}")
     return {"states": states, "inputs": inputs, "outputs": faults.names("outputs", model.outputs, "p", "y")}
