@@ -6,7 +6,17 @@ from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
 import estimable as es
-from estimable import BernoulliLink, JointOutputError, OutputError, Prior, Record, estimate_bank, identify, online
+from estimable import (
+    BernoulliLink,
+    InputError,
+    JointOutputError,
+    OutputError,
+    Prior,
+    Record,
+    estimate_bank,
+    identify,
+    online,
+)
 from estimable.frozen import replace
 from oracles.joint_output_error import joint_recursion
 
@@ -89,6 +99,17 @@ def test_it_is_the_belief_written_out_with_inputs_of_unknown_fate(lost):
     assert_allclose(path.mean, θ, rtol=1e-9, atol=1e-11)
     assert_allclose(path.covariance, P, rtol=1e-8, atol=1e-12)
     assert_allclose(path.innovation_covariance[:, 0, 0], S, rtol=1e-9)
+
+
+@pytest.mark.parametrize("lost", ["zero", "hold"])
+def test_a_second_record_resumes_whatever_the_actuator_does_without_a_packet(lost):
+    record = lossy(FIRST_ORDER, rows=60, lost=lost)
+    unknown = replace(record, arrived=np.where(np.arange(60)[:, None] % 2, record.arrived, np.nan))
+    one, two = (identify(small(arrival=0.8, lost=lost), [unknown] * count) for count in (1, 2))
+    assert np.all(two.sigma < one.sigma)
+    other = "hold" if lost == "zero" else "zero"
+    with pytest.raises(InputError, match=f'`lost` of the record is "{lost}", that of JointOutputError "{other}"'):
+        identify(small(arrival=0.8, lost=other), [unknown] * 2)
 
 
 def test_fates_that_are_told_are_not_guessed():

@@ -12,7 +12,7 @@ from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Info, Interval, Names, Sample, Stacked
 from .time_unit import check_time_unit
 
@@ -98,7 +98,8 @@ def _arrivals(
     algorithm: Algorithm[Any], record: Record, rows: Record, faults: checks.Faults
 ) -> tuple[np.ndarray, np.ndarray]:
     """The sent inputs, and whether they arrived as far as that is known."""
-    lost, name = getattr(algorithm, "lost", "zero"), type(algorithm).__name__
+    inner, name = algorithm.innermost, type(algorithm).__name__
+    lost = inner.lost if isinstance(inner, RecursiveIdentifier) else "zero"
     if record.lost != lost:
         faults.add(f'`lost` of the record is "{record.lost}", that of {name} "{lost}": they must be equal.')
     return rows.u, np.ones(rows.u.shape) if rows.arrived is None else rows.arrived
@@ -163,11 +164,10 @@ def _check_prior_size(prior: Prior, model: StateSpace, faults: checks.Faults) ->
     A, C, R = (np.asarray(M)[0] if np.ndim(M) == 3 else np.asarray(M) for M in (model.A, model.C, model.R))
     noise = np.diagonal(R)
     smallest = noise[noise > 0].min(initial=np.inf)
-    if (
-        np.abs(prior.covariance).max(initial=0.0) * (1.0 + np.vdot(C, C)) <= FLATTEST * smallest
-    ):  # so no output is near the limit
-        return
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        # no entry of `later` is larger than a row sum of C, so the variances are at most n + 1 times this
+        if np.abs(prior.covariance).max(initial=0.0) * np.vdot(C, C) * (model.n + 1) <= FLATTEST * smallest:
+            return
         later = np.abs(C @ A) / max(1.0, np.abs(A).sum(axis=1).max(initial=0.0))
         rows = np.maximum(np.abs(C), later) ** 2
         variance = np.atleast_2d(np.diagonal(np.asarray(prior.covariance), axis1=-2, axis2=-1)) @ rows.T
