@@ -1,6 +1,6 @@
 """Moving windows over a whole record: by a scan where possible; else every window is a separate run, in one bank."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -142,9 +142,22 @@ def _run_windows(engine: str, window: MovingWindow, a: int | None, prior: tuple,
         some = slice(begin, begin + at_once)
         cut = [jax.tree_util.tree_map(lambda leaf, some=some: leaf[some], part) for part in rows]
         algorithm, own_of_some = _cut(window.algorithm, a, some), _cut(own, own_axis, some)
-        ran, full = _full(engine, length, algorithm, own_of_some, cut, (a, 0, own_axis), kept, scanned)
+        windows = _Windows(engine, length, algorithm, own_of_some, cut, (a, 0, own_axis), kept)
+        ran, full = _full(windows, scanned)
         _write(infos, np.s_[some, length - 1 :], full)
     return ran, infos
+
+
+class _Windows(NamedTuple):
+    """All windows of `length` samples of some runs: the algorithm, its prior and the rows, with the axes of a bank."""
+
+    engine: str
+    length: int
+    algorithm: Algorithm[Any]
+    own: Prior
+    rows: list
+    axes: tuple
+    kept: Select
 
 
 def _write(whole: Tree, place: tuple[slice | np.ndarray, ...], part: Tree) -> None:
@@ -153,44 +166,27 @@ def _write(whole: Tree, place: tuple[slice | np.ndarray, ...], part: Tree) -> No
         leaf[place] = values
 
 
-def _full(
-    engine: str,
-    length: int,
-    algorithm: Algorithm[Any],
-    own: Prior,
-    rows: list,
-    axes: tuple,
-    kept: Select,
-    scanned: bool,
-):
+def _full(windows: _Windows, scanned: bool):
     """The engine that ran, and the reports of every full window of some runs: (runs, windows, ..)."""
+    engine, length, algorithm, own, rows, axes, kept = windows
     runs, T = rows[0].seen.shape[:2]
     if not scanned:
-        where = np.indices((runs, T - length + 1)).reshape(2, -1)
-        engine, info = _rerun(engine, length, algorithm, own, rows, axes, kept, where)
-        return engine, jax.tree_util.tree_map(lambda leaf: leaf.reshape(runs, -1, *leaf.shape[1:]), info)
+        ran, info = _rerun(windows, np.indices((runs, T - length + 1)).reshape(2, -1))
+        return ran, jax.tree_util.tree_map(lambda leaf: leaf.reshape(runs, -1, *leaf.shape[1:]), info)
     keep = "all" if kept is _all else "means"
     ran, info, again = window_scan.scan_bank(engine, algorithm, length, own, *rows, axes=axes, keep=keep)
     where = np.nonzero(again)
     if not len(where[0]):
         return ran, info
-    _, instead = _rerun(engine, length, algorithm, own, rows, axes, kept, np.array(where))
+    _, instead = _rerun(windows, np.array(where))
     info = jax.tree_util.tree_map(np.array, info)
     _write(info, where, instead)
     return ran, info
 
 
-def _rerun(
-    engine: str,
-    length: int,
-    algorithm: Algorithm[Any],
-    own: Prior,
-    rows: list,
-    axes: tuple,
-    kept: Select,
-    where: np.ndarray,
-):
+def _rerun(windows: _Windows, where: np.ndarray):
     """The engine that ran, and the reports of the windows that begin at (run, row) `where`, each as a separate run."""
+    engine, length, algorithm, own, rows, axes, kept = windows
     columns = sum(leaf[0, 0].size for leaf in jax.tree_util.tree_leaves(rows))
     at_once = max(1, NUMBERS // (length * columns))
     ran, parts = engine, []
