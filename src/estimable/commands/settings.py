@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import catalogue, checks
 from ..annotations import Tree
-from ..protocols import Algorithm
+from ..protocols import Algorithm, Wrapper
 
 WORD = re.compile(r"[A-Za-z_][\w.-]*")
 
@@ -43,7 +43,7 @@ def settings_in_force(algorithm: Algorithm[Any]) -> dict[str, Any]:
     >>> settings_in_force(MovingWindow(UnknownGain(model, Prior([1.0], [[0.3]]), walk=0.1), 5))
     {'algorithm': 'unknown-gain', 'length': 5, 'directions': 'one', 'walk': 0.1, 'forgetting': 1.0}
     """
-    wrapped = getattr(algorithm, "algorithm", None)
+    wrapped = algorithm.algorithm if isinstance(algorithm, Wrapper) else None
     outer = {} if wrapped is None else {"algorithm": catalogue.name_of(wrapped)}
     outer |= {name: _plain(getattr(algorithm, name)) for name in catalogue.settings_of(type(algorithm))}
     inner = {} if wrapped is None else settings_in_force(wrapped)

@@ -9,9 +9,10 @@ from .. import checks
 from ..annotations import Tree
 from ..data.record import Record
 from ..estimation.binding import model_of
+from ..filters.change_detection import ChangeDetection
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, GainAlgorithm, Wrapper
 from .contents import Section
 
 MOST = 8  # most rows of a matrix that are shown
@@ -39,9 +40,9 @@ def _algorithm(algorithm: Algorithm[Any]) -> Any:
         assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
         settings = _settings(one)
         settings += " (walk and forgetting apply only without detection)" if detects else ""
-        detects = hasattr(one, "seconds_between_false_alarms")
+        detects = isinstance(one, ChangeDetection)
         yield type(one).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
-        one = getattr(one, "algorithm", None)
+        one = one.algorithm if isinstance(one, Wrapper) else None
 
 
 def _settings(algorithm: Algorithm[Any]) -> str:
@@ -77,10 +78,8 @@ def record_items(record: Record) -> Any:
 def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
     for name, text in zip(model.states, _spreads(prior), strict=True):
         yield f"State {name}", text
-    inner: Any = algorithm
-    while not hasattr(inner, "gain") and hasattr(inner, "algorithm"):
-        inner = inner.algorithm
-    if hasattr(inner, "gain"):
+    inner = algorithm.innermost
+    if isinstance(inner, GainAlgorithm) and inner.gain is not None:
         for name, text in zip(inner.names.gains, _spreads(inner.gain), strict=True):
             yield "Gain" if name == "gain" else f"Gain {name}", text
 
