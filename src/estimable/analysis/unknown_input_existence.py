@@ -181,14 +181,14 @@ def _ranks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[
     """rank D, rank of [C B N, D], and the delay after which the input is known."""
     d = B.shape[1]
     N = null_space(D)
-    beside = np.hstack([product(C, product(B, N)), D])
+    both = np.hstack([product(C, product(B, N)), D])
     blocks, power = [D], B
     for L in range(len(A) + 1):
         if _is_determined(blocks, d):
-            return rank(D), rank(beside), L
+            return rank(D), rank(both), L
         blocks.append(product(C, power))
         power = product(A, power)
-    return rank(D), rank(beside), None
+    return rank(D), rank(both), None
 
 
 def _is_determined(blocks: list[np.ndarray], d: int) -> bool:

@@ -38,8 +38,6 @@ def _is_missing(entry: Any) -> bool:
 
 def without_wild(y: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """Outputs with NaN for values that overflow when they are squared; the first one is logged."""
-    if not y.size or (y.max() <= WILD and y.min() >= -WILD):  # NaN is neither
-        return y
     wild = np.abs(y) > WILD
     if not wild.any():
         return y

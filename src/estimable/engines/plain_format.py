@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..frozen import field_names
 from .program.primitives import UnsupportedError
 
 PLAIN = (type(None), bool, int, float, str)
@@ -124,9 +125,7 @@ def _is_record(kind: type) -> bool:
 
 
 def _fields(value: Any) -> tuple:
-    if isinstance(value, tuple):
-        return value
-    return tuple([getattr(value, field.name) for field in dataclasses.fields(value)])
+    return tuple([getattr(value, name) for name in field_names(type(value))])
 
 
 def _name(kind: type) -> str:
@@ -148,6 +147,6 @@ def _make(kind: Any, fields: Any) -> Any:
     if issubclass(kind, tuple):
         return kind(*fields)
     made = object.__new__(kind)
-    for field, value in zip(dataclasses.fields(kind), fields, strict=True):
-        object.__setattr__(made, field.name, value)
+    for name, value in zip(field_names(kind), fields, strict=True):
+        object.__setattr__(made, name, value)
     return made

@@ -76,11 +76,11 @@ def triangularise(*N: Float[Real, "n _"]) -> Float[Real, "n n"]:
     """
     n, k = len(N[0]), sum(part.shape[1] for part in N)
     if n <= SMALL or k < n:
-        return gram_schmidt(beside(N))
+        return gram_schmidt(side_by_side(N))
     return _triangularise(tuple(jnp.asarray(part) for part in N))
 
 
-def beside(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n k"]:
+def side_by_side(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n k"]:
     """The parts of N as one matrix."""
     return N[0] if len(N) == 1 else jnp.concatenate(N, axis=1)
 
@@ -92,14 +92,14 @@ def _triangularise(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
 
 @_triangularise.defjvp
 def _triangularise_jvp(values: tuple[Parts], tangents: tuple[Parts]) -> tuple[Real, Real]:
-    return _triangularise(*values), jax.jvp(lambda N: gram_schmidt(beside(N)), values, tangents)[1]
+    return _triangularise(*values), jax.jvp(lambda N: gram_schmidt(side_by_side(N)), values, tangents)[1]
 
 
 @jax.custom_batching.sequential_vmap
 def _by_library(N: tuple[Float[Real, "n _"], ...]) -> Float[Real, "n n"]:
     """`triangularise` by LAPACK, one matrix after another."""
     L, good = cholesky(reduce(jnp.add, map(gram, N)))                  # of a constant part, once
-    return lax.cond(jnp.all(good), lambda N, L: L, lambda N, L: householder(beside(N)), N, L)
+    return lax.cond(jnp.all(good), lambda N, L: L, lambda N, L: householder(side_by_side(N)), N, L)
 
 
 def cholesky(P: Float[Real, "n n"]) -> tuple[Float[Real, "n n"], Bool[Real, " n"]]:

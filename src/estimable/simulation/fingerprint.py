@@ -17,6 +17,7 @@ import jax
 import numpy as np
 
 from .. import __version__
+from ..frozen import field_names
 
 PLAIN = (type(None), bool, int, float, complex, str, bytes, Path)
 INSTALLED = tuple(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib"))
@@ -63,7 +64,7 @@ class _Words:
         if hasattr(thing, "__wrapped__"):
             return self._function(thing)
         if dataclasses.is_dataclass(thing):
-            return map(self.of, (type(thing), *(getattr(thing, field.name) for field in dataclasses.fields(thing))))
+            return map(self.of, (type(thing), *(getattr(thing, name) for name in field_names(type(thing)))))
         return self._other(thing)
 
     def _builtin(self, function: Any) -> Iterator[str]:
