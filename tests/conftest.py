@@ -1,5 +1,6 @@
 """Strict arithmetic for every test: no silent promotion; no engine fails unseen; and nothing is compiled twice in a run."""
 
+import gc
 import logging
 import os
 from pathlib import Path
@@ -34,6 +35,14 @@ def pytest_collection_modifyitems(items):
         place = item.path.relative_to(tests) if item.path.is_relative_to(tests) else None
         if place and (place.parts[0] in SLOW_FOLDERS or item.name.partition("[")[0] in SLOW.get(place.as_posix(), ())):
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_search_through_what_stays():
+    """JAX keeps what it traced, millions of objects: the garbage collector need not look at those of earlier files again."""
+    yield
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

@@ -24,11 +24,6 @@ SLOW = {
         "test_random_programs_of_floats_integers_and_bools_give_what_xla_gives",
     ),
     "engines/test_straight_line.py": ("test_every_entry_of_the_catalogue_gives_the_same",),
-    "estimation/test_fit_noise.py": (
-        "test_a_full_covariance_a_scale_and_a_walk_are_found",
-        "test_no_noise_levels_nearby_are_more_likely_and_the_errors_are_the_curvature",
-        "test_what_the_records_cannot_tell_apart_is_refused_with_its_direction",
-    ),
     "estimation/test_online_steps.py": ("test_machine_code_says_at_each_sample_what_xla_says",),
     "estimation/test_smooth.py": ("test_a_gain_that_walks_is_smoothed_with_its_state",),
     "filters/test_change_detection.py": (

@@ -119,6 +119,7 @@ _HOMES = {
     "rho_margin": "analysis.rho",
     "rho_synthesis": "design.rho_synthesis",
     "save": "store.save",
+    "score": "estimation.score",
     "select_order": "identification.select_order",
     "simulate": "simulation.simulate",
     "simulate_bank": "simulation.simulate",

@@ -49,6 +49,7 @@ from .estimation.estimate_bank import estimate_bank as estimate_bank
 from .estimation.fit_noise import fit_noise as fit_noise
 from .estimation.forecast import forecast as forecast
 from .estimation.online import online as online
+from .estimation.score import score as score
 from .estimation.smooth import smooth as smooth
 from .estimation.stack import stack as stack
 from .filters.alpha_beta import AlphaBeta as AlphaBeta

@@ -42,6 +42,13 @@ def scan_bank(
     return _first_able(engine, "scan_bank", algorithm, prior, samples, intervals, **options)
 
 
+def scan_in_blocks(
+    engine: str, algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, **options: Any
+) -> tuple[str, xla.Run]:
+    """A few runs of many rows; `use(outputs, first row)` takes the outputs of each block of rows. See `scan`."""
+    return _first_able(engine, "scan_in_blocks", algorithm, prior, samples, intervals, **options)
+
+
 def _first_able(engine: str, verb: str, algorithm: Stepping, *arguments: Any, **options: Any) -> tuple[str, xla.Run]:
     """The name and the run of the first engine that can run the step."""
     automatic = ("native", "xla") if jax.default_backend() == "cpu" else ("xla",)

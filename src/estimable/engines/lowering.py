@@ -1,5 +1,6 @@
 """A step of an algorithm lowered to a straight line of scalars, once for each algorithm, its shapes and selected outputs."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -63,15 +64,25 @@ class Written:
 
 
 def write(
-    algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, *, axes: tuple, keep: str, select: Select
+    algorithm: Stepping,
+    prior: Tree,
+    samples: Tree,
+    intervals: Tree,
+    *,
+    axes: tuple,
+    keep: str,
+    select: Select,
+    zeros: tuple[tuple[int, int], ...] | None = None,
 ) -> Written:
     """The step of a bank (see `xla.scan_bank`). Raises `UnsupportedError` where it cannot be lowered.
 
-    Where the work is long enough for another compilation, numbers of the algorithm that are zero in every run are constants.
+    `zeros`: (array, entry) of numbers of the algorithm that are constants, as they are zero in every run. None: all of them,
+    where the work is long enough for another compilation.
     """
     structure, shapes = example(algorithm, prior, samples, intervals, axes)
-    long = jax.tree_util.tree_leaves(samples)[0].size >= LONG
-    written = write_shapes(structure, shapes, keep, select, _zeros(algorithm, axes[0]) if long else ())
+    if zeros is None:
+        zeros = _zeros(algorithm, axes[0]) if jax.tree_util.tree_leaves(samples)[0].size >= LONG else ()
+    written = write_shapes(structure, shapes, keep, select, zeros)
     if isinstance(written, UnsupportedError):
         raise UnsupportedError(*written.args)
     return written
@@ -109,6 +120,14 @@ def _zeros(algorithm: Stepping, axis: int | None) -> tuple[tuple[int, int], ...]
     return tuple(
         (i, int(j)) for i, entries in enumerate(zero) if leaves[i].dtype == float for j in np.flatnonzero(entries)
     )
+
+
+def zero_arrays(algorithm: Stepping, axis: int | None) -> tuple[tuple[int, int], ...]:
+    """(array, entry) of the arrays that are zero as a whole, in every run."""
+    sizes = [np.size(leaf) // (1 if axis is None else len(leaf)) for leaf in jax.tree_util.tree_leaves(algorithm)]
+    zeros = _zeros(algorithm, axis)
+    count = Counter(i for i, _ in zeros)
+    return tuple((i, j) for i, j in zeros if count[i] == sizes[i])
 
 
 def _first(part: Tree, axis: int | None) -> Any:

@@ -12,16 +12,17 @@ from .batches import DTYPES, on_all_processors, shaped, sizes, words
 from .large import large_step
 from .llvm.compilation import Compiled
 from .llvm.scalar_loop import RowArray, ScalarLoop
-from .lowering import Written, batch, entries_read, example, write
+from .lowering import Written, batch, entries_read, example, write, zero_arrays
 from .program.primitives import BOOL, UnsupportedError
 from .program.straight_line import Program
 from .program.totals import COUNTS, totalled
-from .step import Samples, Select, Stepping
+from .step import Samples, Select, Stepping, Use
 from .time_varying import laid_out
 from .xla import Run
 
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
 FEW = 64  # rows, too few for a steady state to pay
+BLOCK = 2**23  # numbers of the outputs of a bank in memory at a time, where they are used in blocks: 64 MB
 SHARES = 4  # of the runs per processor, so that none waits long for the others
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
@@ -46,6 +47,30 @@ def scan_bank(
         return large_step(*shapes, keep, select, _seldom_changes(rows)).run(size, words(fixed), rows)
     step = compiled_step(written, keep, LANES if size > 1 else 1, _seldom_changes(rows))
     return step.run(size, words(fixed), words(rows))
+
+
+def scan_in_blocks(
+    algorithm: Stepping,
+    prior: Tree,
+    samples: Samples,
+    intervals: Tree,
+    *,
+    axes: tuple,
+    keep: str,
+    select: Select,
+    use: Use,
+) -> Run:
+    """`scan_bank` for a few runs of many rows: `use(outputs, first row)` takes the outputs of each block of rows.
+
+    One program serves every number of runs and rows: numbers are constants in it only where whole arrays of them are zero.
+    """
+    algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
+    size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
+    zeros = zero_arrays(algorithm, axes[0])
+    written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select, zeros=zeros)
+    step = compiled_step(written, keep, LANES, _seldom_changes(rows))
+    at_once = max(1, BLOCK // (size * int(sizes(step.kept)[-1])))
+    return step.run_in_blocks(size, words(fixed), words(rows), at_once, use)
 
 
 class NativeStep:
@@ -83,14 +108,23 @@ class NativeStep:
 
     def run(self, size: int, fixed: list, rows: list) -> Run:
         """Run all, `lanes` at a time side by side, on all processors."""
-        leaves = [leaf[None] if axis is None else leaf for leaf, axis in rows]
-        T = leaves[0].shape[1]
+        blocks: list[Any] = []
+        run = self.run_in_blocks(size, fixed, rows, _rows_of(rows), lambda kept, first: blocks.append(kept))
+        return run._replace(info=blocks[0])
+
+    def run_in_blocks(self, size: int, fixed: list, rows: list, at_once: int, use: Use) -> Run:
+        """Run all; `use(outputs, first row)` takes the outputs of each block of rows. They are not in the result."""
+        leaves, T = [leaf[None] if axis is None else leaf for leaf, axis in rows], _rows_of(rows)
         constants, carry = side_by_side(columns(fixed, self.fixed, size), self.lanes), self.begin(size, fixed)
-        each = [np.empty((size, T, len(array.names)), DTYPES[array.kind]) for array in self.each]
         last = np.empty((len(carry), self.last, self.lanes))
-        self._run(T, size, [constants, carry, last], [*(_contiguous(leaves[i]) for i in self.rows), *each])
-        kept = each if self.keep != "last" else np.split(one_by_one(last, size), sizes(self.kept)[:-1], axis=-1)
-        return Run(shaped(kept, self.kept), *self.end(carry, size), None)
+        for first in range(0, T, at_once):
+            count = min(at_once, T - first)
+            each = [np.empty((size, count, len(array.names)), DTYPES[array.kind]) for array in self.each]
+            read = [_contiguous(leaves[i][:, first : first + count]) for i in self.rows]
+            self._run(count, size, [constants, carry, last], [*read, *each])
+            kept = each if self.keep != "last" else np.split(one_by_one(last, size), sizes(self.kept)[:-1], axis=-1)
+            use(shaped(kept, self.kept), first)
+        return Run(None, *self.end(carry, size), None)
 
     def begin(self, size: int, fixed: list) -> np.ndarray:
         """The carry into the first row of each run, in groups side by side: the state and the totals."""
@@ -129,8 +163,7 @@ def compiled_step(
 
 def _seldom_changes(rows: list) -> bool:
     """Whether the rows are many and their bools (what was seen) seldom change: a steady state is then worth looking for."""
-    leaf, axis = rows[0]
-    if leaf.shape[0 if axis is None else 1] < FEW:
+    if _rows_of(rows) < FEW:
         return False
     bools = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool]
     changes = [(t[:, 1:] != t[:, :-1]).any(axis=0) for t in bools]
@@ -154,6 +187,12 @@ class _Start:
         each, nothing = np.empty((size, self.size)), np.zeros(1)
         self.compiled(size, nothing, nothing, nothing, columns(fixed, self.places, size), each)
         return each
+
+
+def _rows_of(rows: list) -> int:
+    """The number of rows."""
+    leaf, axis = rows[0]
+    return leaf.shape[0 if axis is None else 1]
 
 
 def _kind(dtype: np.dtype) -> str:

@@ -8,6 +8,7 @@ from ..annotations import AnyRecord, Array, Tree
 
 Part = TypeVar("Part")
 Select = Callable[[Any, str], Tree]  # from an info and `keep` to the selected outputs
+Use = Callable[[Any, int], Any]  # takes the outputs of a block of rows, and its first row
 
 
 class Samples(AnyRecord, Protocol):

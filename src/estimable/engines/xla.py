@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from ..annotations import Array, Tree
-from .step import Samples, Select, Stepping, step
+from .step import Samples, Select, Stepping, Use, step
 
 LONG = 10_000  # rows from which unrolling pays: 20 % faster, for twice the compilation
 UNROLL = 2
@@ -63,3 +64,20 @@ def scan_bank(
         return scan(algorithm, prior, samples, intervals, keep=keep, select=select)
 
     return jax.vmap(one, in_axes=(a, p, r, r))(algorithm, prior, samples, intervals)
+
+
+def scan_in_blocks(
+    algorithm: Stepping,
+    prior: Tree,
+    samples: Samples,
+    intervals: Tree,
+    *,
+    axes: tuple,
+    keep: str,
+    select: Select,
+    use: Use,
+) -> Run:
+    """`scan_bank`, whose outputs `use(outputs, first row)` takes: here in one block."""
+    run = scan_bank(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
+    use(jax.tree_util.tree_map(np.asarray, run.info), 0)
+    return run._replace(info=None)

@@ -3,17 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
-from ..annotations import Array
-from ..filters.unknown_gain import UnknownGain
-from ..frozen import replace
-from ..models.discretisation import over
-from ..models.sampled import Clock, sample
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, GainAlgorithm
 
 Free: TypeAlias = str | Sequence[str] | Mapping[str, str | Sequence[bool] | None]  # covariances, and how each moves
 WORDS = ("diagonal", "scale", "full")
@@ -30,6 +24,7 @@ class Part(NamedTuple):
     channels: tuple[str, ...]
     kind: str
     free: tuple[int, ...]
+    noises: int | None = None  # of "Q, S, R" as one covariance: the size of Q
 
     @property
     def size(self) -> int:
@@ -44,14 +39,23 @@ class Part(NamedTuple):
             return (f"{self.field} scale",)
         if self.kind == "diagonal":
             return tuple(f"{self.field}[{self.channels[i]}]" for i in self.free)
-        return tuple(
-            f"{self.field}[{self.channels[i]}]" if i == j else f"{self.field}[{self.channels[i]}, {self.channels[j]}]"
-            for i, j in self._pairs
-        )
+        return tuple(self._name(i, j) for i, j in self._pairs)
+
+    def _name(self, i: int, j: int) -> str:
+        a, b, q = self.channels[i], self.channels[j], self.noises
+        if q is not None and i >= q > j:
+            return f"S[{b}, {a}]"
+        field = self.field if q is None else "Q" if i < q else "R"
+        return f"{field}[{a}]" if i == j else f"{field}[{a}, {b}]"
 
     @property
     def _pairs(self) -> list[tuple[int, int]]:
         return [(i, j) for i in range(len(self.channels)) for j in range(i + 1)]
+
+    @property
+    def logarithms(self) -> np.ndarray:
+        """Whether each parameter is the logarithm of a standard deviation: (size,)."""
+        return np.array([i == j for i, j in self._pairs]) if self.kind == "full" else np.ones(self.size, bool)
 
     def begin(self) -> np.ndarray:
         """The initial parameters."""
@@ -60,38 +64,52 @@ class Part(NamedTuple):
         L = np.linalg.cholesky(self.start)
         return np.array([np.log(L[i, i]) if i == j else L[i, j] / np.sqrt(self.start[i, i]) for i, j in self._pairs])
 
-    def matrix(self, θ: Array):
-        """The covariance at θ: positive semidefinite for every θ."""
+    def matrix(self, θ: np.ndarray) -> np.ndarray:
+        """The covariance at θ, which may be complex: positive semidefinite for every real θ."""
         if self.kind == "scale":
-            return jnp.exp(2 * θ[0]) * self.start
+            return np.exp(2 * θ[0]) * self.start
         if self.kind == "diagonal":
-            d = jnp.ones(len(self.start)).at[jnp.array(self.free)].set(jnp.exp(θ))
+            d = np.ones(len(self.start), θ.dtype)
+            d[list(self.free)] = np.exp(θ)
             return d[:, None] * self.start * d[None, :]
-        L = jnp.zeros(self.start.shape)
+        L = np.zeros(self.start.shape, θ.dtype)
         for at, (i, j) in enumerate(self._pairs):
-            L = L.at[i, j].set(jnp.exp(θ[at]) if i == j else θ[at] * np.sqrt(self.start[i, i]))
+            L[i, j] = np.exp(θ[at]) if i == j else θ[at] * np.sqrt(self.start[i, i])
         return L @ L.T
 
-    def entries(self, θ: Array):
+    def covariances(self, θ: np.ndarray) -> dict[str, np.ndarray]:
+        """The covariances of the model at θ, by field."""
+        M, q = self.matrix(θ), self.noises
+        return {self.field: M} if q is None else {"Q": M[:q, :q], "S": M[:q, q:], "R": M[q:, q:]}
+
+    def entries(self, θ: np.ndarray) -> np.ndarray:
         """The entries of the covariance (or its scale) at θ, in the order of `names`."""
         if self.kind == "scale":
-            return jnp.exp(2 * θ[:1])
+            return np.exp(2 * θ[:1])
         M = self.matrix(θ)
         pairs = [(i, i) for i in self.free] if self.kind == "diagonal" else self._pairs
-        return jnp.stack([M[i, j] for i, j in pairs])
+        return np.stack([M[i, j] for i, j in pairs])
+
+
+def _there(algorithm: Algorithm[Any]) -> dict[str, tuple[Any, tuple[str, ...]]]:
+    """The covariances that can be fitted, with the names of their channels."""
+    inner, model = algorithm.innermost, algorithm.innermost.model
+    noises = (
+        model.states
+        if model.G is not None and np.array_equal(model.G, np.eye(model.n))
+        else tuple(f"w{i + 1}" for i in range(model.Q.shape[-1]))
+    )
+    there = {"Q": (model.Q, noises), "R": (model.R, model.outputs)}
+    if isinstance(model, StateSpace) and not model.is_continuous:
+        there["S"] = (model.S, noises)
+    if isinstance(inner, GainAlgorithm) and inner.gain is not None:
+        there["walk"] = (getattr(inner, "walk", None), inner.names.gains)
+    return there
 
 
 def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[Part]:
     """The free covariances, checked."""
-    model: StateSpace = algorithm.model
-    noises = (
-        model.states
-        if np.array_equal(model.G, np.eye(model.n))
-        else tuple(f"w{i + 1}" for i in range(model.Q.shape[-1]))
-    )
-    there = {"Q": (model.Q, noises), "R": (model.R, model.outputs)}
-    if isinstance(algorithm, UnknownGain):
-        there["walk"] = (algorithm.walk, algorithm.names.gains)
+    there, model = _there(algorithm), algorithm.innermost.model
     if not isinstance(free, dict | str) and not (
         isinstance(free, list | tuple | set | frozenset) and all(isinstance(one, str) for one in free)
     ):
@@ -99,6 +117,9 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
         return []
     words = free if isinstance(free, dict) else dict.fromkeys([free] if isinstance(free, str) else free)
     found = []
+    if "S" in words and "S" in there:
+        found.append(_joint(model, there["Q"][1], words, faults))
+        words = {field: how for field, how in words.items() if field not in "QRS"}
     for field, how in words.items():
         if field not in there:
             faults.add(
@@ -109,9 +130,28 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
         part = _part(field, start, channels, how, faults)
         if part is not None:
             found.append(part)
-    if not words:
+    if not words and not found:
         faults.add("`free` is empty: name at least one covariance to fit.")
-    return found
+    return [part for part in found if part is not None]
+
+
+def _joint(model: StateSpace, noises: tuple[str, ...], words: Mapping[str, Any], faults: checks.Faults) -> Part | None:
+    """Q, S and R as one covariance: with less, some trial would not be positive semidefinite."""
+    if not {"Q", "R"} <= set(words):
+        faults.add('`free`: the cross noise S is fitted together with Q and R: free=("Q", "R", "S").')
+        return None
+    if model.varying and {"Q", "R", "S"} & set(model.varying):
+        faults.add("`S` must be a single matrix to be fitted, as Q and R: they vary in time.")
+        return None
+    S = np.zeros((len(noises), model.p)) if model.S is None else np.asarray(model.S)
+    start = np.block([[np.asarray(model.Q), S], [S.T, np.asarray(model.R)]])
+    if np.linalg.eigvalsh(start)[0] <= 1e-12 * np.abs(start).max():
+        faults.add(
+            "`Q`, `S` and `R` must be positive definite together to be fitted with S: start from larger variances."
+        )
+        return None
+    channels = (*noises, *model.outputs)
+    return Part("Q, S, R", start, channels, "full", tuple(range(len(channels))), len(noises))
 
 
 def _part(
@@ -155,35 +195,3 @@ def _part(
         )
         return None
     return Part(field, start, channels, how, tuple(int(i) for i in free))
-
-
-def noise_of(model: StateSpace, clock: Clock):
-    """A function of (Q, R) that returns V, Ω, W of the sampled model, differentiable by JAX."""
-    if not model.is_continuous:
-
-        def discrete(Q: Array, R: Array):
-            sampled = sample(replace(model, Q=model.Q if Q is None else Q, R=model.R if R is None else R), clock)
-            return sampled.V, sampled.Ω, sampled.W
-
-        return discrete
-    from ..kernels.small import factors
-
-    q = model.Q.shape[-1]
-    lengths = np.atleast_1d(clock.lengths)
-    units = np.eye(q * q).reshape(q, q, q, q)
-    basis = np.stack(
-        [np.stack([over(model.A, model.B, _symmetric(model.G @ units[i, j] @ model.G.T), lengths, hold="zero_order")[3]
-                   for j in range(q)]) for i in range(q)]
-    )  # fmt: skip
-    one = len(lengths) == 1
-
-    def continuous(Q: Array, R: Array):
-        Q, R = (jnp.asarray(given if M is None else M) for M, given in ((Q, model.Q), (R, model.R)))
-        W = factors(jnp.einsum("ij,ijkab->kab", Q, basis))
-        return factors(R), None, W[0] if one else W
-
-    return continuous
-
-
-def _symmetric(M: np.ndarray) -> np.ndarray:
-    return (M + M.T) / 2

@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from ..annotations import Array
 from ..frozen import frozen
@@ -52,7 +53,7 @@ class Belief:
 def believe(prior: Prior, origin: Array | float = 0.0) -> Belief:
     """The belief of a prior, about deviations from `origin`."""
     mean = jnp.asarray(prior.mean)
-    size = jnp.abs(mean) + jnp.abs(origin)
+    size = stop_gradient(jnp.abs(mean) + jnp.abs(origin))
     return Belief(mean - origin, factor(prior.covariance), diffuse_columns(prior), size, jnp.zeros(()))
 
 

@@ -15,6 +15,7 @@ from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Measurement, Transition
 from ..kernels.small import apply, factors, gram, product
 from ..kernels.smoothing import Instant
+from ..models.complex_step import value_of
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
@@ -105,7 +106,7 @@ class UnknownInput(Smoothable[Any]):
 
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised, its noises factored, and its method chosen from the ranks."""
-        layout = self.layout if self.layout is not None else lay_out(self, self.model, clock)
+        layout = self.layout if self.layout is not None else lay_out(self, value_of(self.model), clock)
         given = self.walk if layout.freedom == "walk" else self.variance
         return replace(
             self, ready=sample(self.model, clock), layout=layout, model=None,

@@ -1,10 +1,12 @@
 """Thresholds of rounding that the filters share, and the sizes they refer to.
 
 A sum is known to about 1e-16 of the size of its terms. A result far below that size carries no information, and is taken
-as zero: a variance that is exactly zero, a direction that is exactly known.
+as zero: a variance that is exactly zero, a direction that is exactly known. Sizes have no derivative: nothing is a function of
+them but a choice.
 """
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from .shapes import Float
 from .small import Real, apply
@@ -25,14 +27,14 @@ def magnitude(
     y: Float[Real, " p"], C: Float[Real, "p n"], d: Float[Real, " p"], size: Float[Real, " n"]
 ) -> Float[Real, " p"]:
     """The size of a datum and of the terms of its prediction C x + d, for an x whose terms have this `size`."""
-    return jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size)
+    return stop_gradient(jnp.abs(y) + jnp.abs(d) + apply(jnp.abs(C), size))
 
 
 def next_size(
     F: Float[Real, "n n"], m: Float[Real, " n"], c: Float[Real, " n"], size: Float[Real, " n"]
 ) -> Float[Real, " n"]:
     """The size of the terms of F m + c, for an m whose terms have this `size`."""
-    return jnp.maximum(apply(jnp.abs(F), jnp.abs(m)) + jnp.abs(c), MEMORY * size)
+    return stop_gradient(jnp.maximum(apply(jnp.abs(F), jnp.abs(m)) + jnp.abs(c), MEMORY * size))
 
 
 def is_rounding(difference: Real, size: Real) -> Real:

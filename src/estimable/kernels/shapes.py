@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float
+    from jaxtyping import Bool, Float, Inexact
 else:
 
     class Float:
@@ -16,6 +16,6 @@ else:
         def __class_getitem__(cls, described: tuple[Any, str]) -> Any:
             return described[0]
 
-    Bool = Float
+    Bool = Inexact = Float
 
-__all__ = ["Bool", "Float"]
+__all__ = ["Bool", "Float", "Inexact"]

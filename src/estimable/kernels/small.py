@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jax.core import Tracer
 
-from .shapes import Bool, Float
+from .shapes import Bool, Float, Inexact
 
 SMALL = 8
 INDEPENDENT = 1e-3      # share of a variance that must remain for N N' to lose at most three digits of sixteen
@@ -221,7 +221,7 @@ def factor(P: Float[Real, "n n"]) -> Float[Real, "n n"]:
     return repeat(n, eliminate, (jnp.asarray(P), jnp.zeros((n, n))))[1]
 
 
-def factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
+def factors(P: Inexact[Real, "... n n"]) -> Inexact[Real, "... n n"]:
     """`factor` of every matrix in a stack. Known numbers are factored in NumPy, without compilation."""
     return traced_factors(P) if isinstance(P, Tracer) else known_factors(P)
 
@@ -229,11 +229,13 @@ def factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
 traced_factors = jax.jit(jnp.vectorize(factor, signature="(n,n)->(n,n)"))
 
 
-def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
+def known_factors(P: Inexact[Real, "... n n"]) -> Inexact[Real, "... n n"]:
     """`factor` of all matrices at once: by LAPACK where no pivot is taken as zero."""
     P = np.asarray(P)
     P = (P + np.swapaxes(P, -1, -2)) / 2
-    floor = P.shape[-1] * np.finfo(float).eps * np.diagonal(P, axis1=-2, axis2=-1)
+    floor = P.shape[-1] * np.finfo(float).eps * np.diagonal(np.real(P), axis1=-2, axis2=-1)
+    if np.iscomplexobj(P):  # a derivative by `models.complex_step`: LAPACK conjugates
+        return _eliminated(P, floor)
     with suppress(np.linalg.LinAlgError):
         L = np.linalg.cholesky(P)
         if (np.diagonal(L, axis1=-2, axis2=-1) ** 2 > floor).all():
@@ -241,12 +243,12 @@ def known_factors(P: Float[Real, "... n n"]) -> Float[Real, "... n n"]:
     return _eliminated(P, floor)
 
 
-def _eliminated(left: Float[np.ndarray, "... n n"], floor: Float[np.ndarray, "... n"]) -> Float[np.ndarray, "... n n"]:
+def _eliminated(left: Inexact[np.ndarray, "... n n"], floor: Float[np.ndarray, "... n"]) -> Inexact[np.ndarray, "... n n"]:
     """The factors, column after column; a pivot below `floor` is taken as zero. `left` is overwritten."""
-    n, L = left.shape[-1], np.zeros(left.shape)
+    n, L = left.shape[-1], np.zeros_like(left)
     for j in range(n):
         pivot = left[..., j, j]
-        positive = pivot > floor[..., j]
+        positive = np.real(pivot) > floor[..., j]
         common = left[..., j:, j] / np.sqrt(np.where(positive, pivot, 1.0))[..., None]
         L[..., j:, j] = np.where(positive[..., None], common, 0.0)
         left[..., j:, j:] -= L[..., j:, j, None] * L[..., None, j:, j]

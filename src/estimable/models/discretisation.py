@@ -1,6 +1,7 @@
 """From continuous to discrete time, with the noise that accumulates over a step.
 
-Letters: Φ = e^{A h}; Γ(h) = ∫_0^h e^{A s} ds; Qd(h) = ∫_0^h e^{A s} G Q G' e^{A' s} ds.
+Letters: Φ = e^{A h}; Γ(h) = ∫_0^h e^{A s} ds; Qd(h) = ∫_0^h e^{A s} G Q G' e^{A' s} ds. Products alone, so that complex
+matrices give derivatives too (`complex_step`).
 Reference: C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978) 395-404.
 """
 
@@ -99,7 +100,7 @@ def _input_integrals(A: np.ndarray, h: np.ndarray):
     """Φ, Γ and ∫_0^h Γ(s) ds, from one exponential of [[A h, I, 0], [0, 0, I], [0, 0, 0]], time in units of h."""
     n = A.shape[-1]
     h = h[..., None, None]
-    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape[:-2]), 3 * n, 3 * n))
+    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], h.shape[:-2]), 3 * n, 3 * n), A.dtype)
     M[..., :n, :n] = A * h
     M[..., :n, n : 2 * n] = M[..., n : 2 * n, 2 * n :] = np.eye(n)
     E = exponential(M)
@@ -115,7 +116,7 @@ def _noise_integral(A: np.ndarray, GQG: np.ndarray, h: np.ndarray):
     n = A.shape[-1]
     doublings = _halvings(A * h[..., None, None])
     step = (h / 2.0**doublings)[..., None, None]
-    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], GQG.shape[:-2], h.shape), 2 * n, 2 * n))
+    M = np.zeros((*np.broadcast_shapes(A.shape[:-2], GQG.shape[:-2], h.shape), 2 * n, 2 * n), np.result_type(A, GQG))
     size = np.abs(GQG).max(initial=0.0) or 1.0
     M[..., :n, :n], M[..., :n, n:], M[..., n:, n:] = -A * step, GQG / size, np.swapaxes(A, -1, -2) * step
     E = exponential(M)

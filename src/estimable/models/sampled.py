@@ -161,7 +161,8 @@ def _white(model: StateSpace):
         return factors(model.R), None, G @ factors(Q)
     Q, R, S, G = _together(model, ("Q", "R", "S", "G"))
     p = model.p
-    joint = jnp.concatenate([jnp.concatenate([R, jnp.swapaxes(S, -1, -2)], -1), jnp.concatenate([S, Q], -1)], axis=-2)
+    xp = _library(Q, R, S)
+    joint = xp.concatenate([xp.concatenate([R, xp.swapaxes(S, -1, -2)], -1), xp.concatenate([S, Q], -1)], axis=-2)
     L = factors(joint)
     return L[..., :p, :p], G @ L[..., p:, :p], G @ L[..., p:, p:]
 
@@ -173,6 +174,11 @@ def _together(model: StateSpace, names: Sequence[str]):
     if T is None:
         return tuple(matrices)
     return tuple(
-        M if name in model.varying else jnp.repeat(M[..., None, :, :], T, axis=-3)
+        M if name in model.varying else _library(M).repeat(M[..., None, :, :], T, axis=-3)
         for name, M in zip(names, matrices, strict=True)
     )
+
+
+def _library(*matrices: Array) -> Any:
+    """NumPy for known numbers, which it has in complex form too (`complex_step`); JAX for traced ones."""
+    return jnp if checks.is_traced(*matrices) else np

@@ -47,6 +47,7 @@ _HOMES = {
     "RhoMargin": "results.margins",
     "RhoSynthesis": "results.designs",
     "Sample": "results.steps",
+    "Score": "results.information",
     "Simulation": "results.simulations",
     "SmoothedEstimate": "results.estimates",
     "StabilityRadius": "results.margins",

@@ -21,6 +21,7 @@ from .fits import NoiseFit as NoiseFit
 from .fits import Validation as Validation
 from .information import Excitation as Excitation
 from .information import GainInformation as GainInformation
+from .information import Score as Score
 from .margins import ArrivalCovariance as ArrivalCovariance
 from .margins import LossTolerance as LossTolerance
 from .margins import Perturbed as Perturbed

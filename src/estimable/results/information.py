@@ -37,6 +37,25 @@ class Excitation(NamedTuple):
 
 
 @frozen
+class Score:
+    """The result of `score`: the slope of the likelihood at the numbers given, in the order of `names` (d).
+
+    `score` (d,): the derivatives of `log_likelihood`, in units of 1 / number. `information` (d, d): Fisher's, of the innovations
+    and of their covariances; its inverse bounds the covariance of unbiased estimates. `engine`: the one that ran.
+    """
+
+    log_likelihood: float
+    score: Annotated[Any, "d"]
+    information: Annotated[Any, "d d", "symmetric"]
+    names: Annotated[tuple[str, ...], "d"] = static()
+    engine: str = static(default="")
+
+    def __repr__(self) -> str:
+        values = zip(self.names, np.asarray(self.score, float).tolist(), strict=True)
+        return f"Score({', '.join(f'd/d {name} = {x:.4g}' for name, x in values)})"
+
+
+@frozen
 class GainInformation:
     """The result of `gain_information`, for the dither at `amplitude`.
 

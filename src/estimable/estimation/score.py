@@ -1,0 +1,82 @@
+"""The derivatives of a likelihood with respect to named numbers."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..data.record import Record
+from ..engines import choice
+from ..errors import RunError
+from ..models.prior import Prior
+from ..protocols import Algorithm
+from ..results import Outcome, Score
+from .binding import Bound, bind, model_of
+from .named_numbers import NamedNumber, Setup, fields_of
+from .slopes import Rows, ascent
+
+
+def score(
+    algorithm: Algorithm[Any],
+    record: Record,
+    *,
+    prior: Prior | None,
+    with_respect_to: Sequence[str],
+    engine: str = "auto",
+) -> Score:
+    """The log-likelihood of a record, its derivatives with respect to named numbers, and Fisher's information about them.
+
+    `with_respect_to`: entries by the names of their channels. "A[q, alpha]": row q, column alpha, of the model's A, B, C, D, Q,
+    R, S or G, continuous or discrete; "Q[q]" and "R[y1]" are variances, and an entry of a covariance off the diagonal moves in
+    both places. "gain[gain]": the prior mean of a gain, "walk[gain]" the variance of its walk; "x0[q]": the prior mean of a
+    state; a parameter of a `NonlinearModel` by its name alone. Other arguments as in `estimate`.
+
+    The score is exact, the derivative of each step, and the information is that of the innovations and their covariances.
+
+    Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
+
+    Cost: for each 8 numbers about 15 runs of the filter (n = 4, p = 2), all at once as machine code.
+
+    Reference: K. J. Åström, Automatica 16 (1980) 551-574; N. K. Gupta, R. K. Mehra, IEEE TAC 19 (1974) 774-783.
+
+    >>> model = StateSpace([[0.9]], Q=[[0.2]], R=[[0.5]], dt=1)
+    >>> found = score(Kalman(model), simulate(model, seed=1, steps=400).record, prior=Prior([0.0], [[1.0]]),
+    ...               with_respect_to=["A[x1, x1]", "R[y1]"])
+    >>> found.names, found.information.shape
+    (('A[x1, x1]', 'R[y1]'), (2, 2))
+    """
+    faults = checks.Faults()
+    choice.check(engine, faults)
+    faults.finish()
+    bound = bind(algorithm, record, prior)
+    if not algorithm.has_innovation_covariance:
+        checks.refuse(
+            f"`algorithm` must report the covariance of its innovations: {type(algorithm).__name__} reports none."
+        )
+    entries = _read(algorithm, prior, with_respect_to)
+    start = Setup(algorithm, prior)
+    rows = rows_of(bound, algorithm, record, prior)
+    ran, found = ascent(lambda by: start.moved(entries, by), np.zeros(len(entries)), rows, engine)
+    outcome = Outcome.of(found.code, found.failed_at, bound.t)
+    if outcome.code:
+        raise RunError(outcome)
+    names = tuple(entry.name for entry in entries)
+    return Score(found.log_likelihood, found.score, found.information, names, ran)
+
+
+def rows_of(bound: Bound, algorithm: Algorithm[Any], record: Record, prior: Prior | None) -> Rows:
+    """The rows of a record that was bound to an algorithm."""
+    complete = prior is not None and prior.diffuse is None and bool(bound.samples.seen.all())
+    return Rows(bound.samples, bound.intervals, record.clock(model_of(algorithm).dt or None), complete)
+
+
+def _read(algorithm: Algorithm[Any], prior: Prior | None, texts: Sequence[str]) -> list[NamedNumber]:
+    faults = checks.Faults()
+    if isinstance(texts, str) or not isinstance(texts, list | tuple) or not texts:
+        faults.add(f"`with_respect_to` must be a list of names of entries. Got {checks.short(texts)}.")
+        faults.finish()
+    fields = fields_of(algorithm, prior)
+    entries = [NamedNumber.read(text, fields, faults) for text in texts]
+    faults.finish()
+    return [entry for entry in entries if entry is not None]
