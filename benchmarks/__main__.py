@@ -11,6 +11,7 @@ from unittest import mock
 
 from .equations import lyapunov, riccati
 from .filtering import bank, large, one_record, one_step
+from .likelihoods import fitted, score
 from .loops import loops
 from .nonlinear import nonlinear
 from .report import page, summary, table
@@ -36,8 +37,10 @@ def workloads(quick):
         (starts, "W9 start"),
         *((nonlinear, f"W10 nonlinear, n=4 p=2, T={T:,}, keep={keep}", T, keep) for keep in ("all", "likelihood")),
         *((first_calls, f"W11 first call, n={n} p=2", n) for n in (2, 4, 8, 64)),
-        *((large, f"W12 as W5, 30 % of channels missing, n={n} p={p}, T={rows:,}, keep=all", n, p, rows, "all", 0.3)
+        *((large, f"W13 as W5, 30 % of channels missing, n={n} p={p}, T={rows:,}, keep=all", n, p, rows, "all", 0.3)
           for n in (16, 48, 64, 256) for p in (2, n // 4)),
+        *((score, f"W12 score, n=4 p=2, 8 numbers, T={T:,}, {100 * share:.0f} % missing", T, share) for share in (0.0, 0.3)),
+        (fitted, "W14 fit_noise, n=4 p=2, 6 variances, T=1,201", 1201),
     ]  # fmt: skip
 
 

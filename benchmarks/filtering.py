@@ -1,4 +1,4 @@
-"""W1 to W5 and W12: one record, a bank, outputs missing, online, and large models."""
+"""W1 to W5 and W13: one record, a bank, outputs missing, online, and large models."""
 
 import os
 import time
@@ -142,7 +142,7 @@ def stepped(running, y):
 
 
 def large(name, n, p, T, keep, missing):
-    """W5 and W12: one record of a larger model, by the chosen engine and by XLA."""
+    """W5 and W13: one record of a larger model, by the chosen engine and by XLA."""
     model, prior = problem(n, p)
     record = recorded(model, prior, T, missing)
     exact = textbook(model, prior, record.y)

@@ -74,7 +74,7 @@ is to the first row of the workload. Errors: of a mean, the largest difference f
 an equation, the residual relative to the solution; of a log-likelihood, relative. All in double precision, with the same model,
 prior and data.
 
-- W1, W3, W5, W12 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs with its defaults
+- W1, W3, W5, W13 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs with its defaults
   and, under `conserve_memory`, set to store what ours stores: filtered means and forecasts and, unless `keep=means`, their
   covariances. The plain scan is the filter that one would write in JAX for the model at hand: a Joseph form in one `lax.scan`,
   with masked outputs. filterpy and pykalman give no log-likelihood with it; dynamax and cuthbert return the stored arrays from

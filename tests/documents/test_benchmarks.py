@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from benchmarks import __main__ as command
-from benchmarks import filtering, handwritten, peers, plain_jax, report
+from benchmarks import filtering, handwritten, likelihoods, peers, plain_jax, report
 from benchmarks.common import problem, recorded, row, textbook
 
 MODEL, PRIOR = problem(4, 2)
@@ -58,11 +58,24 @@ def test_the_plain_scan_filters_the_record_as_the_loop_does(keep, missing):
 
 @theirs
 def test_large_models_run_with_channels_missing():
-    rows = list(filtering.large("W12", 12, 3, 20, "all", 0.3))
+    rows = list(filtering.large("W13", 12, 3, 20, "all", 0.3))
     assert [each["contender"] for each in rows[:2]] == ["estimable native", "estimable xla"]
     assert "plain lax.scan, masked Joseph" in [each["contender"] for each in rows]
     for each in rows:
         assert each["absent"] or each["error"] < 1e-8, each["contender"]
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+def test_every_way_to_a_score_gives_the_same(missing):
+    for each in likelihoods.score("W12", 60, missing):
+        assert each["absent"] or each["log_likelihood_error"] < 1e-12, each["contender"]
+        assert not each["error"] or each["error"] < 1e-10, each["contender"]
+
+
+@theirs
+def test_every_search_for_noises_ends_at_one_maximum():
+    for each in likelihoods.fitted("W14", 200):
+        assert each["absent"] or each["log_likelihood_error"] < 1e-5, each["contender"]
 
 
 @needs_compiler
@@ -153,7 +166,7 @@ def test_workloads_are_chosen_by_their_names():
     names = [each[1].split()[0] for each in command.chosen(command.workloads(quick=True), "W1, W9")]
     assert names == ["W1", "W9"]  # and not W10
     everything = [each[1].split()[0] for each in command.chosen(command.workloads(quick=False), "")]
-    assert set(everything) == {f"W{i}" for i in range(1, 13)}
+    assert set(everything) == {f"W{i}" for i in range(1, 15)}
 
 
 @pytest.mark.parametrize(

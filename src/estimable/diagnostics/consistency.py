@@ -7,6 +7,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import saved
+from . import chi_squared
 
 GROSS = 30.0  # times the expected value: no tuning of Q and R explains that
 KNOWN = 1e-10  # largest eigenvalue of a correlation matrix of a combination that counts as known exactly
@@ -117,8 +118,6 @@ def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _against_chi_square(total: float, samples: int, degrees: int, probability: float) -> Consistency:
-    from scipy.stats import chi2
-
     tail = (1 - probability) / 2
-    lower, upper = chi2.ppf([tail, 1 - tail], degrees) / samples
+    lower, upper = chi_squared.quantile([tail, 1 - tail], degrees) / samples
     return Consistency(total / samples, degrees / samples, float(lower), float(upper), degrees)

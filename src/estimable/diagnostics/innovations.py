@@ -8,6 +8,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import saved
+from . import chi_squared
 
 LAGS = 20
 FEWEST = 8  # fewest pairs of samples for which a correlation is judged
@@ -184,9 +185,7 @@ def _judged(
 def _verdict(
     values: np.ndarray, pairs: np.ndarray, steps: np.ndarray, statistic: float, degrees: float, probability: float
 ) -> Correlations:
-    from scipy.stats import chi2
-
-    limit, p_value = float(chi2.ppf(probability, degrees)), float(chi2.sf(statistic, degrees))
+    limit, p_value = float(chi_squared.quantile(probability, degrees)), float(chi_squared.exceeded(statistic, degrees))
     return Correlations(values, pairs, steps, statistic, limit, p_value, statistic <= limit, "")
 
 

@@ -21,7 +21,7 @@ from .climb import Climbed, Limits, climb
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import Free, Part, parts
 from .score import rows_of
-from .slopes import Ascent, Rows, ascent
+from .slopes import Ascent, Rows, ascent, total
 
 DISTINCT = 1e-10  # least eigenvalue of the scaled information of entries that the records distinguish
 FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance counts as zero
@@ -65,7 +65,7 @@ def fit_noise(
     found, runs = _prepare(algorithm, record, prior, free)
 
     def at(θ: np.ndarray) -> Ascent:
-        return _total([ascent(lambda z: Setup(tuned(algorithm, found, z), prior), θ, rows)[1] for rows in runs])
+        return total([ascent(lambda z: Setup(tuned(algorithm, found, z), prior), θ, rows)[1] for rows in runs])
 
     begin = np.concatenate([part.begin() for part in found])
     climbed = climb(at, begin, _limits(found))
@@ -105,15 +105,6 @@ def tuned(algorithm: Algorithm[Any], found: list[Part], θ: np.ndarray) -> Any:
     walk = {"walk": given.pop("walk")} if "walk" in given else {}
     inner: Any = algorithm.innermost
     return with_innermost(algorithm, replace(inner, model=replace(inner.model, **given), **walk))
-
-
-def _total(ends: list[Ascent]) -> Ascent:
-    """The sum over several records, with the first failure."""
-    first = next((end for end in ends if end.code), ends[0])
-    return Ascent(
-        sum(end.log_likelihood for end in ends), np.sum([end.score for end in ends], axis=0),
-        np.sum([end.information for end in ends], axis=0), first.code, first.failed_at,
-    )  # fmt: skip
 
 
 def _slices(found: list[Part]) -> list[tuple[Part, slice]]:

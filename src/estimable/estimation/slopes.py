@@ -50,6 +50,15 @@ def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tu
     return ran, Ascent(float(np.asarray(run.log_likelihood)[0]), sums.score, sums.information, code, at)
 
 
+def total(ends: list[Ascent]) -> Ascent:
+    """The sum over several records, with the first failure."""
+    first = next((end for end in ends if end.code), ends[0])
+    return Ascent(
+        sum(end.log_likelihood for end in ends), np.sum([end.score for end in ends], axis=0),
+        np.sum([end.information for end in ends], axis=0), first.code, first.failed_at,
+    )  # fmt: skip
+
+
 class _Sums:
     """The sums over all rows."""
 

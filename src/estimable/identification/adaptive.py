@@ -10,8 +10,12 @@ import numpy as np
 from .. import checks
 from ..annotations import Array
 from ..data.record import Record
-from ..estimation.binding import columns
-from ..estimation.estimate import estimate, log_likelihood
+from ..estimation.binding import bind, columns
+from ..estimation.climb import Limits, climb
+from ..estimation.estimate import estimate
+from ..estimation.named_numbers import Setup
+from ..estimation.score import rows_of
+from ..estimation.slopes import Ascent, ascent, total
 from ..frozen import replace
 from ..identifiers.linear_start import Start, deviation, levels, order_check
 from ..identifiers.residuals import residual_checks
@@ -27,7 +31,8 @@ from .candidates import best_order
 
 LONGEST = 100_000  # rows up to which every row is stored
 LARGEST = 1e6  # of the spread of an output: the limit of a simulated deviation
-STEP = 1e-3  # of a standard deviation, for the differences of gradients
+STEP = 1e-3  # of a standard deviation, for the differences of scores
+FURTHEST = 10.0  # standard deviations of the start, in one step of the search
 
 
 def tracked(method: FilterIdentifier, records: Sequence[Record], engine: str) -> Fit:
@@ -158,28 +163,25 @@ def _moved(ready: Functions | Matrices, x: Array, interval: Interval):
 
 
 def most_likely(method: FilterIdentifier, records: Sequence[Record], start: Prior) -> tuple[Prior, float]:
-    """The constant parameters of maximum likelihood, with the inverse of the observed information."""
-    from scipy.optimize import minimize
+    """The constant parameters of maximum likelihood, with the inverse of the observed information.
 
+    The unknowns z are in units of the start's standard deviations: θ = mean + L z.
+    """
     known, prior = method.known(method.model.parameters), method.state_prior
+    rows = [rows_of(bind(known, one, prior), known, one, prior) for one in records]
     L = np.linalg.cholesky(start.covariance)
 
-    def minus(z: np.ndarray):
-        a = replace(known, model=replace(known.model, parameters=start.mean + L @ z))
-        return -sum(log_likelihood(a, record, prior=prior) for record in records)
+    def moved(z: np.ndarray) -> Setup:
+        return Setup(replace(known, model=replace(known.model, parameters=start.mean + L @ z)), prior)
 
-    compiled = jax.jit(jax.value_and_grad(minus))
+    def at(z: np.ndarray) -> Ascent:
+        return total([ascent(moved, z, one)[1] for one in rows])
 
-    def value(z: np.ndarray):
-        total, slope = (np.asarray(part) for part in compiled(z))
-        return (float(total), slope) if np.isfinite(total) and np.isfinite(slope).all() else (1e30, 0 * slope)
-
-    begin = np.zeros(start.size)
-    found = minimize(value, begin, jac=True, method="BFGS", options={"gtol": 1e-4})
-    steps = STEP * np.eye(start.size)
-    information = np.array([(value(found.x + s)[1] - value(found.x - s)[1]) / (2 * STEP) for s in steps])
+    k = start.size
+    found = climb(at, np.zeros(k), Limits(np.full(k, -np.inf), np.full(k, np.inf), np.full(k, FURTHEST)))
+    information = np.array([(at(found.θ - s).score - at(found.θ + s).score) / (2 * STEP) for s in STEP * np.eye(k)])
     values, vectors = np.linalg.eigh((information + information.T) / 2)
-    if not np.isfinite(values).all() or values[0] <= 0:
+    if not found.converged or not np.isfinite(values).all() or values[0] <= 0:
         checks.refuse('the search for the maximum of the likelihood did not end at a maximum: use refinement = "none".')
     spread = L @ vectors
-    return Prior(start.mean + L @ found.x, spread @ np.diag(1 / values) @ spread.T), -float(found.fun)
+    return Prior(start.mean + L @ found.θ, spread @ np.diag(1 / values) @ spread.T), found.end.log_likelihood

@@ -7,6 +7,7 @@ import numpy as np
 from ..analysis.excitation import excitation_check
 from ..analysis.positive_real import positive_real_check
 from ..data.record import Record
+from ..diagnostics import chi_squared
 from ..diagnostics.cramer_rao import information
 from ..models.output_error import OutputError
 from ..results import Check, Validation
@@ -85,14 +86,12 @@ def stability_check(model: OutputError) -> Check:
 
 def noise_check(residuals: Sequence[np.ndarray], noise_variance: np.ndarray | float | None) -> Check:
     """Check that the residuals are as large as the assumed noise."""
-    from scipy.stats import chi2
-
     e = np.concatenate(residuals) / np.sqrt(np.asarray(noise_variance))
     degrees = int(np.sum(~np.isnan(e)))
     if degrees == 0:
         return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so its noise cannot be judged.")
     ratio = float(np.nansum(e**2) / degrees)
-    lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
+    lower, upper = chi_squared.quantile([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
     found = f"Noise: the residuals' variance is {ratio:.3g} times the assumed one ({lower:.2f} to {upper:.2f} expected)"
     if lower <= ratio <= upper:
         return Check("noise", True, ratio, float(upper), f"{found}.")
@@ -106,14 +105,12 @@ def noise_check(residuals: Sequence[np.ndarray], noise_variance: np.ndarray | fl
 
 def noise_of_innovations(standardised: Sequence[np.ndarray]) -> Check:
     """Check that the innovations are as large as predicted: the mean of their squares is 1 if Q and R are right."""
-    from scipy.stats import chi2
-
     e = np.concatenate(standardised)
     degrees = int(np.sum(~np.isnan(e)))
     if degrees == 0:
         return Check("noise", False, 0.0, 1.0, "Noise: no output was seen, so its noise cannot be judged.")
     ratio = float(np.nansum(e**2) / degrees)
-    lower, upper = chi2.ppf([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
+    lower, upper = chi_squared.quantile([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
     found = f"Noise: the innovations' variance is {ratio:.3g} times the filter's ({lower:.2f} to {upper:.2f} expected)"
     advice = "" if lower <= ratio <= upper else ": raise Q or R" if ratio > upper else ": lower Q or R"
     return Check("noise", lower <= ratio <= upper, ratio, float(upper), f"{found}{advice}.")

@@ -6,6 +6,8 @@ Z with Σ = Z Z' the covariance of the error of θ at the gain in use, λ in (0,
 """
 
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 
 from .shapes import Float
 from .small import Real, apply, triangularise
@@ -69,19 +71,20 @@ def stabilise(a: Float[Real, " na"]) -> Float[Real, " na"]:
     Schur-Cohn recursion: A is stable exactly when all reflection coefficients are below 1 in size. A larger coefficient is
     replaced by its inverse, as a root outside the circle would be.
     """
+    a, xp = (a, jnp) if isinstance(a, Tracer) else (np.asarray(a), np)          # known numbers need no compilation
     na = a.shape[0]
     stable, reflections = a, []
     for order in range(na, 0, -1):
         k = stable[order - 1]
-        outside = jnp.abs(k) > 1
-        k = jnp.clip(jnp.where(outside, 1 / jnp.where(outside, k, 1.0), k), -1 + NEAREST, 1 - NEAREST)
+        outside = xp.abs(k) > 1
+        k = xp.clip(xp.where(outside, 1 / xp.where(outside, k, 1.0), k), -1 + NEAREST, 1 - NEAREST)
         reflections.insert(0, k)
         stable = (stable[: order - 1] - k * stable[: order - 1][::-1]) / (1 - k * k)
     for order in range(na):
         k = reflections[order]
-        stable = jnp.concatenate([stable + k * stable[::-1], k[None]])
-    unchanged = jnp.max(jnp.abs(stable - a), initial=0.0) <= 1e-9 * (1 + jnp.max(jnp.abs(a), initial=0.0))
-    return jnp.where(unchanged, a, stable)                                   # to the last bit, not to rounding
+        stable = xp.concatenate([stable + k * stable[::-1], k[None]])
+    unchanged = xp.max(xp.abs(stable - a), initial=0.0) <= 1e-9 * (1 + xp.max(xp.abs(a), initial=0.0))
+    return xp.where(unchanged, a, stable)                                    # to the last bit, not to rounding
 
 
 def corrected(outputs: Float[Real, " na"], slopes: Float[Real, "na d"], change: Float[Real, " d"]) -> Float[Real, " na"]:

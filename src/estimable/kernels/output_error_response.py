@@ -47,10 +47,11 @@ def _driven(b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None) -> n
 
 def over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
     """x / A; an unstable A overflows to infinity and not to NaN."""
-    from scipy.signal import lfilter
+    from scipy.linalg.lapack import dtbtrs  # type: ignore[attr-defined]  scipy.signal takes a second to import
 
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.nan_to_num(lfilter([1.0], np.append(1.0, a), x), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+    band = np.repeat(np.append(1.0, a)[: len(x), None], len(x), axis=1)
+    found, _ = dtbtrs(band, x, uplo="L", diag="U")
+    return np.nan_to_num(found, nan=np.inf, posinf=np.inf, neginf=-np.inf)
 
 
 def delayed(x: np.ndarray, steps: int) -> np.ndarray:
