@@ -13,6 +13,7 @@ from .annotations import Array, Numbers
 from .checks import Faults
 from .data.record import Record
 from .frozen import replace
+from .kernels.innovation_information import Search
 from .kernels.smoothing import Instant
 from .models.output_error import OutputError
 from .models.prior import Prior
@@ -232,15 +233,13 @@ class StartedIdentifier(Identifier):
         """The recursion that provides the start; None where these records need none."""
 
     @abstractmethod
-    def fit(self, records: Sequence[Record], start: Array | None = None) -> Fit:
-        """The fit; `start` (d,): the final parameters of the recursion."""
+    def fit(self, records: Sequence[Record], start: Array | None = None, search: Search | None = None) -> Fit:
+        """The fit; `start` (d,): the final parameters of the recursion; `search`: for likelihoods that engines run."""
 
 
 class RecursiveIdentifier(Algorithm[State], Method):
-    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings.
-
-    `method`, `noise_variance`: settings that the validation of the fit reads; `lost`: what actuators do without a packet.
-    """
+    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. `method`,
+    `noise_variance`: settings that the validation of the fit reads; `lost`: what actuators do without a packet."""
 
     method: str = ""
     noise_variance: Any

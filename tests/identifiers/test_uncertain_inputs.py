@@ -28,10 +28,14 @@ def test_the_likelihood_is_that_of_the_joint_gaussian(a, b, delay):
     y = rng.normal(size=25)
     y[rng.random(25) < 0.3] = np.nan
     n = max(len(a), len(b[0]) - 1 + delay, 1)
-    rows = (u, W, np.nan_to_num(y), ~np.isnan(y))
-    total, e, V = kernel.log_likelihood(np.array(a), np.array(b), 0.2, np.zeros(n), delay, rows)
+    model = kernel.companion(np.array(a), np.array(b), delay, 0.2)
+    s, P, found = np.zeros(n), np.zeros((n, n)), []
+    for row in zip(u, W, np.nan_to_num(y), ~np.isnan(y), strict=True):
+        s, P, one = kernel.step(model, s, P, *row)
+        found.append(one)
+    total = sum(one.log_likelihood for one in found)
     assert_allclose(total, joint_log_likelihood(a, b, delay, 0.2, u, W, y), rtol=1e-10)
-    assert np.all(np.asarray(V) >= 0.2)
+    assert all(one.V >= 0.2 for one in found)
 
 
 def test_fates_that_nobody_tells():

@@ -38,7 +38,7 @@ def derivative(function: Callable[[Any], Any], thing: Tree, slope: Tree) -> tupl
     return value, jax.tree_util.tree_map(lambda leaf, dot: dot if _is_float(leaf) else leaf, value, moved)
 
 
-def _is_float(leaf: Any) -> bool:
+def _is_float(leaf: Array | float) -> bool:
     return jnp.issubdtype(jnp.result_type(leaf), jnp.floating)
 
 

@@ -92,7 +92,7 @@ class Setup(NamedTuple):
         return type(self)(algorithm, prior)
 
 
-def _added(algorithm: Any, entry: NamedNumber, by: complex) -> Any:
+def _added(algorithm: Algorithm[Any], entry: NamedNumber, by: complex) -> Any:
     owner, name = entry.field.owner, entry.field.name
     if owner == "algorithm":
         return replace(algorithm, **{name: entry.added(getattr(algorithm, name), by)})

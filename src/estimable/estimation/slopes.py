@@ -10,17 +10,16 @@ from ..engines.derivatives import Along, Sloped
 from ..kernels.innovation_information import features
 from ..models.complex_step import along_each, slope_of, value_of
 from ..results import Interval, Sample
-from .named_numbers import Setup
 
-Build = Callable[[np.ndarray], Setup]  # the numbers of a run at θ (d,), which may be complex
+Build = Callable[[np.ndarray], tuple[Any, Any]]  # the algorithm and the prior at θ (d,), which may be complex
 
 
 class Rows(NamedTuple):
-    """A record bound to an algorithm: its rows, and the times that its model is sampled at."""
+    """A record bound to an algorithm: its rows, and the times that its model is sampled at (None: it needs no sampling)."""
 
     samples: Sample
     intervals: Interval
-    clock: Any
+    clock: Any = None
     all_is_seen: bool = False
 
 
@@ -36,12 +35,12 @@ class Ascent(NamedTuple):
 
 def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tuple[str, Ascent]:
     """The engine that ran, and the derivatives of the likelihood with respect to θ. Cost: ceil(d / 8) passes of 8 lanes."""
-    moved = along_each(build, np.asarray(θ, float))
-    ready: Any = moved.algorithm.sampled(rows.clock)
+    moved, prior = along_each(build, np.asarray(θ, float))
+    ready: Any = moved if rows.clock is None else moved.sampled(rows.clock)
     if rows.all_is_seen:
         ready = ready.where_all_is_seen
     along = Along(value_of(ready), slope_of(ready))
-    prior = (value_of(moved.prior), slope_of(moved.prior))
+    prior = (value_of(prior), slope_of(prior))
     sums = _Sums(len(θ))
     ran, run = choice.scan_in_blocks(
         engine, along, prior, rows.samples, rows.intervals, axes=(0, None, 0), keep="all", select=_row, use=sums.add

@@ -10,6 +10,7 @@ from ..data.record import Record, several
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
 from ..results.order_selection import OrderCandidate, OrderRanking
+from .search import maximise
 from .select_order import to_try
 
 CRITERIA = ("aic", "aicc", "bic")
@@ -47,7 +48,7 @@ def choose_orders(
 
 
 def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str) -> OrderCandidate:
-    fit = OutputErrorML(na, nb, delay=delay, initial=initial).fit(records)
+    fit = OutputErrorML(na, nb, delay=delay, initial=initial).fit(records, search=maximise)
     N = int(sum(record.seen.sum() for record in records))
     k = len(fit.parameters) + len(records[0].outputs)
     k += len(records) * len(records[0].outputs) * max(na, nb + delay) if initial == "free" else 0

@@ -19,6 +19,7 @@ from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
+from .search import maximise
 
 Records = Record | Sequence[Record]
 LONGEST = 100_000  # rows up to which every row is stored
@@ -122,9 +123,9 @@ def _started(method: StartedIdentifier, records: list[Record], engine: str) -> F
     method.check(records)
     starter = method.starter(records)
     if starter is None:
-        return method.fit(records)
+        return method.fit(records, search=maximise)
     end, _ = _run(starter.for_channels(records[0].inputs, records[0].outputs), records, engine)
-    return method.fit(records, np.asarray(end.mean)[-1])
+    return method.fit(records, np.asarray(end.mean)[-1], maximise)
 
 
 def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> Fit:

@@ -13,6 +13,7 @@ from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..frozen import frozen, set_field, static
 from ..kernels import impulse_start
 from ..kernels.impulse_start import Datum
+from ..kernels.innovation_information import Search
 from ..models.output_error import OutputError
 from ..protocols import StartedIdentifier
 from ..results import Fit
@@ -95,21 +96,27 @@ class OutputErrorML(StartedIdentifier):
             noise = np.maximum(found, np.maximum(LEAST_NOISE * np.array(sizes), np.finfo(float).tiny))
         return RecursiveOutputError(self.na, self.nb, delay=self.delay, noise_variance=noise)
 
-    def fit(self, records: Sequence[Record], start: Array | None = None) -> Fit:
+    def fit(self, records: Sequence[Record], start: Array | None = None, search: Search | None = None) -> Fit:
         """The fit to records of equal channels and step; `start` (d,) is one more start.
+
+        `search` maximises the likelihood where inputs are unknown: `identify` gives it.
 
         Raises `InputError` where an input has no known values or arrival rate, or an output was never seen.
         """
         self.check(records)
         inputs = expected(records, self.arrival) if _uncertain(records) else None
+        if inputs is not None and search is None:
+            checks.refuse(
+                "some inputs are unknown: use identify(OutputErrorML(...), record), which searches the likelihood then."
+            )
         first, noises = records[0], self.noise_variance
         past = max(self.na, self.nb + self.delay) if self.initial == "free" else 0
         orders = Orders(self.na, self.nb, self.delay, past)
         d = self.na + len(first.inputs) * (self.nb + 1)
         ends = []
         for i, data in enumerate(by_output(records)):
-            if inputs is not None:
-                ends.append(fit_uncertain(orders, data, inputs, None if noises is None else float(noises[i])))
+            if inputs is not None and search is not None:
+                ends.append(fit_uncertain(orders, data, inputs, None if noises is None else float(noises[i]), search))
                 continue
             starts = [] if start is None else [np.asarray(start)[i * d : (i + 1) * d]]
             ends.append(fit_output(orders, data, starts, None if noises is None else float(noises[i])))

@@ -1,21 +1,23 @@
 """Maximum likelihood for one output of an output-error model, where some inputs are unknown."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .. import checks
+from ..annotations import Array
 from ..data.record import Record
+from ..frozen import frozen
 from ..kernels import uncertain_input_likelihood as kernel
 from ..kernels.impulse_start import Datum
+from ..kernels.innovation_information import Search
+from ..kernels.uncertain_input_likelihood import Companion
+from ..results import Info, Interval, Sample
 from .one_output import OneOutput, Orders, fit_output, marginal
 
-PATIENCE = 200  # steps of a search
-STEEP = 1e-5  # gradient of the log-likelihood in scaled unknowns that ends a search
+STRIDE = 2.0  # of the logarithm of the noise variance, in one step of the search
 
 
 class Expected(NamedTuple):
@@ -62,74 +64,80 @@ def _expected(
 
 
 def fit_uncertain(
-    orders: Orders, data: Sequence[Datum], inputs: Sequence[Expected], noise_variance: float | None
+    orders: Orders, data: Sequence[Datum], inputs: Sequence[Expected], noise_variance: float | None, search: Search
 ) -> OneOutput:
     """The fit of one output, started from the fit with the expected inputs as known."""
-    from scipy.optimize import minimize
-
     known = [datum._replace(u=one.mean) for datum, one in zip(data, inputs, strict=True)]
     first = fit_output(orders._replace(past=0), known, [], None)
-    free = noise_variance is None
-    n = max(orders.na, orders.nb + orders.delay, 1)
-    pasts = n * len(data) if orders.past else 0
-    start = np.concatenate([first.parameters, np.zeros(pasts), [np.log(first.noise_variance / 2)] if free else []])
-    rows = _rows(data, inputs)
-    cost = partial(_cost, rows=rows, orders=orders, noise_variance=noise_variance)
-    scale = np.concatenate([np.maximum(np.abs(first.parameters), 0.1), np.ones(len(start) - len(first.parameters))])
-    size = sum(int(datum.seen.sum()) for datum in data)
-
-    def scaled(z: np.ndarray):
-        value, slope = _slope(z * scale, rows, orders, noise_variance)
-        bad = not np.isfinite(value)
-        return (1e12, np.zeros_like(z)) if bad else (float(value) / size, np.asarray(slope) * scale / size)
-
-    end = minimize(scaled, start / scale, jac=True, method="BFGS", options={"maxiter": PATIENCE, "gtol": STEEP})
-    x = end.x * scale
-    d = len(first.parameters)
-    r = float(np.exp(x[-1])) if free else noise_variance
-    M = np.asarray(_curvature(x, rows, orders, noise_variance))
-    _, e, V = cost_parts(x, rows, orders, noise_variance)
+    unknowns = Unknowns(orders, data[0].u.shape[1], len(data), noise_variance)
+    d, free = len(first.parameters), noise_variance is None
+    noise = [np.log(first.noise_variance / 2)] if free else []
+    start = np.concatenate([first.parameters, np.zeros(unknowns.pasts), noise])
+    stride = np.full(len(start), np.inf)
+    stride[len(start) - len(noise) :] = STRIDE
+    found = search(unknowns.build, [_rows(datum, one) for datum, one in zip(data, inputs, strict=True)], start, stride)
+    r = float(np.exp(found.θ[-1])) if noise_variance is None else noise_variance
     residuals = tuple(
-        np.where(datum.seen, np.asarray(one)[: len(datum.y)] * np.sqrt(r / np.asarray(v)[: len(datum.y)]), np.nan)
-        for datum, one, v in zip(data, e, V, strict=True)
+        np.where(datum.seen, e[:, 0] * np.sqrt(r / V[:, 0, 0]), np.nan)
+        for datum, (e, V) in zip(data, found.innovations, strict=True)
     )
-    return OneOutput(x[:d], r, marginal((M + M.T) / 2, d), residuals, -float(cost(x)))
+    return OneOutput(found.θ[:d], r, marginal(found.information, d), residuals, found.log_likelihood)
 
 
-def _rows(data: Sequence[Datum], inputs: Sequence[Expected]) -> tuple:
-    """All records, padded to one length with missing rows."""
-    T = max(len(datum.y) for datum in data)
+class Unknowns(NamedTuple):
+    """θ = (a, b, the state before row 0 of each record, log r), of one output; parts that are not free are not in θ."""
 
-    def padded(array: np.ndarray) -> np.ndarray:
-        return np.concatenate([array, np.zeros((T - len(array), *array.shape[1:]), array.dtype)])
+    orders: Orders
+    m: int
+    records: int
+    noise_variance: float | None
 
-    return tuple(
-        np.stack([padded(column) for column in columns])
-        for columns in zip(
-            *(
-                (one.mean, one.variance, np.nan_to_num(datum.y), datum.seen)
-                for datum, one in zip(data, inputs, strict=True)
-            ),
-            strict=True,
-        )
-    )
+    @property
+    def n(self) -> int:
+        """The number of states."""
+        return max(self.orders.na, self.orders.nb + self.orders.delay, 1)
 
+    @property
+    def pasts(self) -> int:
+        """The number of initial states that are free."""
+        return self.n * self.records if self.orders.past else 0
 
-def cost_parts(x: np.ndarray, rows: tuple, orders: Orders, noise_variance: float | None) -> tuple:
-    """Minus the log-likelihood, and the innovations with their variances, record by record."""
-    records, m = rows[0].shape[0], rows[0].shape[2]
-    d, n = orders.na + m * (orders.nb + 1), max(orders.na, orders.nb + orders.delay, 1)
-    a, b = x[: orders.na], x[orders.na : d].reshape(m, orders.nb + 1)
-    pasts = x[d : d + n * records].reshape(records, n) if orders.past else jnp.zeros((records, n))
-    r = jnp.exp(x[-1]) if noise_variance is None else noise_variance
-    total, e, V = jax.vmap(lambda s, *row: kernel.log_likelihood(a, b, r, s, orders.delay, row))(pasts, *rows)
-    return -jnp.sum(total), e, V
+    def build(self, θ: np.ndarray, i: int) -> tuple["UncertainInputStep", np.ndarray]:
+        """The step of record i and its initial state, at θ, which may be complex."""
+        na, d = self.orders.na, self.orders.na + self.m * (self.orders.nb + 1)
+        a, b = θ[:na], θ[na:d].reshape(self.m, self.orders.nb + 1)
+        past = θ[d + i * self.n : d + (i + 1) * self.n] if self.pasts else np.zeros(self.n)
+        r = np.exp(θ[-1]) if self.noise_variance is None else self.noise_variance
+        return UncertainInputStep(kernel.companion(a, b, self.orders.delay, np.asarray(r))), past
 
 
-@partial(jax.jit, static_argnames=("orders",))
-def _cost(x: np.ndarray, rows: tuple, orders: Orders, noise_variance: float | None) -> Any:
-    return cost_parts(x, rows, orders, noise_variance)[0]
+@frozen
+class UncertainInputStep:
+    """One row of the likelihood, for an engine: the state is (s, P) of the kernel; a sample holds ū, and W in `extra`."""
+
+    model: Companion
+
+    def at(self, k: int | Array) -> "UncertainInputStep":
+        """The same in every row."""
+        return self
+
+    def init(self, prior: Array) -> tuple[Any, Any]:
+        """The state before row 0, which is known."""
+        s = jnp.asarray(prior)
+        return s, jnp.zeros((len(s), len(s)))
+
+    def correct(self, state: tuple[Any, Any], sample: Sample) -> tuple[tuple[Any, Any], Info]:
+        """The whole row: the input enters the output and the next state with one and the same error."""
+        s, P, row = kernel.step(self.model, *state, sample.u, sample.extra, sample.y[0], sample.seen[0])
+        e = jnp.where(sample.seen, row.e, jnp.nan)
+        outcome = jnp.where(row.V > 0, 0, 1)
+        return (s, P), Info(s, P, e, jnp.reshape(row.V, (1, 1)), row.log_likelihood, outcome=outcome)
+
+    def predict(self, state: tuple[Any, Any], interval: Interval) -> tuple[Any, Any]:
+        """The next row begins where the last one ended."""
+        return state
 
 
-_slope = jax.jit(jax.value_and_grad(_cost), static_argnames=("orders",))
-_curvature = jax.jit(jax.jacfwd(jax.grad(_cost)), static_argnames=("orders",))
+def _rows(datum: Datum, inputs: Expected) -> Sample:
+    """The rows of a record."""
+    return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], inputs.mean, None, inputs.variance)

@@ -10,6 +10,9 @@ With e and S the innovation and its covariance, ∂_i their derivatives, and S =
 Reference: K. J. Åström, Automatica 16 (1980) 551-574; N. K. Gupta, R. K. Mehra, IEEE TAC 19 (1974) 774-783.
 """
 
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -28,3 +31,18 @@ def features(
     W = solve_lower(L, solve_lower(L, jnp.where(pair, dS, 0.0)).T)
     rows, columns = np.tril_indices(len(e), -1)
     return jnp.concatenate([u, diagonal(W) * np.sqrt(0.5), W[rows, columns]])  # (2)
+
+
+class Maximum(NamedTuple):
+    """The end of a search: θ (d,), the log-likelihood and Fisher's information (d, d) there, and of each record the innovations
+    (T, p) with their covariances (T, p, p)."""
+
+    θ: np.ndarray
+    log_likelihood: float
+    information: np.ndarray
+    innovations: Sequence[tuple[np.ndarray, np.ndarray]]
+
+
+Build: TypeAlias = Callable[[np.ndarray, int], tuple[Any, Any]]  # the step of record i and its prior, at θ (d,), also complex
+# maximises a likelihood, given the samples of each record, a start (d,), and how far each unknown moves in a step of the search
+Search: TypeAlias = Callable[[Build, Sequence[Any], np.ndarray, np.ndarray], Maximum]

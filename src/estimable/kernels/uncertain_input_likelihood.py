@@ -5,43 +5,53 @@ s+ = F s + G u, y = s_1 + D u + v, so that w is process noise and measurement no
 variance V, gain K.
 """
 
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
+import numpy as np
 
-from .shapes import Float
-from .small import Real, Scalar
+from .shapes import Float, Inexact
+from .small import Flag, Real, Scalar
 
 
-def companion(a: Float[Real, " na"], b: Float[Real, "m lags"], delay: int) -> tuple:
-    """F (n, n), G (n, m) and D (m,) of B/A."""
+class Companion(NamedTuple):
+    """B/A in observable companion form, and the variance r of v."""
+
+    F: Float[Real, "n n"]
+    G: Float[Real, "n m"]
+    D: Float[Real, " m"]
+    r: Scalar
+
+
+def companion(a: Inexact[np.ndarray, " na"], b: Inexact[np.ndarray, "m lags"], delay: int, r: Scalar) -> Companion:
+    """The companion form, in NumPy."""
     m, lags = b.shape
     n = max(a.shape[0], lags - 1 + delay, 1)
-    a = jnp.concatenate([a, jnp.zeros(n - a.shape[0])])
-    b = jnp.concatenate([jnp.zeros((m, delay)), b, jnp.zeros((m, n + 1 - delay - lags))], axis=1)
-    F = jnp.concatenate([-a[:, None], jnp.eye(n)[:, : n - 1]], axis=1)
-    return F, (b[:, 1:] - b[:, :1] * a[None]).T, b[:, 0]
+    a = np.concatenate([a, np.zeros(n - a.shape[0])])
+    b = np.concatenate([np.zeros((m, delay)), b, np.zeros((m, n + 1 - delay - lags))], axis=1)
+    F = np.concatenate([-a[:, None], np.eye(n)[:, : n - 1]], axis=1)
+    return Companion(F, (b[:, 1:] - b[:, :1] * a[None]).T, b[:, 0], r)
 
 
-def log_likelihood(
-    a: Float[Real, " na"], b: Float[Real, "m lags"], r: Scalar, s: Float[Real, " n"], delay: int, rows: tuple
-) -> tuple[Float[Real, ""], Float[Real, " T"], Float[Real, " T"]]:
-    """The log likelihood of the seen outputs; innovations and their variances, row by row. `rows`: ū, W (T, m), y, seen (T,)."""
-    F, G, D = companion(a, b, delay)
+class RowLikelihood(NamedTuple):
+    """What one row shows: the innovation, its variance, and the log-likelihood."""
 
-    def step(carry: tuple[Real, ...], row: tuple[Real, ...]) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
-        s, P, total = carry
-        ū, W, y, seen = row
-        V = P[0, 0] + jnp.sum(D * D * W) + r
-        e = y - s[0] - jnp.sum(D * ū)
-        K = jnp.where(seen, (jnp.sum(F * P[:, 0][None, :], axis=1) + jnp.sum(G * (W * D)[None], axis=1)) / V, 0.0)
-        drift = jnp.sum(G[:, None, :] * G[None, :, :] * W[None, None], axis=2)
-        moved = jnp.sum(F[:, :, None] * P[None], axis=1)
-        P = jnp.sum(moved[:, None, :] * F[None], axis=2) + drift - K[:, None] * K[None] * V
-        s = jnp.sum(F * s[None], axis=1) + jnp.sum(G * ū[None], axis=1) + K * e
-        total = total - jnp.where(seen, 0.5 * (jnp.log(2 * jnp.pi * V) + e * e / V), 0.0)
-        return (s, P, total), (e, V)
+    e: Scalar
+    V: Scalar
+    log_likelihood: Scalar
 
-    start = (s, jnp.zeros((s.shape[0], s.shape[0])), jnp.zeros(()))
-    (_, _, total), (e, V) = jax.lax.scan(step, start, rows)
-    return total, e, V
+
+def step(
+    model: Companion, s: Float[Real, " n"], P: Float[Real, "n n"],
+    ū: Float[Real, " m"], W: Float[Real, " m"], y: Scalar, seen: Flag,
+) -> tuple[Float[Real, " n"], Float[Real, "n n"], RowLikelihood]:
+    """The next (s, P), and the row. An output not seen changes neither."""
+    F, G, D, r = model
+    V = P[0, 0] + jnp.sum(D * D * W) + r
+    e = y - s[0] - jnp.sum(D * ū)
+    K = jnp.where(seen, (jnp.sum(F * P[:, 0][None, :], axis=1) + jnp.sum(G * (W * D)[None], axis=1)) / V, 0.0)
+    drift = jnp.sum(G[:, None, :] * G[None, :, :] * W[None, None], axis=2)
+    moved = jnp.sum(F[:, :, None] * P[None], axis=1)
+    P_next = jnp.sum(moved[:, None, :] * F[None], axis=2) + drift - K[:, None] * K[None] * V
+    s_next = jnp.sum(F * s[None], axis=1) + jnp.sum(G * ū[None], axis=1) + K * e
+    return s_next, P_next, RowLikelihood(e, V, -jnp.where(seen, 0.5 * (jnp.log(2 * jnp.pi * V) + e * e / V), 0.0))

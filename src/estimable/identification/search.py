@@ -1,0 +1,48 @@
+"""The search that identifiers ask for: the maximum of a likelihood whose step they declare."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..annotations import Tree
+from ..engines import choice
+from ..engines.step import Stepping
+from ..errors import AssumptionError
+from ..estimation.climb import Limits, climb
+from ..estimation.slopes import Ascent, Rows, ascent, total
+from ..kernels.innovation_information import Build, Maximum
+from ..results import Info, Interval, Sample
+
+
+def maximise(build: Build, rows: Sequence[Sample], start: np.ndarray, stride: np.ndarray) -> Maximum:
+    """The maximum reached from `start`; see `kernels.innovation_information.Search`.
+
+    Raises `AssumptionError` where the likelihood is not finite there.
+    """
+    bound = [Rows(samples, _intervals(samples)) for samples in rows]
+
+    def at(θ: np.ndarray) -> Ascent:
+        return total([ascent(lambda z, i=i: build(z, i), θ, one)[1] for i, one in enumerate(bound)])
+
+    far = np.full(len(start), np.inf)
+    found = climb(at, start, Limits(-far, far, stride))
+    if not np.isfinite(found.end.log_likelihood):
+        raise AssumptionError("the likelihood is not finite at the start of the search: the model may be unstable.")
+    innovations = [_innovations(*build(found.θ, i), one) for i, one in enumerate(bound)]
+    return Maximum(found.θ, found.end.log_likelihood, found.end.information, innovations)
+
+
+def _intervals(samples: Sample) -> Interval:
+    return Interval(samples.u, samples.u, None, np.ones(len(samples.y)))
+
+
+def _innovations(step: Stepping, prior: Tree, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """The innovations of a record and their covariances."""
+    _, run = choice.scan("auto", step, prior, rows.samples, rows.intervals, keep="all", select=_kept)
+    e, V = run.info
+    return np.asarray(e), np.asarray(V)
+
+
+def _kept(info: Info, keep: str) -> tuple[Any, Any]:
+    return info.innovation, info.innovation_covariance
