@@ -21,7 +21,7 @@ SOURCE = ROOT / "src" / "estimable"
 FILES = sorted(SOURCE.rglob("*.py"))
 ROOMS = (  # each may know those before it
     ("errors", "annotations", "frozen", "lazy", "precision", "phrases", "checks", "packaged"),
-    ("tables", "writing"),
+    ("tables", "writing", "progress"),
     ("cache_folder",),
     ("engines/program",),
     ("engines/disk_cache", "engines/plain_format"),

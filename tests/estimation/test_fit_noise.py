@@ -193,3 +193,16 @@ def test_a_nonlinear_filter_finds_the_noises_of_the_linear_model_it_is_given(kin
     assert_allclose(found.parameters, exact.parameters, rtol=1e-6)
     assert_allclose(found.covariance, exact.covariance, rtol=1e-6)
     assert found.names == exact.names
+
+
+def test_a_bar_appears_after_a_while_on_a_terminal_only(monkeypatch, capsys):
+    record = simulate(TRUE, seed=1, steps=100).record
+    fit_noise(START, record, prior=PRIOR)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    for after, shown in ((0.0, True), (60.0, False)):
+        monkeypatch.setattr("estimable.estimation.fit_noise.AFTER", after)
+        fit_noise(START, record, prior=PRIOR)
+        assert ("steps, at most" in capsys.readouterr().err) == shown
+    with pytest.raises(InputError, match="`progress` must be"):
+        fit_noise(START, record, prior=PRIOR, progress="yes")

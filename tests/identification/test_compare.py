@@ -136,3 +136,23 @@ def test_what_is_wrong_is_said(call, sentence):
     with pytest.raises(InputError) as caught:
         call()
     assert sentence in str(caught.value)
+
+
+def test_ctrl_c_ranks_what_has_run_and_says_what_has_not():
+    u = np.random.default_rng(0).normal(size=200)
+    record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
+    methods = [OutputErrorML(1, 0), LeastSquares(1, 0), LeastSquares(0, 0)]
+
+    class Interrupted(LeastSquares):
+        def __init__(self):
+            pass
+
+        def fit(self, records):
+            raise KeyboardInterrupt
+
+    tried = [*methods[:2], Interrupted(), methods[2]]
+    found = compare(tried, record)
+    assert found.sentence.startswith("Interrupted: 'Interrupted', 'LeastSquares' did not run. ")
+    assert [one.name for one in found.ranked] == ["OutputErrorML", "LeastSquares"]
+    with pytest.raises(KeyboardInterrupt):
+        compare(tried[2:], record)

@@ -37,11 +37,21 @@ class Climbed(NamedTuple):
     converged: bool
 
 
-def climb(at: Callable[[np.ndarray], Ascent], start: np.ndarray, limits: Limits) -> Climbed:
-    """The maximum that is reached from `start`. A trial that fails, or does not rise, is rejected."""
+def climb(
+    at: Callable[[np.ndarray], Ascent],
+    start: np.ndarray,
+    limits: Limits,
+    advance: Callable[[int], object] | None = None,
+) -> Climbed:
+    """The maximum that is reached from `start`. A trial that fails, or does not rise, is rejected.
+
+    `advance(1)` is called at each step.
+    """
     θ, damping = np.clip(start, limits.lower, limits.upper), FIRST_DAMPING
     here = at(θ)
     for count in range(MOST):
+        if advance is not None:
+            advance(1)
         δ = _step(θ, here, damping, limits)
         if _promise(here, δ) < FORESEEN and damping <= 1:
             return Climbed(θ, here, count, True)

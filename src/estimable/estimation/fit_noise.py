@@ -14,10 +14,11 @@ from ..models.complex_step import along_each, slope_of
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..progress import AFTER, bar
 from ..protocols import Algorithm
 from ..results import NoiseFit
 from .binding import bind
-from .climb import Climbed, Limits, climb
+from .climb import MOST, Climbed, Limits, climb
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import Free, Part, parts
 from .score import rows_of
@@ -37,6 +38,7 @@ def fit_noise(
     *,
     prior: Prior,
     free: Free = ("Q", "R"),
+    progress: bool = True,
 ) -> NoiseFit:
     """The noise covariances that maximise the likelihood of a record (or several), with their standard errors.
 
@@ -47,6 +49,8 @@ def fit_noise(
     matrix), "full" (every entry; the default otherwise), "scale" (one factor), or bools, one per variance. Variances are found
     as logarithms and full matrices by their Cholesky factor, so that every trial is positive semidefinite; a continuous Q
     remains a density.
+
+    `progress`: a bar on stderr after a second of work, if stderr is a terminal.
 
     The covariance is the inverse of Fisher's information of the innovations.
 
@@ -61,21 +65,25 @@ def fit_noise(
     >>> fit.names, bool(np.all(abs(fit.parameters - [0.2, 0.5]) < 3 * fit.sigma))
     (('Q[x1]', 'R[y1]'), True)
     """
-    algorithm = _read(algorithm)
+    algorithm = _read(algorithm, progress)
     found, runs = _prepare(algorithm, record, prior, free)
 
     def at(θ: np.ndarray) -> Ascent:
         return total([ascent(lambda z: Setup(tuned(algorithm, found, z), prior), θ, rows)[1] for rows in runs])
 
     begin = np.concatenate([part.begin() for part in found])
-    climbed = climb(at, begin, _limits(found))
+    with bar("steps, at most", MOST, shown=progress, after=AFTER) as advance:
+        climbed = climb(at, begin, _limits(found), advance)
     if not np.isfinite(climbed.end.log_likelihood):
         raise AssumptionError("the likelihood is not finite at the start: the model may be unstable and unobserved.")
     climbed, at_zero = _fallen(at, found, climbed)
     return _assembled(algorithm, found, climbed, at_zero)
 
 
-def _read(given: object) -> Algorithm[Any]:
+def _read(given: object, progress: bool) -> Algorithm[Any]:
+    faults = checks.Faults()
+    faults.flag("progress", progress)
+    faults.finish()
     algorithm: Any = given
     model = algorithm.innermost.model if isinstance(given, Algorithm) else None
     noises = isinstance(model, StateSpace | NonlinearModel) and model.R is not None

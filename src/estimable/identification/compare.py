@@ -42,7 +42,8 @@ def compare(
     fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its operating
     point; "trend": about straight lines fitted to the first part and continued (the operating point is their value at its
     end); "none": signals are already deviations, or methods fit an offset. `order`: of all methods, where they are chosen here.
-    `progress(name, done, total)` is called before each method runs.
+    `progress(name, done, total)` is called before each method runs. Ctrl-C ends the comparison: the methods that have run are
+    ranked, and the sentence begins with those that have not.
 
     Methods are ranked by the fit of a simulation from the inputs alone, which continues from the first part and uses no held-out
     output. Differences of squared errors within two standard errors (with autocorrelation, Newey & West 1987) are noise:
@@ -62,12 +63,19 @@ def compare(
     if methods is None:
         report("choosing orders", 0, 1)
     chosen = candidates(task.first, order) if methods is None else tuple(methods)
-    found = []
+    found, missed = [], ""
     for i, method in enumerate(chosen):
         report(type(method).__name__, i, len(chosen))
-        found.append(_run(method, task))
+        try:
+            found.append(_run(method, task))
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            missed = f"Interrupted: {checks.listed([type(one).__name__ for one in chosen[i:]])} did not run. "
+            break
     report("", len(chosen), len(chosen))
-    return _ranked(found)._replace(task=task)
+    ranked = _ranked(found)
+    return ranked._replace(task=task, sentence=missed + ranked.sentence)
 
 
 def _read(

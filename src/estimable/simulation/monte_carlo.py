@@ -2,8 +2,7 @@
 # pyright: reportUnknownVariableType=false
 """Monte Carlo runs of an estimator over drawn records, with a summary of each run."""
 
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -18,6 +17,7 @@ from ..estimation.binding import check_algorithm
 from ..estimation.estimate import check_options
 from ..estimation.estimate_bank import estimate_bank
 from ..models.prior import Prior
+from ..progress import bar
 from ..protocols import Algorithm
 from ..results import MonteCarlo, Outcome, Simulation, Stacked
 
@@ -55,7 +55,7 @@ def monte_carlo(
     summaries: list[dict[str, Any]] = []
     failed: list[bool] = []
     used = engine
-    with bar(runs, shown=progress) as advance:
+    with bar("runs", runs, shown=progress) as advance:
         for first in range(0, runs, size):
             count = min(size, runs - first)
             things = draws(first + jnp.arange(size))
@@ -125,20 +125,3 @@ def gathered(summaries: list[Any]) -> dict[str, np.ndarray]:
                 f"`summary` must return the same names for every run: {given} for run {i}, {first} for run 0."
             )
     return {name: np.array([one[name] for one in summaries], float) for name in summaries[0]}
-
-
-@contextmanager
-def bar(runs: int, *, shown: bool) -> Generator[Callable[[int], None], None, None]:
-    """A progress bar on stderr if that is a terminal; removed at the end."""
-    import sys
-
-    if not (shown and sys.stderr.isatty()):
-        yield lambda count: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("runs", total=runs)
-        yield lambda count: progress.advance(task, count)

@@ -13,10 +13,11 @@ from .. import checks
 from ..engines import choice
 from ..errors import RunError
 from ..frozen import saved
+from ..progress import bar
 from ..results import ClosedLoop, ClosedLoopBank, MonteCarlo, Outcome
 from .close_loop import close_loop_bank
 from .fingerprint import UnseenError, fingerprint
-from .monte_carlo import bar, gathered
+from .monte_carlo import gathered
 from .parts import Folder, Part, worked_out
 
 CHUNK = 250  # runs in memory together, which are one part: it only bounds the memory
@@ -111,7 +112,7 @@ def monte_carlo_loops(
     cases = {"": cases} if isinstance(cases, LoopCase) else cases
     _check_call(cases, runs, seed, summary, chunk, on_failure, engine, scheduler, version, progress)
     parts = _Parts(cases, runs, seed, summary if version is None else version, chunk, Folder(folder))
-    with bar(runs * len(cases), shown=progress) as advance:
+    with bar("runs", runs * len(cases), shown=progress) as advance:
         found = {place: part for place in parts.places if (part := parts.read(*place)) is not None}
         advance(sum(len(part["failed"]) for part in found.values()))
         missing = [place for place in parts.places if place not in found]
