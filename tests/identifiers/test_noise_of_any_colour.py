@@ -86,7 +86,7 @@ def test_prediction_errors_are_unbiased_and_as_sure_as_they_say():
 def test_the_derivatives_of_prediction_errors_are_those_of_differences():
     method, data = PredictionError(2, 1, 1, delay=1), by_output([armax(0, 50)])[0]
     x = np.array([-1.1, 0.4, 0.9, 0.5, 0.3, 0.1, 0.2])
-    moved = [[method._errors(data, x + side * 1e-6 * unit)[0] for side in (1, -1)] for unit in np.eye(7)]
+    moved = [[method._errors(data, x + side * 1e-6 * unit) for side in (1, -1)] for unit in np.eye(7)]
     assert_allclose(method._slopes(data, x).T, [(up - down) / 2e-6 for up, down in moved], atol=1e-7)
 
 

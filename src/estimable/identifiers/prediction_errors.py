@@ -2,29 +2,31 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..analysis.excitation import excitation_check
+from ..annotations import Array
 from ..data.record import Record
 from ..diagnostics.cramer_rao import undetermined
 from ..frozen import frozen, static
 from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..kernels.impulse_start import Datum
-from ..kernels.innovations_form import System
+from ..kernels.innovation_information import Search
 from ..kernels.regression import lagged, regress
+from ..kernels.uncertain_input_likelihood import Companion, companion
 from ..models.armax import ARMAX
-from ..models.polynomials import companion
-from ..protocols import Identifier
-from ..results import Fit
+from ..protocols import StartedIdentifier
+from ..results import Fit, Sample
 from .least_squares import LeastSquares
 from .one_output import FAR, marginal
 from .output_error_ml import block_diagonal, by_output, covariance
 from .realised import check_lags, check_records
 from .standing import validation_of
+from .uncertain_inputs import STRIDE, UncertainInputStep
 
 LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
 CONVERGED = 1e-10  # relative change of parameters and sum of squares, and angle to the gradient, that end a search
@@ -41,7 +43,7 @@ class Ended(NamedTuple):
 
 
 @frozen
-class PredictionError(Identifier):
+class PredictionError(StartedIdentifier):
     """The parameters of an ARMAX model by the prediction-error method, from one record or several with gaps.
 
     Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output has its own polynomials.
@@ -54,11 +56,10 @@ class PredictionError(Identifier):
     steps.
 
     The sum of squares is minimised by the Levenberg-Marquardt method (MINPACK, in SciPy), from C = 1 and from the residuals of
-    a long ARX model (Hannan and Rissanen). Where outputs are missing, the errors are those of the Kalman filter, each divided
-    by its standard deviation, and derivatives are numerical. The covariance is σ² (ψ'ψ)^-1, with the past before row 0
-    marginalised.
+    a long ARX model (Hannan and Rissanen). Where outputs are missing, the likelihood of the seen ones is maximised instead, by
+    Fisher scoring. The covariance is σ² (ψ'ψ)^-1, or the inverse of the information, with the past before row 0 marginalised.
 
-    Cost: about 15 passes, O(T d) each: 20 ms at T = 1000; with gaps 15 T (d + n) steps of a filter: seconds.
+    Cost: about 15 passes, O(T d) each: 20 ms at T = 1000, with gaps or without, after a second of compilation for gaps.
 
     Reference: L. Ljung, System Identification (1999), §7.2, §10.2, §10.3; E. Hannan, J. Rissanen (1982).
 
@@ -86,8 +87,22 @@ class PredictionError(Identifier):
         """The number of values that represent the past before a record."""
         return max(self.na, self.nb + self.delay, self.nc)
 
-    def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit to records of equal channels and step."""
+    def starter(self, records: Sequence[Record]) -> None:
+        """None: the searches have starts of their own."""
+
+    def fit(self, records: Sequence[Record], start: Array | None = None, search: Search | None = None) -> Fit:
+        """The fit to records of equal channels and step; `search` where outputs are missing: `identify` gives it."""
+        self.check(records)
+        data = by_output(records)
+        if search is None and not all(one.seen.all() for each in data for one in each):
+            checks.refuse(
+                "outputs are missing: use identify(PredictionError(...), record), which searches the likelihood then."
+            )
+        ends = [self.search(each, search) for each in data]
+        return self._assembled(records, ends, self.na + self.nc + len(records[0].inputs) * (self.nb + 1))
+
+    def check(self, records: Sequence[Record]) -> None:
+        """Check that the records are regular, and each output was seen more often than there are unknowns."""
         faults, first = checks.Faults(), records[0]
         check_records(records, faults)
         check_lags(self, records, faults)
@@ -100,14 +115,12 @@ class PredictionError(Identifier):
                     f"{checks.counted(d, 'parameter')} and the past before row 0. Lower the orders."
                 )
         faults.finish()
-        ends = [self.search(data) for data in by_output(records)]
-        return self._assembled(records, ends, d)
 
-    def search(self, data: Sequence[Datum]) -> Ended:
+    def search(self, data: Sequence[Datum], search: Search | None = None) -> Ended:
         """The best of the searches, for one output."""
         starts = [self._begun(data, θ) for θ in self._starts(data)]
-        if not all(one.seen.all() for one in data):  # a search is slow: only from the better start
-            starts = [min(starts, key=lambda x: float(np.sum(self._errors(data, x)[0] ** 2)))]
+        if search is not None and not all(one.seen.all() for one in data):
+            return min((self._searched_in_gaps(data, x, search) for x in starts), key=lambda end: end.cost)
         return min((self._searched(data, x) for x in starts), key=lambda end: end.cost)
 
     def _begun(self, data: Sequence[Datum], θ: np.ndarray) -> np.ndarray:
@@ -137,14 +150,29 @@ class PredictionError(Identifier):
     def _searched(self, data: Sequence[Datum], start: np.ndarray) -> Ended:
         from scipy.optimize import least_squares
 
-        complete = all(one.seen.all() for one in data)
-        jac: Any = (lambda x: self._slopes(data, x)) if complete else "2-point"
         found = least_squares(
-            lambda x: self._errors(data, x)[0], start, jac=jac, method="lm", x_scale="jac" if complete else 1.0,
+            lambda x: self._errors(data, x), start, jac=lambda x: self._slopes(data, x), method="lm", x_scale="jac",  # type: ignore[arg-type]
             xtol=CONVERGED, ftol=CONVERGED, gtol=CONVERGED,
         )  # fmt: skip
-        e, log_V = self._errors(data, found.x)
-        return Ended(found.x, e, np.asarray(found.jac), float(found.cost), log_V)
+        return Ended(found.x, self._errors(data, found.x), np.asarray(found.jac), float(found.cost), 0.0)
+
+    def _searched_in_gaps(self, data: Sequence[Datum], start: np.ndarray, search: Search) -> Ended:
+        """The search by the likelihood of the seen samples; its last unknown is log r."""
+        variance = np.var(np.concatenate([one.y[one.seen] for one in data])) / 2 or 1.0
+        stride = np.append(np.full(len(start), np.inf), STRIDE)
+
+        def build(θ: np.ndarray, i: int) -> tuple[UncertainInputStep, np.ndarray]:
+            a, b, c, z = self._parts(θ[:-1], data[i].u.shape[1], i)
+            return _step(a, b, c, self.delay, np.exp(θ[-1] / 2), z)
+
+        found = search(build, [_rows(one) for one in data], np.append(start, np.log(variance)), stride)
+        r, pairs = float(np.exp(found.θ[-1])), zip(data, found.innovations, strict=True)
+        e, V = np.concatenate([np.stack([e[one.seen, 0], V[one.seen, 0, 0] / r], 1) for one, (e, V) in pairs]).T
+        e = e / np.sqrt(V) * np.exp(np.log(V).mean() / 2)
+        cost = float(e @ e) / 2
+        values, vectors = np.linalg.eigh(marginal(found.information, len(start)))
+        J = (vectors * np.sqrt(np.maximum(values, 0) * 2 * cost / max(len(e) - len(start), 1))).T
+        return Ended(found.θ[:-1], e, J, cost, float(np.log(V).sum()))
 
     def _parts(self, x: np.ndarray, m: int, i: int) -> tuple[np.ndarray, ...]:
         """a, b, c and the past of record i."""
@@ -153,21 +181,13 @@ class PredictionError(Identifier):
             x[:na], x[na : na + nb].reshape(m, self.nb + 1), x[na + nb : d], x[d + i * self.past : d + (i + 1) * self.past],
         )  # fmt: skip
 
-    def _errors(self, data: Sequence[Datum], x: np.ndarray) -> tuple[np.ndarray, float]:
-        """The errors of the seen outputs, scaled so that their sum of squares gives the likelihood, and Σ log V."""
-        found, logs = [], []
-        for i, one in enumerate(data):
-            a, b, c, z = self._parts(x, one.u.shape[1], i)
-            if one.seen.all():
-                found.append(kernel.errors(a, b, c, self.delay, one.u, one.y, z))
-                logs.append(np.zeros(len(one.y)))
-            else:
-                y = np.where(one.seen, one.y, np.nan)
-                e, log_V = kernel.whitened_errors(_system(a, b, c, self.delay), one.u, y, _state(z, len(z)))
-                found.append(e)
-                logs.append(log_V)
-        e, log_V = np.concatenate(found), np.concatenate(logs)
-        return np.clip(e * np.exp(log_V.mean() / 2), -FAR, FAR), float(log_V.sum())
+    def _errors(self, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
+        """The errors of complete records."""
+        parts = [self._parts(x, one.u.shape[1], i) for i, one in enumerate(data)]
+        found = [
+            kernel.errors(a, b, c, self.delay, one.u, one.y, z) for one, (a, b, c, z) in zip(data, parts, strict=True)
+        ]
+        return np.clip(np.concatenate(found), -FAR, FAR)
 
     def _slopes(self, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
         blocks, pasts = [], self.past * len(data)
@@ -210,17 +230,22 @@ class PredictionError(Identifier):
         )  # fmt: skip
 
 
-def _system(a: np.ndarray, b: np.ndarray, c: np.ndarray, delay: int) -> System:
-    """In innovations form, e of variance 1."""
-    A, B, C, D = companion(a[None], b[None], delay, len(c))
-    n = len(A)
-    K = (np.pad(c, (0, n - len(c))) - np.pad(a, (0, n - len(a))))[:, None]
-    return System(A, B, C, D, K @ K.T, np.eye(1), K)
+def _step(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, delay: int, σ: complex, z: np.ndarray
+) -> tuple[UncertainInputStep, np.ndarray]:
+    """The innovations form, with e / σ as one more input, of variance 1; and the state that responds as to the impulses z."""
+    n = max(len(a), len(c), b.shape[1] - 1 + delay, 1)
+    a, c, z = (np.concatenate([part, np.zeros(n - len(part))]) for part in (a, c, z))
+    F, G, D, _ = companion(a, b, delay, 0.0)
+    return UncertainInputStep(Companion(F, np.column_stack([G, σ * (c - a)]), np.append(D, σ), 0.0)), z
 
 
-def _state(z: np.ndarray, n: int) -> np.ndarray:
-    """The state at row 0 whose output equals the response to the impulses z."""
-    return np.pad(z, (0, max(n, 1) - len(z)))
+def _rows(datum: Datum) -> Sample:
+    """The rows of a record, with the innovation as one more input."""
+    u = np.column_stack([datum.u, np.zeros(len(datum.u))])
+    y, variance = np.where(datum.seen, datum.y, 0.0), np.zeros(u.shape)
+    variance[:, -1] = 1.0
+    return Sample(y[:, None], datum.seen[:, None], u, None, variance)
 
 
 def _log_likelihood(end: Ended) -> float:

@@ -1,12 +1,11 @@
 """The prediction errors of one output of an ARMAX model, and their derivatives. NumPy, one call a record.
 
-Letters: C ε = A y - B u - z, z (n,) impulses that represent the past before row 0; θ = (a, b, c). Where samples are
-missing, ε are the Kalman filter's over √V: the likelihood of the seen samples. Reference: L. Ljung (1999) (7.14), §10.3.
+Letters: C ε = A y - B u - z, z (n,) impulses that represent the past before row 0; θ = (a, b, c).
+Reference: L. Ljung (1999) (7.14), §10.3.
 """
 
 import numpy as np
 
-from .innovations_form import System, predictions
 from .output_error_response import delayed, over
 
 
@@ -34,11 +33,3 @@ def slopes(
     columns += [-delayed(ε_filtered, i + 1) for i in range(nc)]
     columns += [-delayed(impulse, i) for i in range(past)]
     return np.stack(columns, axis=1)
-
-
-def whitened_errors(system: System, u: np.ndarray, y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """ε/√V (N,) of the seen samples of y (T,), and log V, from the known state x (n,); V in units of the innovation variance."""
-    predicted, V, _ = predictions(system, u, y[:, None], x, np.zeros((len(x), len(x))))
-    seen = ~np.isnan(y)
-    V = V[seen, 0, 0]
-    return (y - predicted[:, 0])[seen] / np.sqrt(V), np.log(V)
