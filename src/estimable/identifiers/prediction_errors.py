@@ -88,7 +88,7 @@ class PredictionError(StartedIdentifier):
         return max(self.na, self.nb + self.delay, self.nc)
 
     def starter(self, records: Sequence[Record]) -> None:
-        """None: the searches have starts of their own."""
+        """None: each search has its own starts."""
 
     def fit(self, records: Sequence[Record], start: Array | None = None, search: Search | None = None) -> Fit:
         """The fit to records of equal channels and step; `search` where outputs are missing: `identify` gives it."""
