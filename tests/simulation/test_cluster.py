@@ -98,8 +98,8 @@ def test_what_the_workers_cannot_load_is_named(cluster, tmp_path, monkeypatch):
         fly(scheduler=cluster.address, summary=flight_summaries.last)
     assert str(raised.value) == (
         f"the workers at '{cluster.address}' cannot load `summary`: ModuleNotFoundError: No module named 'flight_summaries'. "
-        "The scheduler and its workers need this version of estimable, and the modules of the `summary` and the cases that are "
-        "not defined in the script that you run."
+        "The scheduler and its workers need this version of estimable, and the modules of the `summary` and the cases, but for "
+        "those that your script defines itself."
     )
     lock = threading.Lock()
     with pytest.raises(es.InputError, match=r"`summary` cannot be sent to the workers of a cluster: .*lock"):

@@ -132,6 +132,6 @@ def _result(future: Any, scheduler: str) -> Any:
     if isinstance(result, Unable):
         checks.refuse(
             f"the workers at {scheduler!r} cannot {result.what}: {result.reason}. The scheduler and its workers need this "
-            "version of estimable, and the modules of the `summary` and the cases that are not defined in the script that you run."
+            "version of estimable, and the modules of the `summary` and the cases, but for those that your script defines itself."
         )
     return result
