@@ -168,7 +168,7 @@ def _kills(kind: str, rng: random.Random, count: int) -> list[Kill]:
         for _ in range(count)
     ]
     right, drafts = sum(not kill.faults for kill in kills), sum(kill.drafts for kill in kills)
-    between = sum(0 < kill.files for kill in kills)
+    between = sum(kill.files > 0 for kill in kills)
     print(f"{kind:8} {count} kills within {whole.seconds:.1f} s: {right} continued to the same bits; {between} had left some "
           f"of {files} files, {drafts} had left a draft", flush=True)  # fmt: skip
     for kill in kills:

@@ -3,7 +3,6 @@
 import hashlib
 
 import pytest
-
 from benchmarks.figures import kill
 
 
