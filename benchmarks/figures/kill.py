@@ -21,8 +21,8 @@ import numpy as np
 
 import estimable as es
 
-RUNS, CHUNK = 40, 2  # of each of two cases: 40 parts
-SAMPLES = 60
+RUNS, CHUNK = 200, 2  # of each of two cases: 200 parts
+SAMPLES = 200
 SIZES = 2, 3, 4, 5  # of the models that are compiled
 START = es.Prior([1.0], [[2.0]])
 MODEL = es.StateSpace([[0.9]], [[0.5]], Q=[[0.01]], R=[[0.1]], dt=0.5)

@@ -263,7 +263,7 @@ def _check_blocks(
     """Check that the blocks fit together."""
     model, inner = plant.model, model_of(estimator)
     check_hold(inner, plant.hold, faults)
-    check_links(links, lost, model.m, "zero_order", faults)
+    check_links(links, lost, model.m, model.p, "zero_order", faults)
     controller.check(estimator.names, faults)
     if controller.size != model.m:
         faults.add(f"`controller` has {checks.counted(controller.size, 'input')}, but the plant has {model.m}.")

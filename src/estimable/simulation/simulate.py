@@ -194,7 +194,7 @@ def _empty_record(
     if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
         faults.add(f"the model is discrete with a fixed dt = {model.dt:g} s: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
-    check_links(links, lost, model.m, hold, faults)
+    check_links(links, lost, model.m, model.p, hold, faults)
     faults.finish()
     rows = next(
         given if isinstance(given, int) else len(np.asarray(given)) for given in (u, steps, t) if given is not None
