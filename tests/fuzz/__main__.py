@@ -44,7 +44,8 @@ def fuzz(only: str, seed: int, most: int, minutes: float, checked: int = 0) -> t
         (one.name, lambda seed, one=one: calls.run(one, seed, check=checked > 0)) for one in baselines()
     ]
     names += [
-        (f"estimable {name}", lambda seed, name=name: command_line.run(name, seed)) for name in command_line.commands()
+        (f"estimable {name}", lambda seed, name=name: command_line.run(name, seed, check=checked > 0))
+        for name in command_line.commands()
     ]
     names = [(name, run) for name, run in names if only in name]
     print(f"{len(names)} right calls of {len({name for name, _ in names})} names", file=sys.stderr)

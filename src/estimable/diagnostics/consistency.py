@@ -117,7 +117,9 @@ def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(over="ignore"):
         squares = np.sum(np.where(counted, along**2 / np.where(counted, values, 1.0), 0.0), axis=1)
     if not np.isfinite(squares).all():
-        checks.refuse("the squared errors, relative to their covariances, overflow: no covariance explains such errors.")
+        checks.refuse(
+            "the squared errors, relative to their covariances, overflow: no covariance explains such errors."
+        )
     return squares, counted.sum(axis=1)
 
 
