@@ -81,7 +81,7 @@ def _estimated(given: list[str], told: dict[str, Any]) -> list[str]:
 def _checked(given: list[str], told: dict[str, Any]) -> list[str]:
     model = es.read_model("model.toml").model
     found = es.estimability(model.discretise(0.01) if "--dt" in given else model)
-    sigma = np.sqrt(np.diagonal(found.covariance))
+    sigma = np.sqrt(np.diagonal(found.prior_covariance))
     return differ("singular_values", told["singular_values"], found.singular_values) + differ(
         "sigma", [told["sigma"][name] for name in model.states], sigma
     )
