@@ -87,7 +87,7 @@ def differ(name: str, ours: Any, theirs: Any, rtol: float = 1e-7, atol: float = 
     ours, theirs = np.asarray(ours, float), np.asarray(theirs, float)
     if ours.shape != theirs.shape:
         return [f"{name}: {ours.shape} and {theirs.shape}"]
-    size = np.abs(ours[np.isfinite(ours)]).max(initial=0.0)
+    size = np.abs(ours[np.isfinite(ours)]).max(initial=1e-290)
     with np.errstate(all="ignore"):
         close = np.isclose(ours, theirs, rtol=rtol, atol=atol * min(size, 1e300), equal_nan=True)
     if close.all():

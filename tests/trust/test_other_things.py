@@ -317,6 +317,18 @@ SENTENCES = {
         lambda: diagnostics.nis([[1e300]], [[[1.0]]]),
         "the squared errors, relative to their covariances, overflow: no covariance explains such errors.",
     ),
+    "weights that vary without a horizon": (
+        lambda: es.regulability(MODEL, np.ones((3, 1, 1)), [[1.0]]),
+        "`L` varies over 3 rows: give a discrete model and a `horizon` of at most these steps.",
+    ),
+    "weights that vary over fewer rows than the horizon": (
+        lambda: es.regulability(MODEL, [[1.0]], np.ones((3, 1, 1)), horizon=5),
+        "`M` varies over 3 rows: give a discrete model and a `horizon` of at most these steps.",
+    ),
+    "packets and a grid for the hold": (
+        lambda: es.Record(U, U, dt=1, arrived=np.ones(30), hold=np.zeros(2)),
+        "`hold` must be one of 'zero_order', 'first_order'.",
+    ),
     "excitation without noise": (
         lambda: es.excitation(OutputError([-0.5], [1.0], noise_variance=0.0, dt=1), RECORD),
         "`model` must have a noise variance greater than 0: without noise the information is infinite.",
