@@ -42,7 +42,7 @@ def regulability(
         horizon = read_horizon(model, horizon, faults)
         check_size(model.n, faults, steps=0 if horizon is None or model.is_continuous else int(horizon))
         weights = _read_weights(model, L, M, terminal, faults)
-        _check_rows(weights, horizon, model.is_continuous, faults)
+        _check_rows(weights, horizon, model, faults)
     faults.finish()
     assert weights is not None
     state, control, end = weights
@@ -63,10 +63,11 @@ def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = No
     return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
 
 
-def _check_rows(weights: Any, horizon: float | None, continuous: bool, faults: checks.Faults) -> None:
-    """Check that weights that vary in time have a row for each step of the horizon."""
+def _check_rows(weights: Any, horizon: float | None, model: StateSpace, faults: checks.Faults) -> None:
+    """Check that weights that vary in time have a row for each step of the horizon, as a model that varies has."""
     for name, weight in zip(("L", "M"), weights[:2] if weights else (), strict=False):
-        if weight.ndim == 3 and (horizon is None or continuous or horizon > len(weight)):
+        too_long = horizon is None or model.is_continuous or horizon > len(weight)
+        if weight.ndim == 3 and model.steps is None and too_long:
             faults.add(
                 f"`{name}` varies over {len(weight)} rows: give a discrete model and a `horizon` of at most these steps."
             )
