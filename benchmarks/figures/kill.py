@@ -21,8 +21,8 @@ import numpy as np
 
 import estimable as es
 
-RUNS, CHUNK = 200, 2  # of each of two cases: 200 parts
-SAMPLES = 200
+RUNS, CHUNK = 120, 2  # of each of two cases: 120 parts
+SAMPLES = 120
 SIZES = 2, 3, 4, 5  # of the models that are compiled
 START = es.Prior([1.0], [[2.0]])
 MODEL = es.StateSpace([[0.9]], [[0.5]], Q=[[0.01]], R=[[0.1]], dt=0.5)
@@ -90,7 +90,7 @@ class Kill(NamedTuple):
 
 
 def process(kind: str, folder: Path, moment: float | None = None) -> Ended:
-    """Work in a process of its own, killed `moment` seconds after it has loaded the package."""
+    """Work in another process, killed `moment` seconds after it has loaded the package."""
     place = {"ESTIMABLE_CACHE": str(folder)} if kind == "compile" else {}
     command = [sys.executable, "-m", "benchmarks.figures.kill", "--work", kind, "--folder", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, **place}) as child:

@@ -1,4 +1,4 @@
-"""Parts on a cluster of processes of its own: workers that are missing, killed, or that cannot load the summary."""
+"""Parts on a cluster of real processes: workers that are missing, killed, or that cannot load the summary."""
 
 import os
 import signal

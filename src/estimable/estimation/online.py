@@ -110,7 +110,7 @@ class Online:
             if time.monotonic() > end:
                 raise EstimableError(
                     f"another call of this run has not ended for {PATIENCE:g} s. A signal handler that interrupts a call, and a "
-                    "process that was forked during a call of another thread, need a run of their own: load it from a file."
+                    "process that was forked during a call of another thread, need another run: load it from a file."
                 )
             time.sleep(1e-4)
 

@@ -72,7 +72,7 @@ def called(version: str, function: Callable[..., Any], names: tuple[str, ...], s
 
 
 def _packed(names: tuple[str, ...], call: tuple) -> tuple[bytes, ...]:
-    """Each argument as bytes of its own: a worker then knows by name what it cannot load."""
+    """Each argument as separate bytes: a worker then knows by name what it cannot load."""
     from distributed.protocol.pickle import dumps
 
     sent = []
