@@ -65,6 +65,12 @@ def identify(n):
     return es.identify(es.LeastSquares(n, 1), record).parameters.tobytes()
 
 
+def instruments(n):
+    u = np.random.default_rng(0).normal(size=200)
+    record = es.Record(np.convolve(u, [0, 1, 0.5])[:200], u, dt=1)
+    return es.identify(es.InstrumentalVariables(n, 1), record).parameters.tobytes()
+
+
 def fit_noise(n):
     algorithm, prior = kalman(n)
     return es.fit_noise(algorithm, RECORD, prior=prior, free=("R",)).parameters.tobytes()
@@ -74,7 +80,7 @@ def xla(n):
     return estimate(n, "xla")
 
 
-CALLS = estimate, bank, smooth, identify, xla, online, simulate, loop, fit_noise
+CALLS = estimate, bank, smooth, identify, instruments, xla, online, simulate, loop, fit_noise
 
 
 def forked(call):
@@ -98,24 +104,38 @@ def forked(call):
     return answer or b"hang"
 
 
+def saved():
+    """An online run in a file."""
+    algorithm, prior = kalman(1)
+    es.online(algorithm, prior=prior).save("run.npz")
+
+
 def main():
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        spawned = pool.map_async(estimate, [1, 3, 3]).get(60)
     running = [es.online(*kalman(1)[:1], prior=kalman(1)[1]) for _ in range(2)]
+    saved()
     before = {call: call(1) for call in CALLS}
+    ends = {f"spawn pool 1: {_compared(spawned[0], before[estimate])}"}
     for call in CALLS:
-        for n in (1, 2):
+        for n in (1, 2):  # used before the fork, and new
             answer = forked(lambda call=call, n=n: call(n))
-            expected = before[call] if n == 1 else call(n)
-            print(
-                f"fork {call.__name__} {n}:",
-                "the same" if answer == expected[:4000] else answer.decode(errors="replace"),
-            )
-    print("fork inherited:", "the same" if forked(lambda: steps(running[0])) == steps(running[1]) else "other bits")
-    for method in ("fork", "spawn"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with multiprocessing.get_context(method).Pool(2) as pool:
-                found = pool.map_async(estimate, [1, 1, 1]).get(60)
-        print(f"{method} pool:", "the same" if set(found) == {before[estimate]} else "other bits")
+            ends.add(f"fork {call.__name__} {n}: {_compared(answer, before[call] if n == 1 else call(n))}")
+    answer = forked(lambda: estimate(3))  # in the cache on the disk
+    ends.add(f"fork cached: {_compared(answer, estimate(3))}")
+    loaded = forked(lambda: steps(es.load("run.npz")))
+    inherited, expected = forked(lambda: steps(running[0])), steps(running[1])
+    ends |= {f"fork inherited: {_compared(inherited, expected)}", f"fork loaded: {_compared(loaded, expected)}"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            found = pool.map_async(estimate, [1, 1, 1]).get(60)
+    ends.add(f"fork pool: {_compared(b''.join(found), 3 * before[estimate])}")
+    print(*sorted(ends), sep="\n")
+
+
+def _compared(answer, expected):
+    return "the same" if answer[:4000] == expected[:4000] else answer.decode(errors="replace")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The same numbers from threads, forked and spawned processes as from one thread; and one run used by several threads."""
 
 import copy
+import os
 import pickle
 import subprocess
 import sys
@@ -119,14 +120,26 @@ def test_python_without_its_lock_is_refused():
     assert "ImportError: estimable does not run in Python without the global interpreter lock" in done.stderr
 
 
-def test_forked_and_spawned_processes_give_the_same_bits_or_a_sentence():
-    """Machine code runs everywhere; XLA, whose threads a fork does not copy, refuses instead of waiting for them."""
-    script = Path(__file__).with_name("processes.py")
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+def test_forked_and_spawned_processes_give_the_same_bits_or_a_sentence(tmp_path):
+    """Machine code that is made runs everywhere; XLA, whose threads a fork does not copy, refuses instead of waiting for them."""
+    script, place = Path(__file__).with_name("processes.py"), {"ESTIMABLE_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, env={**os.environ, **place}
+    )
     ends = dict(line.split(": ", 1) for line in done.stdout.splitlines())
     refused = {
         name for name, end in ends.items() if end.startswith("XLA cannot run in this process: it was forked after")
     }
     assert {name for name, end in ends.items() if end != "the same"} == refused
-    assert {name.split()[1] for name in refused} == {"xla", "online", "simulate", "loop", "fit_noise"}
-    assert {"fork inherited", "fork pool", "spawn pool", "fork bank 2"} <= ends.keys()
+    by_xla = {
+        f"fork {name} {n}" for name in ("instruments", "xla", "online", "simulate", "loop", "fit_noise") for n in (1, 2)
+    }
+    assert refused == by_xla | {"fork estimate 2", "fork smooth 2"}
+    assert {
+        "fork inherited",
+        "fork loaded",
+        "fork cached",
+        "fork pool",
+        "spawn pool 1",
+        "fork identify 2",
+    } <= ends.keys()
