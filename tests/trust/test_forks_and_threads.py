@@ -83,7 +83,7 @@ def test_calls_of_one_run_from_several_threads_follow_each_other(engine, count, 
 
 
 def test_a_call_that_does_not_end_is_one_sentence(monkeypatch):
-    monkeypatch.setattr("estimable.estimation.online.PATIENCE", 0.05)
+    monkeypatch.setattr("estimable.estimation.turns.PATIENCE", 0.05)
     running = es.online(es.Kalman(MODEL), prior=PRIOR)
     running._turn.pop()
     for call in (lambda: running.correct([1.0]), running.predict, lambda: running.progress):

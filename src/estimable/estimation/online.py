@@ -1,8 +1,6 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 """Run an algorithm one sample at a time."""
 
-import time
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +23,7 @@ from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
 from .resuming import check_state
-
-PATIENCE = 10.0  # [s] that a call waits for the end of another thread's call
+from .turns import Turn
 
 
 @forks.jit
@@ -83,7 +80,7 @@ class Online:
         self._base = progress
         self._sampled: dict[float | None, Any] = {}
         self._asked = engine
-        self._turn = [True]  # held by a call while it is empty; `pop` is atomic, and costs a third of a lock
+        self._turn = Turn([True])
         self._wild_is_named = False
         self._quick = self._machine_code(progress)
 
@@ -91,7 +88,7 @@ class Online:
     def progress(self) -> Progress:
         """The current state of the run."""
         turn = self._turn
-        self._wait()
+        turn.wait()
         try:
             return self._progress_now()
         finally:
@@ -99,20 +96,6 @@ class Online:
 
     def __reduce__(self):
         return Online, (self.progress, self._asked)
-
-    def _wait(self) -> None:
-        """Wait until no other call uses the run. Raises `EstimableError` where that lasts too long."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            with suppress(IndexError):
-                self._turn.pop()
-                return
-            if time.monotonic() > end:
-                raise EstimableError(
-                    f"another call of this run has not ended for {PATIENCE:g} s. A signal handler that interrupts a call, and a "
-                    "process that was forked during a call of another thread, need another run: load it from a file."
-                )
-            time.sleep(1e-4)
 
     def _progress_now(self) -> Progress:
         """`progress`, for a call that has its turn."""
@@ -161,7 +144,7 @@ class Online:
         try:
             turn.pop()
         except IndexError:
-            self._wait()
+            turn.wait()
         try:
             quick = self._quick
             if quick is not None and arrived is None and quick.correct(y, u) == 0:
@@ -227,7 +210,7 @@ class Online:
         try:
             turn.pop()
         except IndexError:
-            self._wait()
+            turn.wait()
         try:
             quick = self._quick
             if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
