@@ -135,6 +135,12 @@ def test_files_are_written_in_one_place():
     assert {file for file, _ in found} == {"writing.py", "plants/jsbsim_f16.py"}
 
 
+def test_functions_are_compiled_by_forks_jit_which_refuses_in_forked_processes():
+    """`kernels/small` names parts of steps, which are traced only."""
+    found = {str(path.relative_to(SOURCE)) for path in FILES if re.search(r"^(?! *>>>).*jax\.jit\b", path.read_text(), re.M)}
+    assert found == {"forks.py", "kernels/small.py"}
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_files_and_functions_are_short_enough_to_read(path):
     text = path.read_text()

@@ -23,7 +23,7 @@ from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
 from .resuming import check_state
-from .turns import Turn
+from .turns import wait
 
 
 @forks.jit
@@ -80,7 +80,7 @@ class Online:
         self._base = progress
         self._sampled: dict[float | None, Any] = {}
         self._asked = engine
-        self._turn = Turn([True])
+        self._turn = [True]  # without its item while a call runs
         self._wild_is_named = False
         self._quick = self._machine_code(progress)
 
@@ -88,7 +88,7 @@ class Online:
     def progress(self) -> Progress:
         """The current state of the run."""
         turn = self._turn
-        turn.wait()
+        wait(turn)
         try:
             return self._progress_now()
         finally:
@@ -144,7 +144,7 @@ class Online:
         try:
             turn.pop()
         except IndexError:
-            turn.wait()
+            wait(turn)
         try:
             quick = self._quick
             if quick is not None and arrived is None and quick.correct(y, u) == 0:
@@ -210,7 +210,7 @@ class Online:
         try:
             turn.pop()
         except IndexError:
-            turn.wait()
+            wait(turn)
         try:
             quick = self._quick
             if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:

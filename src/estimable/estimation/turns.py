@@ -8,25 +8,19 @@ from ..errors import EstimableError
 PATIENCE = 10.0  # [s] that a call waits for the end of another thread's call
 
 
-class Turn(list[bool]):
-    """A list of one item, which a call takes while it runs: `pop` is atomic, and costs a third of a lock.
+def wait(turn: list[bool]) -> None:
+    """Take the only item of `turn`, which other calls take while they run. Raises `EstimableError` where that lasts too long.
 
-    >>> turn = Turn([True])
-    >>> turn.wait()
-    >>> len(turn)
-    0
+    `pop` is atomic, and costs a third of a lock.
     """
-
-    def wait(self) -> None:
-        """Take the item as soon as no other call has it. Raises `EstimableError` where that lasts too long."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            with suppress(IndexError):
-                self.pop()
-                return
-            if time.monotonic() > end:
-                raise EstimableError(
-                    f"another call of this run has not ended for {PATIENCE:g} s. A signal handler that interrupts a call, and a "
-                    "process that was forked during a call of another thread, need another run: load it from a file."
-                )
-            time.sleep(1e-4)
+    end = time.monotonic() + PATIENCE
+    while True:
+        with suppress(IndexError):
+            turn.pop()
+            return
+        if time.monotonic() > end:
+            raise EstimableError(
+                f"another call of this run has not ended for {PATIENCE:g} s. A signal handler that interrupts a call, and a "
+                "process that was forked during a call of another thread, need another run: load it from a file."
+            )
+        time.sleep(1e-4)
