@@ -6,12 +6,15 @@ XLA's threads exist only in the process that started them. A call in a forked pr
 import functools
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 from jax._src.core import trace_state_clean
 
 from .errors import EstimableError
+
+if TYPE_CHECKING:
+    from .annotations import Tree
 
 _state = {"forked": False}
 
@@ -25,14 +28,14 @@ def check() -> None:
         )
 
 
-def jit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+def jit(function: Callable[..., Any] | None = None, **options: str | int | tuple[str, ...]) -> Any:
     """`jax.jit`, with `check` before each call."""
     if function is None:
         return functools.partial(jit, **options)
-    compiled = jax.jit(function, **options)
+    compiled: Any = jax.jit(function, **options)  # pyright: ignore[reportArgumentType]
 
     @functools.wraps(function)
-    def call(*arguments: Any, **named: Any) -> Any:
+    def call(*arguments: "Tree", **named: "Tree") -> Any:
         check()
         return compiled(*arguments, **named)
 

@@ -137,7 +137,9 @@ def test_files_are_written_in_one_place():
 
 def test_functions_are_compiled_by_forks_jit_which_refuses_in_forked_processes():
     """`kernels/small` names parts of steps, which are traced only."""
-    found = {str(path.relative_to(SOURCE)) for path in FILES if re.search(r"^(?! *>>>).*jax\.jit\b", path.read_text(), re.M)}
+    found = {
+        str(path.relative_to(SOURCE)) for path in FILES if re.search(r"^(?! *>>>).*jax\.jit\b", path.read_text(), re.M)
+    }
     assert found == {"forks.py", "kernels/small.py"}
 
 

@@ -367,7 +367,7 @@ SENTENCES = {
     ),
     "fit_noise of no names": (
         lambda: es.fit_noise(es.Kalman(MODEL), RECORD, prior=PRIOR, free=GRID),
-        "`free` must name covariances: 'Q', 'R'. Got an array of shape (2, 2) and dtype float64.",
+        "`free` must name covariances: 'Q', 'R', 'S'. Got an array of shape (2, 2) and dtype float64.",
     ),
     "fit_noise of no record": (
         lambda: es.fit_noise(es.Kalman(MODEL), "x", prior=PRIOR),

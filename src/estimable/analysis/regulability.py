@@ -63,7 +63,7 @@ def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = No
     return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
 
 
-def _check_rows(weights: Any, horizon: float | None, model: StateSpace, faults: checks.Faults) -> None:
+def _check_rows(weights: tuple | None, horizon: float | None, model: StateSpace, faults: checks.Faults) -> None:
     """Check that weights that vary in time have a row for each step of the horizon, as a model that varies has."""
     for name, weight in zip(("L", "M"), weights[:2] if weights else (), strict=False):
         too_long = horizon is None or model.is_continuous or horizon > len(weight)

@@ -3,10 +3,13 @@
 import inspect
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .. import __version__, checks
 from ..errors import EstimableError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 PATIENCE = 4.0  # [s] for a scheduler to answer, and again for its first worker
 RETURN = 60.0  # [s] for a worker to come back where all were lost
@@ -84,7 +87,7 @@ def _packed(names: tuple[str, ...], call: tuple) -> tuple[bytes, ...]:
     return tuple(sent)
 
 
-def _client(scheduler: str) -> Any:
+def _client(scheduler: str) -> "Client":
     """A client of the scheduler, which has a worker."""
     from distributed import Client
 
@@ -105,7 +108,7 @@ def _client(scheduler: str) -> Any:
     return client
 
 
-def _finished(client: Any, futures: list[Any]) -> Iterator[Any]:
+def _finished(client: "Client", futures: list["Future"]) -> Iterator["Future"]:
     """The futures as they finish. Raises `TimeoutError` where the cluster has been without workers for `RETURN` seconds."""
     from distributed import as_completed
 
@@ -121,7 +124,7 @@ def _finished(client: Any, futures: list[Any]) -> Iterator[Any]:
                 raise TimeoutError(f"no workers for {RETURN:g} s")
 
 
-def _result(future: Any, scheduler: str) -> Any:
+def _result(future: "Future", scheduler: str) -> Any:
     """The result of a part; an error in it is raised as it would be here. Raises `InputError` where it could not begin."""
     try:
         result = future.result()
