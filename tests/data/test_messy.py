@@ -121,13 +121,6 @@ def test_online_a_wild_value_counts_as_not_seen_and_the_first_is_named(said, eng
     assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as not seen."]
 
 
-def test_online_none_and_masks_mean_missing():
-    masked = np.ma.array([1.0, 7.0], mask=[False, True])
-    infos = [es.online(es.Kalman(MODEL), prior=PRIOR).correct(y) for y in ([1.0, NAN], [1.0, None], masked)]
-    for info in infos[1:]:
-        assert_array_equal(info.mean, infos[0].mean)
-
-
 def test_periods_are_times():
     table = pd.DataFrame({"y": [1.0, 2.0, 3.0]}, index=pd.period_range("2026-01-01", periods=3, freq="s"))
     assert_array_equal(es.Record.from_pandas(table, outputs=["y"]).t, [0.0, 1.0, 2.0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks, forks
 from ..annotations import Array, Numbers, Tree
-from ..data.messy import WILD, measured, name_wild
+from ..data.messy import WILD, name_wild
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
@@ -159,7 +159,7 @@ class Online:
         quick = self._quick
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
-        seen = faults.array("y", measured(y), "p", nan=True)
+        seen = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
         if self._now.corrected and model.S is not None:
             faults.add(
