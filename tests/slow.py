@@ -73,8 +73,17 @@ SLOW = {
     "plants/test_f16_failure.py": ("test_packets_may_get_lost_on_both_ways",),
     "properties/test_linear_filters.py": ("test_online_equals_offline_and_resumes_from_a_file",),
     "simulation/test_close_loop.py": ("test_commands_and_outputs_are_rounded_to_what_can_be_told_apart",),
+    "simulation/test_cluster.py": (
+        "test_a_cluster_whose_workers_are_all_lost_ends_in_a_sentence",
+        "test_a_killed_worker_and_a_killed_scheduler_lose_nothing",
+        "test_a_scheduler_without_workers_is_one_sentence_within_ten_seconds",
+        "test_what_the_workers_cannot_load_is_named",
+    ),
     "simulation/test_monte_carlo.py": ("test_values_do_not_depend_on_the_chunk_or_on_the_number_of_runs",),
     "simulation/test_window_loop.py": ("test_blocks_and_copies_agree",),
     "store/test_round_trip.py": ("test_a_fresh_process_loads_the_modules_of_what_is_in_the_file_and_no_others",),
     "trust/test_cache.py": ("test_the_folder_and_its_files_are_private",),
+    "trust/test_forks_and_threads.py": ("test_forked_and_spawned_processes_give_the_same_bits_or_a_sentence",),
+    "trust/test_full_disk.py": ("test_a_full_disk_leaves_the_old_files",),
+    "trust/test_kill.py": ("test_a_killed_process_is_continued_to_the_same_bits",),
 }

@@ -1,6 +1,10 @@
 """Estimation, identification and adaptive control when part of the loop is unknown."""
 
-from . import precision  # noqa: F401  float64, before any array is made
+from . import (
+    forks,  # noqa: F401  it marks processes that are forked later
+    interpreter,  # noqa: F401  the global lock, before anything is loaded
+    precision,  # noqa: F401  float64, before any array is made
+)
 from .lazy import lazy
 
 __version__ = "0.1.0"

@@ -28,6 +28,9 @@ class RunError(EstimableError):
         self.outcome = outcome
         super().__init__(outcome.sentence)
 
+    def __reduce__(self):
+        return type(self), (self.outcome,)  # between processes: the sentence alone makes no error
+
 
 class EstimableWarning(UserWarning):
     """Something the user should know that does not make the result wrong."""

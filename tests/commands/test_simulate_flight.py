@@ -25,6 +25,7 @@ def test_the_numbers_of_the_failing_elevator(simulate):
     (("f16", "--loss", "1.5"), "`--loss` must be at most 1"),
     (("f16", "--runs", "0"), "`--runs` must be an integer of at least 1"),
     (("f16", "--rows", "5"), "--rows does not apply to f16"),
+    (("output-error", "--rows", "10000000000"), "`--rows` must be at most 100000000. Got 10000000000."),
     (("output-error", "--loss", "0.5"), "--loss applies only to f16"),
     (("f16", "--plant", "cessna"), "`--plant` must be one of 'short-period', 'jsbsim', 'jsbsim-untrimmed'"),
     (("f16", "--plant", "jsbsim", "--folder", "parts"), "--folder applies only to --plant short-period"),

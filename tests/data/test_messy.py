@@ -107,6 +107,20 @@ def test_a_wild_value_counts_as_not_seen_and_is_named(said):
     )
 
 
+@pytest.mark.parametrize("engine", ["xla", "native"])
+def test_online_a_wild_value_counts_as_not_seen_and_the_first_is_named(said, engine):
+    wild, clean = (es.online(es.Kalman(MODEL), prior=PRIOR, engine=engine) for _ in range(2))
+    for k in range(6):
+        y = np.array([1.0, {3: 1e300, 4: -1e200}.get(k, 1.0)])
+        found = wild.correct(y), clean.correct(np.where(np.abs(y) > 1e100, NAN, y))
+        for name in ("mean", "covariance", "innovation", "log_likelihood"):
+            assert_array_equal(*(getattr(info, name) for info in found))
+        for running in (wild, clean):
+            running.predict([0.0])
+    assert wild.engine == engine
+    assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as not seen."]
+
+
 def test_periods_are_times():
     table = pd.DataFrame({"y": [1.0, 2.0, 3.0]}, index=pd.period_range("2026-01-01", periods=3, freq="s"))
     assert_array_equal(es.Record.from_pandas(table, outputs=["y"]).t, [0.0, 1.0, 2.0])

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "estimable"
 FILES = sorted(SOURCE.rglob("*.py"))
 ROOMS = (  # each may know those before it
-    ("errors", "annotations", "frozen", "lazy", "precision", "phrases", "checks", "packaged"),
+    ("errors", "annotations", "forks", "frozen", "interpreter", "lazy", "precision", "phrases", "checks", "packaged"),
     ("tables", "writing", "progress"),
     ("cache_folder",),
     ("engines/program",),
@@ -101,7 +101,7 @@ def test_engines_know_nothing_of_estimation_and_few_rooms_run_them():
     for module in MODULES:
         for other, _ in imported(module):
             if room(module).startswith("engines") and not room(other).startswith("engines"):
-                assert other in ("annotations", "frozen", "checks", "errors", "cache_folder"), (
+                assert other in ("annotations", "forks", "frozen", "checks", "errors", "cache_folder"), (
                     f"{module} may not know {other}"
                 )
             if room(other).startswith("engines") and not room(module).startswith("engines"):
@@ -133,6 +133,14 @@ def test_files_are_written_in_one_place():
         if WRITES.search(line)
     }
     assert {file for file, _ in found} == {"writing.py", "plants/jsbsim_f16.py"}
+
+
+def test_functions_are_compiled_by_forks_jit_which_refuses_in_forked_processes():
+    """`kernels/small` names parts of steps, which are traced only."""
+    found = {
+        str(path.relative_to(SOURCE)) for path in FILES if re.search(r"^(?! *>>>).*jax\.jit\b", path.read_text(), re.M)
+    }
+    assert found == {"forks.py", "kernels/small.py"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
@@ -216,7 +224,8 @@ def loaded_by(code):
 
 def test_importing_costs_what_importing_jax_costs():
     beyond = loaded_by("import estimable") - loaded_by("import jax")
-    assert beyond == {"estimable", "estimable.errors", "estimable.lazy", "estimable.precision"}
+    parts = ("errors", "forks", "interpreter", "lazy", "precision")
+    assert beyond == {"estimable", *(f"estimable.{part}" for part in parts)}
 
 
 def test_the_results_are_loaded_when_they_are_asked_for():

@@ -9,6 +9,7 @@ import types
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 import estimable as es
@@ -67,7 +68,8 @@ def _call(calls: list[Baseline], function: Any, args: tuple, kwargs: dict[str, A
             return function(*args, **kwargs)
         several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD, inspect.Parameter.POSITIONAL_ONLY)
         kinds = {name: parameter.kind for name, parameter in signature.parameters.items()}
-        if not any(kinds[name] in several for name in bound.arguments):
+        traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree_util.tree_leaves(dict(bound.arguments)))
+        if not traced and not any(kinds[name] in several for name in bound.arguments):
             optional = tuple(
                 name for name, kind in kinds.items() if name not in bound.arguments and kind not in several
             )

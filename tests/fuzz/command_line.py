@@ -1,5 +1,6 @@
 """Wrong command lines: options, values and files. The exit code is 0, 1 or 2, and no traceback is shown."""
 
+import json
 import random
 import shutil
 import tempfile
@@ -7,13 +8,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import typer
 from typer.testing import CliRunner
 
+import estimable as es
 from estimable.commands import app
 from estimable.packaged import path
 
 from .calls import LONGEST, Outcome, limited
+from .second_way import differ
 
 COMMANDS: dict[str, list[list[str]]] = {  # right calls, with the files of `_write_files`
     "check": [["model.toml"], ["model.toml", "--dt", "0.01", "--record", "flight.csv"]],
@@ -39,8 +43,8 @@ def commands() -> list[str]:
     return list(COMMANDS)
 
 
-def run(command: str, seed: int) -> Outcome:
-    """A command with one to three changes of its options or its files."""
+def run(command: str, seed: int, *, check: bool = False) -> Outcome:
+    """A command with one to three changes of its options or its files; `check`: with right options, against the functions."""
     rng = random.Random(f"{command} {seed}")
     arguments, names = list(rng.choice(COMMANDS[command])), _options(command)
     changes = [
@@ -58,7 +62,54 @@ def run(command: str, seed: int) -> Outcome:
                 del arguments[rng.randrange(len(arguments)) :]
         given = [command, *arguments]
         outcome = limited(lambda: _called(given), folder)
+        if check and outcome.kind == "answer" and arguments in COMMANDS[command] and command in BY_FUNCTIONS:
+            outcome = limited(lambda: _compared(given), folder, 60)
     return outcome._replace(changed=tuple(given))
+
+
+def _estimated(given: list[str], told: dict[str, Any]) -> list[str]:
+    file = es.read_model("model.toml")
+    channels = {"outputs": file.model.outputs, "inputs": file.model.inputs}
+    record = es.read_record("flight.csv", **channels, **file.record)
+    found = es.estimate(es.catalogue.build(told["filter"], file), record, prior=file.prior)
+    faults = differ("log_likelihood", told["log_likelihood"], found.log_likelihood)
+    if "mean" in told:
+        faults += differ("mean", [told["mean"][name] for name in file.model.states], found.mean[-1])
+    return faults
+
+
+def _checked(given: list[str], told: dict[str, Any]) -> list[str]:
+    model = es.read_model("model.toml").model
+    found = es.estimability(model.discretise(0.01) if "--dt" in given else model)
+    sigma = np.sqrt(np.diagonal(found.prior_covariance))
+    return differ("singular_values", told["singular_values"], found.singular_values) + differ(
+        "sigma", [told["sigma"][name] for name in model.states], sigma
+    )
+
+
+def _simulated(given: list[str], told: dict[str, Any]) -> list[str]:
+    """The rows follow the equation of the plant."""
+    rows = {name: np.array(values, float) for name, values in told["rows"].items()}
+    applied = np.where(rows["arrived"] == 1, rows["u"], 0.0)
+    plant = es.OutputError([0.523, 0.349], [0.440, 0.762], noise_variance=0.1, dt=1.0)
+    noise = rows["y"] - plant.response(applied[:, None])[:, 0]
+    return [] if np.abs(noise).max() < 8 * 0.1**0.5 else [f"a noise of {np.abs(noise).max():.3g}"]
+
+
+BY_FUNCTIONS: dict[str, Callable[[list[str], dict[str, Any]], list[str]]] = {
+    "estimate": _estimated, "gain": _estimated, "check": _checked, "simulate": _simulated,
+}  # fmt: skip
+
+
+def _compared(given: list[str]) -> Outcome:
+    """The JSON of a command against what the functions give."""
+    result = CliRunner().invoke(app, [*given, "--json"], prog_name="estimable")
+    faults = BY_FUNCTIONS[given[0]](given, json.loads(result.stdout, parse_constant=_no_json))
+    return Outcome("nonsense" if faults else "answer", "; ".join(faults), ways=("the_functions",))
+
+
+def _no_json(constant: str) -> None:
+    raise AssertionError(f"{constant} is not JSON")
 
 
 def _options(command: str) -> list[str]:

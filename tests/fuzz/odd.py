@@ -1,6 +1,7 @@
 """Wrong arguments: made of a right one, or of nothing."""
 
 import contextlib
+import dataclasses
 import datetime
 import decimal
 import fractions
@@ -11,6 +12,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
+
+from estimable import EstimableError
 
 NAMES = [
     "",
@@ -71,9 +74,20 @@ def _changed(rng: random.Random, good: Any) -> Any:
         return rng.choice([{**good, "no such": 1}, {str(k): odd(rng, v) for k, v in good.items()}, list(good), None])
     if isinstance(good, list | tuple | np.ndarray | jnp.ndarray):
         return _dressed(rng, _bent(rng, np.asarray(good, float)))
-    if hasattr(good, "__dataclass_fields__") and rng.random() < 0.3:
-        return rng.choice([[good], (good, good), type(good), {"a": good}])
+    if dataclasses.is_dataclass(good) and not isinstance(good, type):
+        made = type(good).__module__.startswith("estimable.results")  # nobody writes a result by hand
+        things = [[good], (good, good), type(good), {"a": good}]
+        return rng.choice(things) if made or rng.random() < 0.2 else _rebuilt(rng, good)
     return rng.choice([None, "x", 1.0, [good]])
+
+
+def _rebuilt(rng: random.Random, good: Any) -> Any:
+    """A record with one odd field; the record itself where its constructor refuses that."""
+    fields = {field.name: getattr(good, field.name) for field in dataclasses.fields(good) if field.init}
+    name = rng.choice(list(fields))
+    with contextlib.suppress(EstimableError):
+        return type(good)(**{**fields, name: odd(rng, fields[name])})
+    return good
 
 
 def _bent(rng: random.Random, array: np.ndarray) -> np.ndarray:

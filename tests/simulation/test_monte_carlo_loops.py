@@ -132,7 +132,7 @@ def test_a_cluster_flies_the_same_runs():
 
 def test_a_scheduler_that_is_not_there_is_one_sentence(monkeypatch):
     pytest.importorskip("distributed", reason="needs dask[distributed]")
-    monkeypatch.setattr("estimable.simulation.parts.PATIENCE", 0.2)
+    monkeypatch.setattr("estimable.simulation.cluster.PATIENCE", 0.2)
     with pytest.raises(es.InputError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
         fly(scheduler="tcp://127.0.0.1:1")
 

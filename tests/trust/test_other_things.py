@@ -305,6 +305,46 @@ SENTENCES = {
         lambda: es.BernoulliLink([[1.0], [1.0, 0.5]]),
         "`arrival` must be an array of real numbers. Got [[1.0], [1.0, 0.5]].",
     ),
+    "a link of another number of outputs": (
+        lambda: es.simulate(PLANT, U, seed=0, output_link=es.BernoulliLink([0.5, 0.5])),
+        "`output_link` must carry 1 output: its settings need one number, or one for each.",
+    ),
+    "a link of another number of inputs": (
+        lambda: fly(input_link=es.Trace(np.zeros((5, 3)))),
+        "`input_link` must carry 1 input: its settings need one number, or one for each.",
+    ),
+    "errors whose squares overflow": (
+        lambda: diagnostics.nis([[1e300]], [[[1.0]]]),
+        "the squared errors, relative to their covariances, overflow: no covariance explains such errors.",
+    ),
+    "weights that vary without a horizon": (
+        lambda: es.regulability(MODEL, np.ones((3, 1, 1)), [[1.0]]),
+        "`L` varies over 3 rows: give a discrete model and a `horizon` of at most these steps.",
+    ),
+    "weights that vary over fewer rows than the horizon": (
+        lambda: es.regulability(MODEL, [[1.0]], np.ones((3, 1, 1)), horizon=5),
+        "`M` varies over 3 rows: give a discrete model and a `horizon` of at most these steps.",
+    ),
+    "packets and a grid for the hold": (
+        lambda: es.Record(U, U, dt=1, arrived=np.ones(30), hold=np.zeros(2)),
+        "`hold` must be one of 'zero_order', 'first_order'.",
+    ),
+    "excitation without noise": (
+        lambda: es.excitation(OutputError([-0.5], [1.0], noise_variance=0.0, dt=1), RECORD),
+        "`model` must have a noise variance greater than 0: without noise the information is infinite.",
+    ),
+    "false alarms without a time": (
+        lambda: es.AdaptiveIdentification(CURVED, PRIOR, seconds_between_false_alarms=[[1.0]]),
+        "`seconds_between_false_alarms` must be a finite number. Got [[1.0]].",
+    ),
+    "orders that are bytes": (
+        lambda: es.choose_orders(RECORD, na=b"a"),
+        "`na` must be an integer of at least 0. Got b'a'.",
+    ),
+    "no law and no quantities": (
+        lambda: es.GainReconfiguration(-1, allocation=[[1.0]]),
+        "`controller` must be",
+    ),
     "a nonlinear model without a state": (
         lambda: es.NonlinearModel(CURVED.f, CURVED.h, Q=[[0.1]], R=[[1.0]], dt=1, states=[]),
         "`states` must name at least one state.",
@@ -327,7 +367,7 @@ SENTENCES = {
     ),
     "fit_noise of no names": (
         lambda: es.fit_noise(es.Kalman(MODEL), RECORD, prior=PRIOR, free=GRID),
-        "`free` must name covariances: 'Q', 'R'. Got an array of shape (2, 2) and dtype float64.",
+        "`free` must name covariances: 'Q', 'R', 'S'. Got an array of shape (2, 2) and dtype float64.",
     ),
     "fit_noise of no record": (
         lambda: es.fit_noise(es.Kalman(MODEL), "x", prior=PRIOR),

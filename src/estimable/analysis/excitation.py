@@ -4,7 +4,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..diagnostics.cramer_rao import UNTOLD, scale_of, slopes, undetermined
+from ..diagnostics.cramer_rao import UNTOLD, check_noise, scale_of, slopes, undetermined
 from ..kernels import output_error_response as kernel
 from ..models.output_error import OutputError
 from ..results import Check, Excitation
@@ -19,7 +19,7 @@ def excitation(model: OutputError, record: Record) -> Excitation:
     The information is that of the given model, from the applied inputs and the seen outputs: use a nominal model before an
     experiment, or a fitted one after it. Condition (A3) of Fang (2009) requires that the smallest eigenvalue stays above zero.
 
-    Raises `InputError` where an input is unknown.
+    Raises `InputError` where an input is unknown, or an output has no noise.
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.1, dt=1)
     >>> step = Record(np.ones(200), np.ones(200), dt=1)
@@ -27,6 +27,7 @@ def excitation(model: OutputError, record: Record) -> Excitation:
     (True, (2, 2))
     """
     checks.require(model=(model, OutputError), record=(record, Record))
+    check_noise(model)
     samples = np.unique(np.linspace(0, len(record) - 1, min(SHOWN, len(record))).astype(int))
     outputs = list(zip(slopes(model, record), record.seen.T, strict=True))
     M = _block_diagonal(

@@ -42,6 +42,7 @@ def regulability(
         horizon = read_horizon(model, horizon, faults)
         check_size(model.n, faults, steps=0 if horizon is None or model.is_continuous else int(horizon))
         weights = _read_weights(model, L, M, terminal, faults)
+        _check_rows(weights, horizon, model, faults)
     faults.finish()
     assert weights is not None
     state, control, end = weights
@@ -60,6 +61,16 @@ def dual(model: StateSpace, L: np.ndarray, M: np.ndarray, steps: int | None = No
         return np.swapaxes(X if X.ndim == 2 else X[:steps][::-1], -1, -2)
 
     return Problem(turned(model.A), turned(L), turned(model.B), turned(M), np.zeros((model.n, model.m)))
+
+
+def _check_rows(weights: tuple | None, horizon: float | None, model: StateSpace, faults: checks.Faults) -> None:
+    """Check that weights that vary in time have a row for each step of the horizon, as a model that varies has."""
+    for name, weight in zip(("L", "M"), weights[:2] if weights else (), strict=False):
+        too_long = horizon is None or model.is_continuous or horizon > len(weight)
+        if weight.ndim == 3 and model.steps is None and too_long:
+            faults.add(
+                f"`{name}` varies over {len(weight)} rows: give a discrete model and a `horizon` of at most these steps."
+            )
 
 
 def _read_weights(model: StateSpace, L: Numbers, M: Numbers, terminal: Numbers | None, faults: checks.Faults) -> Any:

@@ -25,7 +25,7 @@ def simulated(
 
     given, faults = read_settings(settings), checks.Faults()
     faults.choice("MODEL", what, MODELS)
-    faults.whole("--rows", rows, 1)
+    faults.whole("--rows", rows, 1, checks.MOST_ROWS)
     faults.whole("--seed", seed, 0)
     if unknown := sorted(given.keys() - PLANT.keys()):
         faults.add(f"output-error has no setting {checks.listed(unknown)}: it has {checks.listed(PLANT)}.")

@@ -11,7 +11,7 @@ from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, set_field
 from ..kernels.small import factor, gram, product, solve_lower
-from ..protocols import Controller
+from ..protocols import Controller, SharedController
 from ..results import Info, Names
 from .state_feedback import check_inner
 
@@ -63,7 +63,8 @@ class GainReconfiguration(Controller[Any]):
         caution = faults.number("caution", self.caution, lower=0.0)
         allocation = None if self.allocation is None else faults.array("allocation", self.allocation, "r m")
         rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
-        if allocation is not None and not checks.is_traced(allocation):
+        fits = isinstance(self.controller, SharedController)
+        if fits and allocation is not None and not checks.is_traced(allocation):
             self._check_allocation(allocation, faults)
         faults.finish()
         set_field(self, lower=lower, caution=caution, allocation=allocation, rate=rate)

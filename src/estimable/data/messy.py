@@ -41,14 +41,19 @@ def without_wild(y: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     wild = np.abs(y) > WILD
     if not wild.any():
         return y
+    name_wild(y, wild, names)
+    return np.where(wild, np.nan, y)
+
+
+def name_wild(y: np.ndarray, wild: np.ndarray, names: tuple[str, ...], first: int = 0) -> None:
+    """Log the first wild value of `y`, whose first row is row `first` of the record, and the number of the others."""
     *run, row, channel = np.argwhere(wild)[0]
     more = int(wild.sum()) - 1
     log.warning(
         "y[%d] of %r%s is %g, too large for a filter: it counts as not seen%s.",
-        row, names[channel], f" in run {run[0]}" if run else "", y[(*run, row, channel)],
+        first + row, names[channel], f" in run {run[0]}" if run else "", y[(*run, row, channel)],
         f", and {checks.counted(more, 'more value')} too" if more else "",
     )  # fmt: skip
-    return np.where(wild, np.nan, y)
 
 
 def one_row_an_instant(

@@ -233,7 +233,7 @@ def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndar
     read = faults.array("arrived", column(arrived), "T m", nan=True)
     if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
         faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (unknown).")
-    if hold == "first_order":
+    if isinstance(hold, str) and hold == "first_order":
         faults.add('`arrived` needs hold = "zero_order": an input that arrives in packets is constant between them.')
     return read
 

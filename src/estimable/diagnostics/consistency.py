@@ -108,13 +108,19 @@ def _read(name: str, values: Numbers, covariances: Numbers, probability: float) 
 
 
 def _squares(e: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """e' S^+ e of each row and the rank of S, after scaling S to a unit diagonal."""
+    """e' S^+ e of each row and the rank of S, after scaling S to a unit diagonal. Raises `InputError` on overflow."""
     variance = np.einsum("bii->bi", S)
     scale = np.sqrt(np.where(variance > 0, variance, 1.0))
     values, vectors = np.linalg.eigh(S / (scale[:, :, None] * scale[:, None, :]))
     along = np.einsum("bij,bi->bj", vectors, e / scale)
     counted = values > KNOWN
-    return np.sum(np.where(counted, along**2 / np.where(counted, values, 1.0), 0.0), axis=1), counted.sum(axis=1)
+    with np.errstate(over="ignore"):
+        squares = np.sum(np.where(counted, along**2 / np.where(counted, values, 1.0), 0.0), axis=1)
+    if not np.isfinite(squares).all():
+        checks.refuse(
+            "the squared errors, relative to their covariances, overflow: no covariance explains such errors."
+        )
+    return squares, counted.sum(axis=1)
 
 
 def _against_chi_square(total: float, samples: int, degrees: int, probability: float) -> Consistency:

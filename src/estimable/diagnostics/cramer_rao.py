@@ -44,6 +44,12 @@ def slopes(model: OutputError, record: Record) -> tuple[np.ndarray, ...]:
     return tuple(kernel.slopes(a, b, model.delay, u, kernel.response(a, b, model.delay, u)) for a, b in rows)
 
 
+def check_noise(model: OutputError) -> None:
+    """Refuse a model without noise."""
+    if np.any(np.asarray(model.noise_variance) <= 0):
+        checks.refuse("`model` must have a noise variance greater than 0: without noise the information is infinite.")
+
+
 def information(model: OutputError, record: Record) -> np.ndarray:
     """Fisher's information (d, d) of the parameters in the seen outputs, one diagonal block for each output.
 
@@ -54,10 +60,7 @@ def information(model: OutputError, record: Record) -> np.ndarray:
     from scipy.linalg import block_diag
 
     checks.require(model=(model, OutputError), record=(record, Record))
-    faults = checks.Faults()
-    if np.any(np.asarray(model.noise_variance) <= 0):
-        faults.add("`model` must have a noise variance greater than 0: without noise the information is infinite.")
-    faults.finish()
+    check_noise(model)
     blocks = zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True)
     return np.asarray(block_diag(*(kernel.information(ψ, seen, r) for ψ, seen, r in blocks)))
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array
 from ..data.record import Record
 from ..frozen import saved
@@ -80,7 +80,7 @@ def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Non
     u = record.applied()[:, columns]
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     intervals = Interval(u[:-1], u[1:], None, np.broadcast_to(lengths, len(u)).astype(float)[:-1])
-    measured = jax.jit(jax.vmap(_terms, in_axes=(None, 0, 0, 0)))(
+    measured = forks.jit(jax.vmap(_terms, in_axes=(None, 0, 0, 0)))(
         ready, result.mean[:-1], result.covariance[:-1], intervals
     )
     state, output, third = map(np.asarray, measured)

@@ -13,7 +13,7 @@ import jax
 import jaxlib.version
 import numpy as np
 
-from .. import cache_folder
+from .. import cache_folder, forks
 from . import plain_format
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic)
@@ -50,11 +50,13 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
     try:
         words = "|".join((source(), name_of(make), *map(name_of, arguments)))
     except UnnamedError:
+        forks.check()
         return make(*arguments)
     content = read(words, "json")
     with suppress(ValueError):
         if content is not None:
             return plain_format.loads(content)
+    forks.check()  # indices are followed by XLA
     made = make(*arguments)
     with suppress(TypeError):  # without a plain form it is made again
         write(words, "json", plain_format.dumps(made))

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..annotations import Tree
 from .batches import DTYPES, on_all_processors, shaped, sizes, words
-from .large import large_step
 from .llvm.compilation import Compiled
 from .llvm.scalar_loop import RowArray, ScalarLoop
 from .lowering import Written, batch, entries_read, example, write, zero_arrays
@@ -43,6 +42,8 @@ def scan_bank(
     try:
         written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     except UnsupportedError:
+        from .large import large_step  # with operations on arrays, which most models do not need
+
         shapes = example(algorithm, prior, samples, intervals, axes)
         return large_step(*shapes, keep, select, _seldom_changes(rows)).run(size, words(fixed), rows)
     step = compiled_step(written, keep, LANES if size > 1 else 1, _seldom_changes(rows))

@@ -5,9 +5,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .. import forks
 from ..annotations import Array, Tree
 from ..frozen import frozen, static
 from .step import Samples, Stepping
@@ -85,7 +85,7 @@ def looked_up(algorithm: Stepping, T: int, axis: int | None = None) -> tuple[Any
     if lookup is None:
         return algorithm, []
     look = lookup.look if axis is None else jax.vmap(lookup.look, in_axes=(0, None))
-    moving = [np.asarray(array) for array in jax.jit(look)(leaves, jnp.arange(T))]
+    moving = [np.asarray(array) for array in forks.jit(look)(leaves, np.arange(T))]
     first = [array[0] if axis is None else array[:, 0] for array in moving]
     same = [leaves[i] for i in lookup.sources]
     return ByRow(same, first, lookup.places, lookup.structure), moving

@@ -1,6 +1,5 @@
 """Steps compiled by XLA without changes: the reference engine."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -8,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from .. import forks
 from ..annotations import Array, Tree
 from .step import Samples, Select, Stepping, Use, step
 
@@ -26,7 +26,7 @@ class Run(NamedTuple):
     state: Any
 
 
-@partial(jax.jit, static_argnames=("keep", "select"))
+@forks.jit(static_argnames=("keep", "select"))
 def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, keep: str, select: Select) -> Run:
     """`init`, then `correct` and `predict` over T samples. `select(info, keep)` selects the outputs of an info."""
     T = samples.seen.shape[0]
@@ -53,7 +53,7 @@ def scan(algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *,
     return Run(last if keep == "last" else infos, jnp.sum(likelihoods), outcomes[failed_at], failed_at, state)
 
 
-@partial(jax.jit, static_argnames=("axes", "keep", "select"))
+@forks.jit(static_argnames=("axes", "keep", "select"))
 def scan_bank(
     algorithm: Stepping, prior: Tree, samples: Samples, intervals: Tree, *, axes: tuple, keep: str, select: Select
 ) -> Run:

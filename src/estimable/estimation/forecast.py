@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..data.record import Record, column
 from ..frozen import replace
@@ -106,7 +106,7 @@ def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
     return np.asarray(_measured(bound.algorithm, *rows, x))
 
 
-@jax.jit
+@forks.jit
 def _measured(algorithm: Smoothable[Any], samples: Sample, intervals: Interval, x: Array):
     def row(sample: Sample, interval: Interval, x: Array):
         measurement = algorithm.at(0).instant(sample, interval).measurement

@@ -7,8 +7,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers, Tree
+from ..data.messy import WILD, name_wild
 from ..data.record import LOST, UNIFORM
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
@@ -22,19 +23,20 @@ from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .online_steps import Quick
 from .resuming import check_state
+from .turns import wait
 
 
-@jax.jit
+@forks.jit
 def _init(algorithm: Algorithm[Any], prior: Prior | None):
     return algorithm.init(prior)
 
 
-@jax.jit
+@forks.jit
 def _correct(algorithm: Algorithm[Any], k: int | Array, state: Tree, sample: Sample):
     return algorithm.at(k).correct(state, sample)
 
 
-@jax.jit
+@forks.jit
 def _predict(algorithm: Algorithm[Any], k: int | Array, state: Tree, interval: Interval):
     return algorithm.at(k).predict(state, interval)
 
@@ -62,6 +64,8 @@ class Progress:
 class Online:
     """A running algorithm, one sample at a time; made by `online`. The only mutable object of estimable.
 
+    Calls from several threads run one after another. `copy.copy`, `copy.deepcopy` and `pickle` make an independent run.
+
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
     >>> running = online(Kalman(model), prior=Prior([0.0], [[1.0]]))
     >>> running.correct([2.0]).mean.tolist()
@@ -76,11 +80,25 @@ class Online:
         self._base = progress
         self._sampled: dict[float | None, Any] = {}
         self._asked = engine
+        self._turn = [True]  # without its item while a call runs
+        self._wild_is_named = False
         self._quick = self._machine_code(progress)
 
     @property
     def progress(self) -> Progress:
         """The current state of the run."""
+        turn = self._turn
+        wait(turn)
+        try:
+            return self._progress_now()
+        finally:
+            turn.append(True)
+
+    def __reduce__(self):
+        return Online, (self.progress, self._asked)
+
+    def _progress_now(self) -> Progress:
+        """`progress`, for a call that has its turn."""
         if self._progress is None:
             quick: Any = self._quick
             (state, held), info = quick.state, jax.tree_util.tree_map(np.asarray, quick.info)
@@ -100,7 +118,7 @@ class Online:
     @property
     def _now(self) -> Any:
         """The position of the run: `sample`, `corrected`, `dt` and `hold`."""
-        return self._base if self._quick is None else self._quick
+        return self._quick or self._base
 
     @property
     def algorithm(self) -> Any:
@@ -115,20 +133,33 @@ class Online:
     @property
     def info(self) -> Info | None:
         """The report of the last `correct`; None before the first."""
-        return self._base.info if self._quick is None else self._quick.info
+        return self._now.info
 
     def correct(self, y: Numbers, u: Numbers | None = None, *, arrived: Numbers | None = None) -> Info:
         """Update with the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
 
         Sensors that report one after the other at the same instant may be passed in several calls, with NaN for the others.
         """
+        turn = self._turn
+        try:
+            turn.pop()
+        except IndexError:
+            wait(turn)
+        try:
+            quick = self._quick
+            if quick is not None and arrived is None and quick.correct(y, u) == 0:
+                self._progress = None
+                return quick.info
+            return self._checked_correct(y, u, arrived)
+        finally:
+            turn.append(True)
+
+    def _checked_correct(self, y: Numbers, u: Numbers | None, arrived: Numbers | None) -> Info:
+        """`correct`, with all checks of its arguments."""
         quick = self._quick
-        if quick is not None and arrived is None and quick.correct(y, u) == 0:
-            self._progress = None
-            return quick.info
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
-        measured = faults.array("y", y, "p", nan=True)
+        seen = faults.array("y", y, "p", nan=True)
         self._check_room(faults)
         if self._now.corrected and model.S is not None:
             faults.add(
@@ -138,8 +169,9 @@ class Online:
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
         applied = self._applied(u, arrived, faults) if u is not None else self._rest()
         faults.finish()
+        seen = self._without_wild(seen)
         if quick is not None and self._is_prepared(quick, "correct"):
-            code = quick.correct(measured, applied)
+            code = quick.correct(seen, applied)
             assert code is not None  # the arguments are plain by now
             self._settle(code)
             self._progress = None
@@ -147,12 +179,20 @@ class Online:
         fate = None
         if self.algorithm.takes_unknown_arrivals:
             fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
-        sample = Sample(np.nan_to_num(measured, nan=0.0), ~np.isnan(measured), applied, fate)
-        state, info = _correct(self._at_step(self.progress.dt), self.progress.sample, self.progress.state, sample)
+        sample, now = Sample(np.nan_to_num(seen, nan=0.0), ~np.isnan(seen), applied, fate), self._progress_now()
+        state, info = _correct(self._at_step(now.dt), now.sample, now.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
         self._settle(int(info.outcome))
-        self.progress = replace(self.progress, state=state, info=info, corrected=True)
+        self.progress = replace(now, state=state, info=info, corrected=True)
         return info
+
+    def _without_wild(self, y: np.ndarray) -> np.ndarray:
+        """A sample with NaN for values that overflow when they are squared; the first one of the run is logged."""
+        wild = np.abs(y) > WILD
+        if wild.any() and not self._wild_is_named:
+            self._wild_is_named = True
+            name_wild(y[None], wild[None], self.algorithm.names.outputs, self._now.sample)
+        return np.where(wild, np.nan, y)
 
     def predict(
         self,
@@ -166,11 +206,25 @@ class Online:
 
         The default `dt` is that of a discrete model, and for a continuous one that of the last call.
         """
-        quick = self._quick
-        if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
-            self._progress = None
-            return
-        faults = checks.Faults()
+        turn = self._turn
+        try:
+            turn.pop()
+        except IndexError:
+            wait(turn)
+        try:
+            quick = self._quick
+            if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
+                self._progress = None
+            else:
+                self._checked_predict(u, u_end, arrived, dt)
+        finally:
+            turn.append(True)
+
+    def _checked_predict(
+        self, u: Numbers | None, u_end: Numbers | None, arrived: Numbers | None, dt: float | None
+    ) -> None:
+        """`predict`, with all checks of its arguments."""
+        quick, faults = self._quick, checks.Faults()
         step = self._step(dt, faults)
         self._check_room(faults)
         if u is None and self._inputs:
@@ -190,10 +244,9 @@ class Online:
             self._progress = None
             return
         interval = Interval(applied, end, None, np.asarray(step, float))
-        state = _predict(self._at_step(step), self.progress.sample, self.progress.state, interval)
-        self.progress = replace(
-            self.progress, state=state, held=applied, dt=step, sample=self.progress.sample + 1, corrected=False
-        )
+        now = self._progress_now()
+        state = _predict(self._at_step(step), now.sample, now.state, interval)
+        self.progress = replace(now, state=state, held=applied, dt=step, sample=now.sample + 1, corrected=False)
 
     def _machine_code(self, progress: Progress) -> Quick | None:
         """The run as machine code, or None where XLA runs it."""
@@ -220,7 +273,7 @@ class Online:
         except Exception as reason:
             why = reason
         self._pass_over(why)
-        self.progress = self.progress
+        self.progress = self._progress_now()
         return False
 
     def _pass_over(self, why: Exception) -> None:
@@ -269,7 +322,7 @@ class Online:
             return sent
         if fate is not None and not np.all((fate == 0) | (fate == 1)):
             faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
-        return np.where(fate == 1, sent, self.progress.held if self._base.lost == "hold" else 0.0)
+        return np.where(fate == 1, sent, self._progress_now().held if self._base.lost == "hold" else 0.0)
 
     def _rest(self) -> np.ndarray:
         point = model_of(self.algorithm).operating_point
@@ -297,7 +350,7 @@ class Online:
         if dt not in self._sampled:
             if len(self._sampled) >= 64:
                 self._sampled.clear()
-            self._sampled[dt] = self.algorithm.sampled(Clock.every(dt, self.progress.hold))
+            self._sampled[dt] = self.algorithm.sampled(Clock.every(dt, self._base.hold))
         return self._sampled[dt]
 
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..annotations import Array, Numbers, Tree
+from ..data.messy import WILD
 from ..engines.batches import words
 from ..engines.one_step import Place, Step, code_of, flat, form_of
 from ..engines.program.primitives import UnsupportedError
@@ -19,7 +20,7 @@ from ..results import Info, Interval, Sample
 from .binding import model_of
 
 FLOAT = np.dtype(float)
-REFUSED = -1  # the code of a step whose datum or input is not a number
+REFUSED = -1  # the code of a step whose datum is wild, or whose input is not a number
 LENGTHS = 64  # of steps for which the sampled model is cached
 
 
@@ -33,7 +34,7 @@ def _correct(
     """`correct` of y, NaN where not seen, and its report. A state is that of the algorithm and the held input."""
     (algorithm, _), (belief, held), seen = fixed, state, y == y
     belief, info = _now(algorithm, row).correct(belief, Sample(jnp.where(seen, y, 0.0), seen, u))
-    return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) == jnp.inf), REFUSED, info.outcome)
+    return (belief, held), info, jnp.where(jnp.any(jnp.abs(y) > WILD), REFUSED, info.outcome)
 
 
 def _predict(

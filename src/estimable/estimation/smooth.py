@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array
 from ..data.record import Record
 from ..engines import choice
@@ -195,7 +195,7 @@ def _backwards(bound: Bound, rows: _PredictedRows, last: int, engine: str):
     return engine, jax.tree_util.tree_map(lambda leaf: leaf[::-1], run.info), run.code, last - run.failed_at
 
 
-@jax.jit
+@forks.jit
 def _lagged(algorithm: Smoothable[Any], rows: _PredictedRows, lag: int) -> Info:
     """Fixed lag: from row k + lag back to row k, for every k."""
     T, n = rows.predicted.mean.shape

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array
 from ..data.record import Record
 from ..estimation.binding import bind, columns
@@ -142,7 +142,7 @@ def simulated(model: NonlinearModel, record: Record, prior: Prior, rows: int | N
     return np.nan_to_num(np.clip(ends, -largest, largest), nan=float(largest.max()))
 
 
-@jax.jit
+@forks.jit
 def _response(ready: Functions | Matrices, x: Array, intervals: Interval, u: Array):
     """h along the trajectory of f from x, without noise."""
 

@@ -73,7 +73,7 @@ def _read(
 def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:
     """The orders or delays to try, in increasing order: one integer, or several."""
     values: list[Any] = [given]
-    if isinstance(given, Iterable) and getattr(given, "ndim", 1) == 1:
+    if isinstance(given, Iterable) and getattr(given, "ndim", 1) == 1 and not isinstance(given, bytes | bytearray):
         values = list(islice(given, MOST + 1))
     if not values:
         faults.add(f"`{name}` must hold at least one number to try.")

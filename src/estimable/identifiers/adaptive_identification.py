@@ -88,6 +88,7 @@ class AdaptiveIdentification(FilterIdentifier):
         if self.length is not None:
             faults.whole("length", self.length, 2, checks.LARGEST_ORDER)
         accuracy = faults.number("accuracy", self.accuracy, above=0.0, upper=1.0)
+        seconds = faults.number("seconds_between_false_alarms", self.seconds_between_false_alarms, above=0.0)
         if known and self.start == "none" and self.parameters is None:
             faults.add(
                 '`parameters` must be a Prior where start = "none": no linear model provides their initial values.'
@@ -95,7 +96,7 @@ class AdaptiveIdentification(FilterIdentifier):
         if isinstance(self.model, NonlinearModel) and not self.model.parameter_names:
             faults.add("`model` has no parameters to identify: give it `parameters={name: value}`.")
         faults.finish()
-        set_field(self, accuracy=accuracy)
+        set_field(self, accuracy=accuracy, seconds_between_false_alarms=seconds)
         self._check_prior(faults)
         θ = self.model.parameters
         self.tracker(self.parameters or Prior(θ, np.eye(len(θ))))  # its settings are checked there

@@ -1,13 +1,11 @@
 """The start of the parameters of a nonlinear model: its tangent at equilibrium responds like a linear model of the record."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..data.record import Record
 from ..errors import AssumptionError
 from ..kernels.realisation import markov
@@ -56,7 +54,7 @@ def at_rest(model: NonlinearModel, x: np.ndarray, u: np.ndarray, θ: np.ndarray)
     return size * found.x, float(np.abs(moved(found.x)).max())
 
 
-@partial(jax.jit, static_argnums=0)
+@forks.jit(static_argnums=0)
 def _value(f: Callable, x: np.ndarray, u: np.ndarray, θ: np.ndarray) -> Any:
     return f(x, u, θ)
 

@@ -3,13 +3,12 @@
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY
-from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..frozen import frozen, set_field, static
 from .state_space import StateSpace
@@ -150,7 +149,7 @@ class NonlinearModel:
                 )
 
 
-@partial(jax.jit, static_argnums=0)
+@forks.jit(static_argnums=0)
 def _slopes(g: Callable, x: Numbers, u: Numbers, θ: Array) -> Any:
     """The derivatives of g(x, u, θ) by x and by u."""
     return jax.jacfwd(g, argnums=(0, 1))(x, u, θ)

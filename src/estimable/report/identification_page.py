@@ -65,12 +65,14 @@ def report_of_comparison(
 
 
 def _excited(found: Comparison, chosen: Ranked, times: np.ndarray) -> list[Any]:
-    """The information about the parameters up to each time; only for output-error models, for which it is computed."""
+    """The information about the parameters up to each time; only for output-error models with noise, for which it is finite."""
     assert found.task is not None
     assert chosen.fit is not None
     model, whole = chosen.fit.model, found.task.whole[0]
     inputs = np.asarray(whole.applied())
     if not isinstance(model, OutputError) or np.isnan(inputs).any() or not model.is_stable:
+        return []
+    if not np.all(np.asarray(model.noise_variance) > 0):
         return []
     return [excitation_chart(excitation(model, whole), times)]
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .. import forks
 from ..annotations import Array
 from ..data.record import Record
 from ..estimation.estimate_bank import estimate_bank
@@ -58,7 +59,7 @@ def altitude_errors(draws: int) -> Reproduced:
 
 def _path() -> np.ndarray:
     """The true states, one per second, (T, 3)."""
-    step, states = jax.jit(lambda x: runge_kutta(lambda t, x: fall(x, None, None), x, 1.0, 16)), [TRUTH]
+    step, states = forks.jit(lambda x: runge_kutta(lambda t, x: fall(x, None, None), x, 1.0, 16)), [TRUTH]
     for _ in range(SECONDS):
         states.append(np.asarray(step(states[-1])))
     return np.array(states)

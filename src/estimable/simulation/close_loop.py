@@ -2,13 +2,12 @@
 # pyright: reportUnnecessaryIsInstance=false
 """Simulation of a plant under a controller that acts on an estimate."""
 
-from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..controllers.state_feedback import check_controller
 from ..engines import choice
@@ -160,7 +159,7 @@ def _closed(info: Info, t: np.ndarray, reference: np.ndarray, engine: str, names
                       names=names, **reported)  # fmt: skip
 
 
-@partial(jax.jit, static_argnames=("T", "sizes"))
+@forks.jit(static_argnames=("T", "sizes"))
 def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
     """Noises and uniform numbers of each run, (runs, T, size)."""
 
@@ -264,7 +263,7 @@ def _check_blocks(
     """Check that the blocks fit together."""
     model, inner = plant.model, model_of(estimator)
     check_hold(inner, plant.hold, faults)
-    check_links(links, lost, model.m, "zero_order", faults)
+    check_links(links, lost, model.m, model.p, "zero_order", faults)
     controller.check(estimator.names, faults)
     if controller.size != model.m:
         faults.add(f"`controller` has {checks.counted(controller.size, 'input')}, but the plant has {model.m}.")

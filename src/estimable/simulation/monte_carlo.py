@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..data.record import Record
 from ..errors import RunError
 from ..estimation.binding import check_algorithm
@@ -51,7 +51,7 @@ def monte_carlo(
     check_options(on_failure, engine, "all")
     _check_call(algorithm, draw, summary, runs, seed, chunk, progress)
     size = min(chunk, runs)
-    draws = jax.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))
+    draws = forks.jit(jax.vmap(lambda i: draw(jax.random.fold_in(jax.random.key(seed), i))))
     summaries: list[dict[str, Any]] = []
     failed: list[bool] = []
     used = engine

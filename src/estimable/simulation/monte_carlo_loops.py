@@ -99,7 +99,8 @@ def monte_carlo_loops(
     Run i of every case draws with `fold_in(key(seed), i)`: the values do not depend on `runs`, `chunk`, cores or cluster (only to
     rounding on other processors), and cases are compared on the same draws.
 
-    Raises `InputError` with every fault of the call, and where no scheduler answers; `RunError` for the first failed run.
+    Raises `InputError` with every fault of the call, and where no scheduler or worker answers within 10 s, or the workers cannot
+    import the summary; `RunError` for the first failed run.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
     >>> law, start = StateFeedback([[0.5]], reference_gain=[[0.5]]), Prior([0.0], [[0.0]])

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..errors import EstimableError
 from ..writing import write
+from .cluster import on_cluster
 
 Part = dict[str, np.ndarray]
 log = logging.getLogger("estimable.simulation")
-PATIENCE = 10  # [s] for a scheduler to answer
 
 
 class Folder:
@@ -68,30 +67,4 @@ def worked_out(function: Callable, calls: Iterable[tuple], scheduler: str | None
     if scheduler is None:
         yield from ((i, function(*call)) for i, call in enumerate(calls))
         return
-    yield from _on_cluster(function, list(calls), scheduler)
-
-
-def _on_cluster(function: Callable, calls: list[tuple], scheduler: str) -> Iterator[tuple[int, Any]]:
-    try:
-        from distributed import CancelledError, Client, KilledWorker, as_completed
-    except ImportError:
-        checks.refuse("a cluster needs Dask: pip install 'estimable[cluster]'.")
-    try:
-        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        checks.refuse(
-            f"`scheduler`: no Dask scheduler answers at {scheduler!r} ({type(error).__name__}). Start one (dask scheduler) and "
-            'workers (dask worker), and give its address, such as "tcp://10.0.0.1:8786". Without it this machine is used.'
-        )
-    with client:
-        places = {client.submit(function, *call, pure=False): i for i, call in enumerate(calls)}
-        try:
-            for future in as_completed(list(places), loop=client.loop):
-                yield places[future], future.result()
-        except (OSError, KilledWorker, CancelledError) as error:
-            raise EstimableError(
-                f"the cluster at {scheduler} ended before the work was done ({type(error).__name__}). Finished parts "
-                "are in `folder`, if one was given: call again to continue."
-            ) from error
-        finally:
-            client.cancel(list(places))
+    yield from on_cluster(function, list(calls), scheduler)

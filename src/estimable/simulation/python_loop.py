@@ -5,6 +5,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from .. import forks
 from ..annotations import Array
 from ..engines import xla
 from ..engines.step import Select
@@ -52,12 +53,12 @@ def _fly(
     return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
 
 
-@jax.jit
+@forks.jit
 def _decide(loop: ControlLoop, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
     return loop.decide(state, measured, standing, row)
 
 
-@jax.jit
+@forks.jit
 def _go_on(
     loop: ControlLoop, state: LoopState, decided: Decided, x: Array, standing: Array, end: Array, interval: Interval
 ) -> tuple[LoopState, Info]:

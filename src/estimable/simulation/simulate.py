@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..data.record import Record
 from ..estimation.binding import check_hold, check_prior
@@ -91,6 +91,7 @@ def simulate_bank(
     _check_call(model, prior, seed, runs, steps)
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
     sampled, lengths = _ready(model, record)
+    forks.check()
     keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
     drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, lengths, record.u, prior, links, lost, keys))
     t_rows = None if record.t is None else np.broadcast_to(record.t, (runs, *record.t.shape))
@@ -193,7 +194,7 @@ def _empty_record(
     if not model.is_continuous and (t is not None or dt not in (None, model.dt)):
         faults.add(f"the model is discrete with a fixed dt = {model.dt:g} s: leave out `dt` and `t`.")
     check_hold(model, hold, faults)
-    check_links(links, lost, model.m, hold, faults)
+    check_links(links, lost, model.m, model.p, hold, faults)
     faults.finish()
     rows = next(
         given if isinstance(given, int) else len(np.asarray(given)) for given in (u, steps, t) if given is not None
@@ -273,7 +274,7 @@ def _draw(
     return SimulatedRun(y, x, sent, measured, delay)
 
 
-@partial(jax.jit, static_argnames=("lost",))
+@forks.jit(static_argnames=("lost",))
 def _draw_all(
     model: SampledModel | Functions,
     lengths: Array,

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .. import checks
 from ..annotations import Array
@@ -30,15 +31,23 @@ class Sent(NamedTuple):
     delay: Any
 
 
-def check_links(links: Links, lost: str, m: int, hold: str, faults: checks.Faults) -> None:
-    """Check that links have the required steps, and that a record can represent them."""
-    for name, link in (("input_link", links.input), ("output_link", links.output)):
-        if link is not None and not is_link(link):
-            faults.add(f"`{name}` must be a link, such as BernoulliLink(0.8). Got {checks.short(link)}.")
+def check_links(links: Links, lost: str, m: int, p: int, hold: str, faults: checks.Faults) -> None:
+    """Check that links have the required steps, carry m inputs and p outputs, and that a record can represent them."""
+    for name, link, channels in (("input", links.input, m), ("output", links.output, p)):
+        if link is None:
+            continue
+        if not is_link(link):
+            faults.add(f"`{name}_link` must be a link, such as BernoulliLink(0.8). Got {checks.short(link)}.")
+        elif channels and not _carries(link, channels):
+            faults.add(
+                f"`{name}_link` must carry {checks.counted(channels, name)}: its settings need one number, or one for each."
+            )
     faults.choice("lost", lost, LOST)
-    link = links.input
-    if link is None or not is_link(link):
-        return
+    if links.input is not None and is_link(links.input):
+        _check_input_link(links.input, m, hold, faults)
+
+
+def _check_input_link(link: Link, m: int, hold: str, faults: checks.Faults) -> None:
     if m == 0:
         faults.add("`input_link` carries inputs, but the model has none.")
     if hold == "first_order":
@@ -48,6 +57,16 @@ def check_links(links: Links, lost: str, m: int, hold: str, faults: checks.Fault
             '`input_link`: a record can represent used late packets (late = "use") only where they are acknowledged: '
             'give late="drop" or acknowledged=True.'
         )
+
+
+def _carries(link: Link, channels: int) -> bool:
+    """Whether a link delivers as many channels as it is given."""
+    draw = np.zeros(max(link.draws, 1))
+    try:
+        _, delivery = jax.eval_shape(link.send, link.init(), np.zeros(channels), draw)
+    except (TypeError, ValueError):
+        return False
+    return delivery.value.shape == delivery.delay.shape == (channels,)
 
 
 def is_link(thing: Any) -> bool:

@@ -2,20 +2,22 @@
 
 import ctypes
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import disk_cache
 from ..program.primitives import UnsupportedError
-from .array_loop import ArrayLoop
 from .scalar_loop import ScalarLoop
+
+if TYPE_CHECKING:
+    from .array_loop import ArrayLoop
 
 
 class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
-    def __init__(self, loop: ScalarLoop | ArrayLoop, lanes: int = 1):
+    def __init__(self, loop: "ScalarLoop | ArrayLoop", lanes: int = 1):
         _processor()  # fails without LLVM
         self.lanes, self.loop = lanes, loop
         self._engine = _engine(loop.assembly(lanes), loop.has_loops)
@@ -35,7 +37,7 @@ class OneRow:
     all steps may share its memory, and returns word `last` of the last array, an integer.
     """
 
-    def __init__(self, loop: ScalarLoop | ArrayLoop, last: int):
+    def __init__(self, loop: "ScalarLoop | ArrayLoop", last: int):
         _processor()
         arrays, assembly, lines = loop.pointers - 2, loop.assembly(1), []
         for i in range(arrays):
