@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jax._src.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ...annotations import Array
 from .composed import Entrywise, Values, composed, is_entrywise

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import jax
 import numpy as np
-from jax._src.core import JaxprEqn
+from jax.extend.core import JaxprEqn
 
 from .jaxprs import array_of
 from .primitives import BOOL, FLOAT, INTEGER, NAMES, NARROW, PYTHON, Scalar, UnsupportedError, folded, row, type_of

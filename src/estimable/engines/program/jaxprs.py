@@ -2,8 +2,8 @@
 
 from typing import Any, TypeAlias
 
-from jax._src.core import JaxprEqn, Literal, Var
 from jax.core import ShapedArray
+from jax.extend.core import JaxprEqn, Literal, Var
 
 from .primitives import UnsupportedError
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax._src.core import JaxprEqn, Primitive
+from jax.extend.core import JaxprEqn, Primitive
 
 from .jaxprs import array_of
 from .primitives import UnsupportedError

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
-from jax._src.core import JaxprEqn
+from jax.extend.core import JaxprEqn
 
 from .jaxprs import array_of
 from .primitives import BOOL, FLOAT, Scalar, type_of

@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-
-# those of jax.extend.core, which also loads Pallas: 15 ms
-from jax._src.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ...annotations import Array
 from .composed import Entrywise, composed, is_entrywise, type_of_value
