@@ -14,9 +14,10 @@ from ..results import Stacked
 
 
 def stack(items: Sequence[Any]) -> Stacked:
-    """Stack several algorithms, records or priors of the same kind, shapes and names into one.
+    """Stack several algorithms, records or priors into one object, for `estimate_bank`.
 
-    Raises `InputError` where they differ in kind, shape, names or another fixed setting, naming the first that does.
+    They must have the same kind, shapes, names and other fixed settings. Raises `InputError` that names the first one that
+    differs.
 
     >>> len(stack([Prior([0.0], [[1.0]]), Prior([1.0], [[2.0]])]))
     2
