@@ -14,7 +14,7 @@ from . import wrapped
 
 @frozen
 class Bounded(Wrapper[Any]):
-    """An algorithm whose estimated gain is reported within bounds.
+    """A wrapper that reports the estimated gain of an algorithm within bounds.
 
     Model: that of the algorithm. The reported gain is clipped to [lower, upper]. Nothing else changes: neither the covariance
     of the gain nor the internal belief of the algorithm.
