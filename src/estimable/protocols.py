@@ -243,7 +243,7 @@ class RecursiveIdentifier(Algorithm[State], Method):
 
     @abstractmethod
     def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Self:
-        """The same identifier with the channels of a record, unless it has channels of its own."""
+        """The same identifier with the channels of a record, unless its own channels are set."""
 
     @abstractmethod
     def fitted(self, parameters: Array, dt: float) -> OutputError:

@@ -67,7 +67,7 @@ def loss_tolerance(model: StateSpace) -> LossTolerance:
 
 def _check(model: StateSpace, faults: checks.Faults) -> None:
     if model.is_continuous:
-        faults.add("`model` is continuous (dt = 0): losses are of samples, so discretise it, model.discretise(dt).")
+        faults.add("`model` is continuous (dt = 0): but losses concern samples. Discretise it: model.discretise(dt).")
     if model.varying:
         faults.add("`model` varies in time: only a constant model has a critical arrival rate.")
     if model.n > LARGEST:

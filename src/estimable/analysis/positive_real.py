@@ -31,12 +31,12 @@ def positive_real_check(model: OutputError, *, needed: bool) -> Check:
     margin = float(np.min(positive_real_margin(model)))
     holds = f"Positive realness: the smallest Re(1/A - 1/2) is {margin:.3g}"
     if margin > 0:
-        return Check("positive-real", True, margin, 0.0, f"{holds}: a pseudo-linear recursion converges too.")
+        return Check("positive-real", True, margin, 0.0, f"{holds}: recursions of the pseudo-linear kind converge too.")
     if not needed:
-        reason = "a pseudo-linear recursion need not converge here; this method does not rely on it"
+        reason = "a recursion of the pseudo-linear kind need not converge here, but this method is of another kind"
         return Check("positive-real", True, margin, 0.0, f"{holds}: {reason}.")
     advice = (
-        'it is not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that '
-        "of the model, or OutputErrorML."
+        'it is not positive, so that method="printed" need not converge. Use method="refined", whose gradient is that of the '
+        "model, or OutputErrorML."
     )
     return Check("positive-real", False, margin, 0.0, f"{holds}: {advice}")

@@ -119,7 +119,9 @@ def _balanced(model: StateSpace, order: int) -> Reduction:
     U, σ, Vt = np.linalg.svd(Lo.T @ Lc)
     if σ[order - 1] <= 1e-14 * σ[0]:
         most = int(np.sum(σ > 1e-14 * σ[0]))
-        checks.refuse(f"`order` may be at most {most}: the other Hankel singular values are rounding. Got {order}.")
+        checks.refuse(
+            f"`order` may be at most {most}: the other Hankel singular values are zero to rounding. Got {order}."
+        )
     root = np.sqrt(σ[:order])
     to, back = (U[:, :order] / root).T @ Lo.T, Lc @ Vt[:order].T / root
     small = _project(model, to, back, G=to @ model.G, Q=model.Q, R=model.R, S=model.S)

@@ -33,7 +33,7 @@ Plant = Annotated[
 ]  # fmt: skip
 Folder = Annotated[
     Path | None,
-    typer.Option("--folder", metavar="PATH", help="f16: store finished parts here. The same call then resumes where it stopped.",
+    typer.Option("--folder", metavar="PATH", help="f16: a folder for finished parts. The same call then resumes there.",
                  show_default=False),
 ]  # fmt: skip
 Scheduler = Annotated[

@@ -131,7 +131,7 @@ class Dither(SharedController[Any]):
         """Check that an estimator whose columns have these names suits this controller."""
         self.controller.check(names, faults)
         if not names.gains:
-            faults.add("`controller` dithers until a gain is known, but the estimator has no gain: use UnknownGain.")
+            faults.add("`controller` dithers until a gain is known, but the estimator estimates none: use UnknownGain.")
 
     def init(self) -> Any:
         """The state of the wrapped controller, whether the dither is on, and for how many samples."""

@@ -96,7 +96,8 @@ class GainReconfiguration(Controller[Any]):
         self.controller.check(names, faults)
         if not names.gains:
             faults.add(
-                "`controller` needs the gain, but the estimator has none: use UnknownGain, best in ChangeDetection."
+                "`controller` needs an estimated gain, but the estimator has none: use UnknownGain, "
+                "preferably inside ChangeDetection."
             )
         elif len(names.gains) not in (1, self.size):
             faults.add(

@@ -125,9 +125,9 @@ class Tracking(Controller[Remembered]):
         wanted = self.size * (self.na + self.size * (self.nb + 1))
         if len(names.states) != wanted or len(names.outputs) != self.size:
             faults.add(
-                f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} of "
-                f"{checks.counted(self.size, 'output')}. The estimator has {len(names.states)} of {len(names.outputs)}: "
-                f"{checks.listed(names.states)}."
+                f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} for "
+                f"{checks.counted(self.size, 'output')}. The estimator has {checks.counted(len(names.states), 'parameter')} for "
+                f"{checks.counted(len(names.outputs), 'output')}: {checks.listed(names.states)}."
             )
 
     def check_plant(self, model: StateSpace, faults: checks.Faults) -> None:

@@ -153,7 +153,7 @@ class Record:
         cut = 1 if fraction is None else round(fraction * len(self))
         if fraction is not None and not 0 < cut < len(self):
             rows = checks.counted(len(self), "row")
-            faults.add(f"`fraction` must leave rows on both sides. {fraction:g} of {rows} is {cut}.")
+            faults.add(f"`fraction` must leave rows in both parts. {fraction:g} of {rows} is {cut}.")
         faults.finish()
         return self[:cut], self[cut:]
 
@@ -276,7 +276,7 @@ def _read_step(
     mean, regular = float((times[-1] - times[0]) / (rows - 1)), _regular_step(times)
     if dt is not None and (regular is None or abs(dt - mean) > scatter(times, mean)):
         scattered = ", not regular" if regular is None else ""
-        faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{scattered}. Give one.")
+        faults.add(f"`dt` = {dt:g} s and `t` disagree: the mean step of `t` is {mean:g} s{scattered}. Give one.")
     return regular, times
 
 

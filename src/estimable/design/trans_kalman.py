@@ -174,7 +174,7 @@ def _noises(model: StateSpace, noises: Sequence[tuple[Numbers, Numbers]] | None,
         return []
     if not noises:
         faults.add(
-            "`noises` must hold at least one pair (Q, R): an empty set has no worst case. None: the model's own."
+            "`noises` must hold at least one pair (Q, R): an empty set has no worst case. noises=None: the model's own (Q, R)."
         )
     q = model.G.shape[-1]
     faults.learn("q", q, f"the model has {checks.counted(q, 'noise')}")

@@ -96,7 +96,7 @@ class Waveform:
         checks.require(other=(other, Waveform))
         if self.channels != other.channels:
             checks.refuse(
-                f"waveforms on the same channels can be added. Got {self.channels} and {other.channels}: did you mean `each`?"
+                f"only waveforms on equal channels can be added. Got {self.channels} and {other.channels}: did you mean `each`?"
             )
         return Waveform(block_diag(self.D, other.D), np.hstack([self.H, other.H]))
 

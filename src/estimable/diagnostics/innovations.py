@@ -223,7 +223,7 @@ def _white_sentence(found: Correlations, name: str) -> str:
 def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_name: str) -> str:
     measure = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
     if found.passed:
-        return f"{measure}: no effect of the input is left"
+        return f"{measure}: they contain no effect of the input"
     where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} after it"
     beyond = effect[np.abs(found.values) > found.band]
     shifted = len(beyond) > 1 and np.abs(beyond.sum()) < CANCELS * np.abs(beyond).sum()

@@ -177,5 +177,6 @@ def _check_distinct(information: np.ndarray, names: tuple[str, ...], free: np.nd
     words = " ".join(f"{x:+.2f} log {names[i]}" for x, i in zip(v, free, strict=True) if abs(x) > 0.01).lstrip("+")
     raise AssumptionError(
         f"the records do not distinguish the free entries: along {words} the likelihood does not change (smallest "
-        f"eigenvalue of the scaled information {values[0]:.2g}, {DISTINCT:.0e} needed). Fix one of them, or use a scale."
+        f"eigenvalue of the scaled information {values[0]:.2g}, {DISTINCT:.0e} needed). Fix one of them, or "
+        'fit one factor of a matrix ("scale").'
     )

@@ -143,7 +143,7 @@ def _check_exists(verdict: UnknownInputExistence, asked: str) -> None:
     if asked not in ("auto", verdict.method):
         checks.refuse(
             f"`method` = {asked!r} does not fit: rank D = {verdict.rank_D}, rank [C B N, D] = {verdict.rank_next}, and the "
-            f"inputs are known after {checks.counted(verdict.delay or 0, 'sample')}, which is {verdict.method!r}."
+            f"inputs are known after {checks.counted(verdict.delay or 0, 'sample')}, the case {verdict.method!r}."
         )
 
 

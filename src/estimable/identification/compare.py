@@ -105,7 +105,7 @@ def _read(
     if order is not None:
         faults.whole("order", order, 1)
         if methods is not None:
-            faults.add("`order` is for methods that are chosen here: give your methods their own orders.")
+            faults.add("`order` applies only where `methods` is None: give your methods their own orders.")
     faults.finish()
     assert fraction is not None
     for i, one in enumerate(records):

@@ -129,7 +129,7 @@ class OutputErrorML(StartedIdentifier):
         check_lags(self, records, faults)
         if self.noise_variance is not None and len(self.noise_variance) != len(first.outputs):
             outputs = checks.counted(len(first.outputs), "output")
-            faults.add(f"`noise_variance` must hold one for each of {outputs}. Got {len(self.noise_variance)}.")
+            faults.add(f"`noise_variance` must hold one value for each of {outputs}. Got {len(self.noise_variance)}.")
         seen = np.concatenate([record.seen for record in records])
         never = [name for i, name in enumerate(first.outputs) if not seen[:, i].any()]
         if never:

@@ -90,7 +90,7 @@ def _from_python(path: Path) -> ModelFile:
     except checks.InputError:
         raise
     except (Exception, SystemExit) as error:  # any exception of the user's code
-        raise checks.InputError(f"the Python code in it failed: {type(error).__name__}: {error}.") from error
+        raise checks.InputError(f"its Python code failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
     for name, kinds, words in (
         ("model", (StateSpace, NonlinearModel), "a StateSpace or a NonlinearModel"),

@@ -30,7 +30,9 @@ class OperatingPoint:
             unknown = [key for key in given if key not in PARTS]
             if unknown:
                 near = checks.suggestion(unknown[0], PARTS)
-                faults.add(f"`operating_point` has states, inputs and outputs. Got {checks.listed(unknown)}.{near}")
+                faults.add(
+                    f"`operating_point` may have the keys states, inputs and outputs. Got {checks.listed(unknown)}.{near}"
+                )
             parts = given
         elif isinstance(given, OperatingPoint):
             parts = {"states": given.states, "inputs": given.inputs, "outputs": given.outputs}

@@ -118,7 +118,7 @@ def _correlations(result: Estimate, record: Record) -> Iterator[Finding]:
     for name, check in found.whiteness.items():
         yield Finding(f"Whiteness of {name}", check.sentence, check.passed)
     for (name, input_name), check in found.cross_correlation.items():
-        yield Finding(f"{input_name} left in {name}", check.sentence, check.passed)
+        yield Finding(f"Effect of {input_name} left in {name}", check.sentence, check.passed)
 
 
 def versions(engine: str, files: Sequence[Path]) -> Section:

@@ -140,7 +140,7 @@ def _sections(chosen: Ranked, record: Record) -> tuple[Section, ...]:
     assert chosen.fit is not None
     assert chosen.model is not None
     entry = next((entry for entry in IDENTIFIERS if type(chosen.method) is entry.cls), None)
-    assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}. "
+    assumes = "" if entry is None else f"Assumes that {entry.assumes}. Reference: {entry.reference}. "
     fields = {name: getattr(chosen.method, name) for name in type(chosen.method).__dataclass_fields__ if name != "_"}
     settings = ", ".join(f"{name} = {value}" for name, value in fields.items() if isinstance(value, bool | int | str))
     method = Section("Method", ((chosen.name, f"{assumes}Settings: {settings}."),))

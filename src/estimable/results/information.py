@@ -152,5 +152,5 @@ def _sentences(sigma: np.ndarray, hidden: np.ndarray, gains: tuple[str, ...], am
         for name, s in zip(gains, sigma, strict=True)
         if np.isfinite(s)
     ]
-    nothing = [f"The input adds nothing about {words(g, gains)}." for g in hidden]
+    nothing = [f"The input carries no information about {words(g, gains)}." for g in hidden]
     return (*known, *nothing)

@@ -255,7 +255,7 @@ def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.F
         return None
     step = own[0] if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
     if step is not None and any(abs(step - other) > 1e-9 * step for other in own):
-        faults.add(f"the plant, the estimator and `dt` must have one step. Got {checks.listed([*own, step])} s.")
+        faults.add(f"the plant, the estimator and `dt` must have the same step. Got {checks.listed([*own, step])} s.")
     return step
 
 
