@@ -28,8 +28,8 @@ def loss_tolerance(model: StateSpace) -> LossTolerance:
     the unstable part of the state. A stable A has no critical rate: the covariance stays bounded even if every sample is
     lost.
 
-    Returns a `LossTolerance`. Its method `at(rate)` bounds the expected covariance at a given rate. Losses in bursts (a
-    Gilbert-Elliott link) do more harm than independent losses of the same rate: simulate them.
+    Returns a `LossTolerance`. Its method `at(rate)` bounds the expected covariance at a given rate. Losses in bursts
+    (a Gilbert-Elliott link) do more harm than independent losses of the same rate: simulate them.
 
     Cost: solutions of n² linear equations. Where no closed form applies, 20 bisections for the unstable part; the upper end
     is then rounded up, and a stabilising gain proves it.

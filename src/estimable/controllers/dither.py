@@ -31,10 +31,10 @@ class Dither(SharedController[Any]):
     Assumes that the variance of a gain grows while there is no information, as in `UnknownGain(..., walk=...)`. In
     `ChangeDetection` without a walk it does not grow. If the gain is well known in advance, no dither is added.
 
-    Settings: `controller`, such as `StateFeedback`; `amplitude` (m,) or one number, in units of the input (`Dither.sized`
-    computes it); `period`, an even number of samples: a dither near the natural frequency of the plant is the most
-    informative for its size; `sigma`, the wanted standard deviation of each gain. Inside `GainReconfiguration` the dither is
-    not divided by the gain, because its information does not depend on the gain.
+    Settings: `controller`, such as `StateFeedback`; `amplitude` (m,) or one number, in units of the input
+    (`Dither.sized` computes it); `period`, an even number of samples: a dither near the natural frequency of the plant is the
+    most informative for its size; `sigma`, the wanted standard deviation of each gain. Inside `GainReconfiguration` the
+    dither is not divided by the gain, because its information does not depend on the gain.
 
     Reports `dither` (m,), the part that was added. Cost: one comparison per gain.
 
@@ -85,10 +85,10 @@ class Dither(SharedController[Any]):
         """A dither of the amplitude that reduces the standard deviation of every gain to `sigma` within `seconds`.
 
         The amplitude is computed for inputs that are otherwise zero, and without prior knowledge of the gains. `model` and
-        `directions`: those of the `UnknownGain`, with constant gains. `each` (m,): the relative sizes of the inputs (default:
-        all equal). The inputs act without an actuator. Behind an actuator of bandwidth ω, multiply the amplitude by sqrt(1 +
-        (2 pi / (period dt ω))²), which compensates for its attenuation. Raises `AssumptionError` where no amplitude is
-        enough.
+        `directions`: those of the `UnknownGain`, with constant gains. `each` (m,): the relative sizes of the inputs
+        (default: all equal). The inputs act without an actuator. Behind an actuator of bandwidth ω, multiply the amplitude by
+        sqrt(1 + (2 pi / (period dt ω))²), which compensates for its attenuation. Raises `AssumptionError` where no amplitude
+        is enough.
 
         >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=0.1)
         >>> law = Dither.sized(StateFeedback([[0.0]]), model, sigma=0.05, seconds=5.0, period=4, dt=0.1)

@@ -26,8 +26,8 @@ class GainReconfiguration(Controller[Any]):
     smallest expected (K/K~ - 1)²: an uncertain gain is compensated for less. At c = 0 the estimate is used as exact.
 
     Assumes that the gain is estimated well enough and soon. `ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])),
-    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window use `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`. The
-    sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
+    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window use `Smoothed(Bounded(MovingWindow(...), 0, 1),
+    .9)`. The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
 
     Reallocation: the `allocation` M (r, m) is the effect of each input on r quantities, such as rows of B. For the demand v
     of the law, the inputs become u = G' (G G')^-1 M v with G = M diag(K~). Then M diag(K~) u = M v, with the smallest norm of

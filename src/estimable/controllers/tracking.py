@@ -42,8 +42,8 @@ class Tracking(Controller[Remembered]):
     Model: A(z) x° = z^-delay B(z) u, y = x° + v, with the polynomials A and B estimated, and as many inputs as outputs
     (`size`). The input is u[k] = (r[k] + Σ a_i x[k-i] - Σ b_i u[k-i]) / b0, for which the output of the model is the
     reference r. Here x[k-i] are past outputs, as `feedback` selects them. With a `delay`, r[k] is reached at k + delay. The
-    controller acts before y[k] is measured. It needs an identifier that stores past outputs: `JointOutputError` (with a fast
-    start and recovery) or `RecursiveOutputError`.
+    controller acts before y[k] is measured. It needs an identifier that stores past outputs: `JointOutputError`
+    (with a fast start and recovery) or `RecursiveOutputError`.
 
     Assumes that A is stable.
 

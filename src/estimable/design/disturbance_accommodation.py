@@ -67,8 +67,8 @@ def disturbance_accommodation(
 
     Cost: that of two Riccati equations and of a linear system with (n q)² entries.
 
-    Reference: C. D. Johnson, IEEE TAC 16 (1971) 635; B. A. Francis, SIAM J. Control Optim. 15 (1977) 486 (regulator
-    equations).
+    Reference: C. D. Johnson, IEEE TAC 16 (1971) 635; B. A. Francis, SIAM J. Control Optim. 15 (1977) 486
+    (regulator equations).
 
     >>> cart = StateSpace([[1.0]], [[1.0]], [[1.0]], Q=[[0.01]], R=[[0.1]], dt=1)
     >>> found = disturbance_accommodation(cart, Waveform.constant(), through=[[2.0]], L=[[1.0]], M=[[1.0]])

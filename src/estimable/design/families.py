@@ -25,8 +25,8 @@ class DesignFamily:
 
     Settings: `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m). Matrices that are not given are zero, but Q0 or Q1 is
     needed. [[Q, S], [S', R]] must be positive semidefinite at every η that is used. If Q01 = S0 = 0, this holds for every η
-    if Q0 and Q1 - S1 R^-1 S1' are positive semidefinite. It always holds for families made by `factored`. For LQG/LTR give Q0
-    = G Q G' and Q1 = B V B'.
+    if Q0 and Q1 - S1 R^-1 S1' are positive semidefinite. It always holds for families made by `factored`. For LQG/LTR give
+    Q0 = G Q G' and Q1 = B V B'.
 
     Reference: R. W. Bass (2005): R fixed, S linear and Q quadratic in η.
 

@@ -28,8 +28,8 @@ def rho_synthesis(
     """Design a loop at each value of one parameter η, and choose the most robust design, or the best by a weighted composite.
 
     Model: constant, continuous or discrete, with inputs. The law is u = -K x^, with x^ from a filter with gain L. Each η
-    gives one K and one L. The loop of the state and the error, (x, x - x^), has the matrix F = [[A - B K, B K], [0, A - L
-    C]]; in discrete time x^ is the filtered estimate. The function computes these criteria of each loop:
+    gives one K and one L. The loop of the state and the error, (x, x - x^), has the matrix F = [[A - B K, B K],
+    [0, A - L C]]; in discrete time x^ is the filtered estimate. The function computes these criteria of each loop:
 
     - `response_time`: the seconds until the response to an impulse in any direction stays below 5 %
     - `rho` and `sigma`: margins against unmodelled dynamics, as in `rho_margin`

@@ -55,8 +55,8 @@ def alpha_beta_gains(choice: str, *, index: float | None = None, alpha: float | 
     - "least_worst": the choice of Bass, which needs no number. It has ∂φ/∂β = 0, which gives β = 2 α² / (2 - α), and ψ = α.
     - "benedict_bordner": β = α² / (2 - α) for the given `alpha`.
     - "critically_damped": both poles are equal, for the given `alpha`.
-    - "kalata": optimal for a target whose acceleration is constant over each step. `index` is the tracking index, σ_accel dt²
-      / σ_measurement, from the standard deviations of acceleration and measurement.
+    - "kalata": optimal for a target whose acceleration is constant over each step. `index` is the tracking index, σ_accel
+      dt² / σ_measurement, from the standard deviations of acceleration and measurement.
 
     Raises `InputError` for a choice without its number, or for a number outside its range.
 
@@ -91,8 +91,8 @@ def alpha_beta_gamma_gains(
     innovation. Some authors write γ / (2 T²) instead; their γ is twice this one.
 
     - "kalata": optimal for a target whose acceleration changes at each step by white noise with standard deviation
-      σ_increment. `index` is the tracking index σ_increment T² / σ_measurement. The gains are β = 2 (1 - s)² and γ = β² / (2
-      α), with s² = 1 - α.
+      σ_increment. `index` is the tracking index σ_increment T² / σ_measurement. The gains are β = 2 (1 - s)² and
+      γ = β² / (2 α), with s² = 1 - α.
     - "critically_damped": all three poles are equal, for the given `alpha` (a fading memory).
 
     Raises `InputError` for a choice without its number, or for a number outside its range.

@@ -49,8 +49,8 @@ class Consistency(NamedTuple):
 def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: float = 0.999) -> Consistency:
     """The normalised innovation squared (NIS), e' S^-1 e, averaged over all samples with an output.
 
-    e is the innovation and S its covariance. `innovation` (..., p) is NaN for missing outputs. `innovation_covariance` (...,
-    p, p) is NaN where it is infinite (a diffuse prior).
+    e is the innovation and S its covariance. `innovation` (..., p) is NaN for missing outputs. `innovation_covariance`
+    (..., p, p) is NaN where it is infinite (a diffuse prior).
 
     Under a correct model, the sum over all samples has a χ² distribution. Its degrees of freedom are the number of seen
     outputs, so the mean is near p. The band contains the mean with `probability`. Three kinds of innovation do not count:

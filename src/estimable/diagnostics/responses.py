@@ -82,10 +82,11 @@ class Spread(NamedTuple):
 
 
 def spread_of(fit: Fit) -> Spread:
-    """The matrices of a discrete fitted model, and their changes by one standard deviation along each independent direction.
+    """The matrices of a discrete fitted model, and how uncertain parameters change them.
 
-    The result is a `Spread`. It has no directions if the fit has no covariance, or if the records carry no information about
-    some direction.
+    The result is a `Spread`. Its `tangents` are the changes of the matrices when the parameters move by one standard
+    deviation, along each independent direction of the parameters. There are none if the fit has no covariance, or if the
+    records carry no information about some direction.
 
     >>> u = np.random.default_rng(0).normal(size=50)
     >>> fit = identify(LeastSquares(1, 0), Record(u**2, u, dt=1))

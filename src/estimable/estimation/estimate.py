@@ -71,7 +71,8 @@ def estimate(
 
 
 def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior) -> Any:
-    """The log-likelihood of a record under an algorithm. JAX can differentiate it with respect to the numbers of the algorithm.
+    """The log-likelihood of a record under an algorithm. JAX can differentiate it with respect to the numbers of the
+    algorithm.
 
     `algorithm`, `record` and `prior` are as in `estimate`. With respect to a variance that is exactly zero the gradient is 0:
     the filter uses the square root of the variance, which has no derivative at 0.

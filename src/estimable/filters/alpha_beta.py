@@ -39,13 +39,13 @@ class AlphaBeta(Algorithm[Track]):
 
     Model: the target has the position r and the velocity v, dr/dt = v, and its acceleration dv/dt is white noise of density
     σ_a². With `gamma` the acceleration a is a state, and da/dt is that noise. The sensor gives y[k] = r + noise. Let T be the
-    seconds since the last seen sample, and e the innovation, y minus the predicted r. At a sample r moves by α e, v by (β /
-    T) e, and a by (γ / T²) e.
+    seconds since the last seen sample, and e the innovation, y minus the predicted r. At a sample r moves by α e, v by
+    (β / T) e, and a by (γ / T²) e.
 
     Assumes that the target moves like this. The gains need no variances. At a constant T the poles of the error do not depend
-    on T. Where T changes by large factors from sample to sample, constant gains may be unstable: the gains of Bass are at T =
-    1, 10, 1, 10, .. s. Then use alpha="kalata". The covariance holds for the given gains; it needs σ_a² and the noise of the
-    sensor.
+    on T. Where T changes by large factors from sample to sample, constant gains may be unstable: the gains of Bass are at
+    T = 1, 10, 1, 10, .. s. Then use alpha="kalata". The covariance holds for the given gains; it needs σ_a² and the noise of
+    the sensor.
 
     Settings:
 

@@ -71,8 +71,8 @@ class ChangeDetection(Wrapper[Watch]):
     - `length`: how many samples back a jump may lie (default 60).
     - `seconds_between_false_alarms` (default 3,600), in the unit of dt.
     - `walk`: the variance per second between the jumps, as in `UnknownGain` (default 0).
-    - `persistence`: the number of samples for which process noise lasts. Q is multiplied by it (default 15; 1 where Q is
-      white).
+    - `persistence`: the number of samples for which process noise lasts. Q is multiplied by it
+      (default 15; 1 where Q is white).
 
     Reports in `extra`: `statistic`, the logarithm of the sum divided by its threshold (NaN at the first sample), and `alarm`.
     Also of the last jump: `onset`, its likeliest row (-1 before the first jump), `onset_sigma`, the root mean square distance

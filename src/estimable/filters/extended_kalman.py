@@ -18,9 +18,9 @@ class ExtendedKalman(JumpingGains[Belief]):
     """The extended Kalman filter: it linearises a nonlinear model at the estimate. It can also estimate parameters of the
     model.
 
-    Model: `NonlinearModel`: x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous form between samples, and y[k] = h(x[k],
-    u[k], θ) + v[k]. Outputs may be missing channel by channel. The prior may be exact, proper or diffuse. For a `StateSpace`
-    the filter equals `Kalman`.
+    Model: `NonlinearModel`: x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous form between samples,
+    and y[k] = h(x[k], u[k], θ) + v[k]. Outputs may be missing channel by channel. The prior may be exact, proper or diffuse.
+    For a `StateSpace` the filter equals `Kalman`.
 
     Assumes that f and h are nearly linear over one standard deviation of the estimate. Where they are not, the mean is biased
     and the covariance too small, and the filter does not report it: `diagnostics.nonlinearity` measures it, and

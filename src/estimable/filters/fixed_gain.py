@@ -23,8 +23,8 @@ class FixedGain(Algorithm[Belief]):
     """A filter with a given gain. It reports the true covariance of its error, not that of the optimal filter.
 
     Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. At each sample the mean
-    moves by K (y - C x - D u), over the seen outputs, with the given gain K. The covariance becomes (I - K C) P (I - K C)' +
-    K R K'.
+    moves by K (y - C x - D u), over the seen outputs, with the given gain K. The covariance becomes (I - K C) P
+    (I - K C)' + K R K'.
 
     Assumes only A, B, C and D for the mean. The covariance also needs the right Q and R. It holds for any gain, also for one
     that was tuned for other noises or made robust, and then shows its accuracy under the noises of this model. Where the

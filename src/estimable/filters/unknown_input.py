@@ -44,13 +44,13 @@ class UnknownInput(Smoothable[Any]):
     Settings:
 
     - `unknown`: names of inputs, or their columns.
-    - `method`: "auto" conditions exactly on the outputs. It equals Gillijns & De Moor's filter with feedthrough (D of full
-      column rank) or without (D = 0), or a case between; the result reports which and why. "feedthrough", "no_feedthrough",
-      "partial" and "delayed" request one of these. "exact" is "auto" without the check that the input can be estimated.
-      "fang" is Fang's Algorithm 1, with almost optimal gains.
+    - `method`: "auto" conditions exactly on the outputs. It equals Gillijns & De Moor's filter with feedthrough
+      (D of full column rank) or without (D = 0), or a case between; the result reports which and why. "feedthrough",
+      "no_feedthrough", "partial" and "delayed" request one of these. "exact" is "auto" without the check that the input can
+      be estimated. "fang" is Fang's Algorithm 1, with almost optimal gains.
     - `variance`: the variance of each unknown input about the operating point, white in time (a number, (d,) or (d, d)).
-      None: infinite. `walk`: its variance per second as a random walk (the same shapes). Both range from 0 (known, or
-      constant) to infinity (unknown).
+      None: infinite. `walk`: its variance per second as a random walk (the same shapes). Both range from 0
+      (known, or constant) to infinity (unknown).
     - `levels`: the values that the input can take, (q,) or (q, d). After each sample the likeliest is decided, and then used
       as known.
     - `delay`: the number of samples after which an input is reported. None: as many as it takes where nothing is missing.
@@ -61,8 +61,8 @@ class UnknownInput(Smoothable[Any]):
     same sample. It is NaN where an output only determined an unknown input; the other innovations can be used to test the
     model.
 
-    Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper. Otherwise n
-    + d (delay + 1) undetermined directions are carried: 4 times with one unknown input, 5 times with two.
+    Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper. Otherwise
+    n + d (delay + 1) undetermined directions are carried: 4 times with one unknown input, 5 times with two.
 
     Reference: S. Gillijns, B. De Moor, Automatica 43 (2007) 111-116 and 934-937; H. Fang (2009), ch. 2, Algorithm 1.
 

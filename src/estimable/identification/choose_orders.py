@@ -23,8 +23,8 @@ def choose_orders(
     """Choose the orders of an output-error model by an information criterion.
 
     Every combination of the given `na`, `nb` and `delay` is fitted by `OutputErrorML` to the N seen outputs. The orders are
-    degrees of the polynomials. For k parameters, one noise variance for each output included, the criteria are AIC = -2 log L
-    + 2 k, AICC = AIC + 2 k (k + 1) / (N - k - 1) and BIC = -2 log L + k log N, with L the likelihood. BIC finds the true
+    degrees of the polynomials. For k parameters, one noise variance for each output included, the criteria are AIC = -2 log
+    L + 2 k, AICC = AIC + 2 k (k + 1) / (N - k - 1) and BIC = -2 log L + k log N, with L the likelihood. BIC finds the true
     orders of long records; AIC chooses the model that predicts best.
 
     Returns an `OrderRanking`. Raises `InputError` with every fault of the call.

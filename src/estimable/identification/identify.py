@@ -28,15 +28,16 @@ LONGEST = 100_000  # rows up to which every row is stored
 def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     """Identify a model from one record, or from a list of records of several experiments on one plant.
 
-    `method`: an identifier with its settings, such as `OutputErrorML(2, 1)` or `RecursiveOutputError(2, 1,
-    noise_variance=0.1)`. Your own class must derive from `Identifier` or `RecursiveIdentifier`. A recursive method processes
-    several records one after the other, each from rest. `engine`: as in `estimate`, for recursive methods.
+    `method`: an identifier with its settings, such as `OutputErrorML(2, 1)` or
+    `RecursiveOutputError(2, 1, noise_variance=0.1)`. Your own class must derive from `Identifier` or `RecursiveIdentifier`. A
+    recursive method processes several records one after the other, each from rest. `engine`: as in `estimate`, for recursive
+    methods.
 
     Returns a `Fit`. It holds the model and the parameters with their covariance. `fit.undetermined` spans the directions of
     the parameters about which the records carry no information. `fit.validation` holds residuals, the fit in per cent and the
     checked assumptions, each with a sentence. For a recursive method `fit.path` holds the parameters after each sample (only
-    the last one for records longer than 100,000). Where the arrival of inputs is unknown, as for `JointOutputError(...,
-    arrival=)`, only stability is checked.
+    the last one for records longer than 100,000). Where the arrival of inputs is unknown, as for
+    `JointOutputError(..., arrival=)`, only stability is checked.
 
     Raises `InputError` with every fault of the call.
 

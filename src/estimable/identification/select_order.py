@@ -28,8 +28,8 @@ def select_order(
     For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N samples, k parameters per
     output, residuals e, and D = Σ N log(mean e²) over the outputs, the criteria are AIC = D + 2 k, AICc = D + 2 k N / (N - k
     - 1) and BIC = D + k log N. `cross_validation` is N log of the mean squared error over five blocks of data, each predicted
-    by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose gap also shows the order. BIC finds
-    the true order of long records; AIC and cross-validation choose the model that predicts best.
+      by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose gap also shows the order. BIC
+      finds the true order of long records; AIC and cross-validation choose the model that predicts best.
 
     Returns an `OrderSelection`. Raises `InputError` with every fault of the call, or where the records are too short for the
     smallest order.

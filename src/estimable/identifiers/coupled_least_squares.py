@@ -33,9 +33,9 @@ class CoupledLeastSquares(Identifier):
     Model: y[k] + Σ_{l=1..na} A_l y[k-l] = Σ_{l=0..nb} B_l u[k-delay-l] + c + e[k]. The A_l are (p, p), and e is white with
     the covariance Σ (p, p). `fit.model` is a `StateSpace` in innovations form with p max(na, nb + delay) states.
 
-    Assumes right orders and white noise on the equations. `LeastSquares` gives each output its own polynomials (diagonal
-    A_l): it has fewer parameters, but cannot describe noise that several outputs share. Feedback from outputs to inputs does
-    no harm.
+    Assumes right orders and white noise on the equations. `LeastSquares` gives each output its own polynomials
+    (diagonal A_l): it has fewer parameters, but cannot describe noise that several outputs share. Feedback from outputs to
+    inputs does no harm.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output.

@@ -24,8 +24,8 @@ STEP = 1e-3  # of a standard deviation: step of the numerical derivative
 
 @frozen
 class HoKalman(Identifier):
-    """A state-space model of a given order from Markov parameters (the impulse response), which are estimated from a record or
-    given.
+    """A state-space model of a given order from Markov parameters (the impulse response), which are estimated from a record
+    or given.
 
     Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], in balanced coordinates. `fit.model` has no process noise.
 

@@ -57,16 +57,16 @@ class JointOutputError(Anticipating[JointBelief]):
     - `alarm`: an innovation of more than this many standard deviations (default 5) means that the plant jumped. `jump` times
       the prior's covariance is then added to that of θ (default .1), and the variance of past outputs is raised by the
       innovation squared.
-    - `arrival`: for inputs of unknown arrival (UDP-like), the rate at which they arrive, one number or (m,) (default None:
-      every arrival is known). u is then the sent input, and the applied input is estimated. A known arrival (`arrived` 0 or
-      1) is used as it is. `lost`: what the actuator does without an input, "zero" or "hold".
+    - `arrival`: for inputs of unknown arrival (UDP-like), the rate at which they arrive, one number or (m,)
+      (default None: every arrival is known). u is then the sent input, and the applied input is estimated. A known arrival
+      (`arrived` 0 or 1) is used as it is. `lost`: what the actuator does without an input, "zero" or "hold".
 
     Reports: `Info.mean` is θ. In `Info.extra`: "output" (p,) estimates x°[k] from y[0..k]; "completed" (p,) is y where it was
     seen, otherwise its prediction; "alarm" (p,); with `arrival`, "applied" (p, m), the estimate of the applied inputs from
     each output.
 
-    Cost: about n² (2 n + d) multiplications per sample and output, for d parameters of an output; n = na + d, or n = na + d +
-    m (nb + delay + 1) with `arrival`.
+    Cost: about n² (2 n + d) multiplications per sample and output, for d parameters of an output; n = na + d, or
+    n = na + d + m (nb + delay + 1) with `arrival`.
 
     Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses: H.
     Fang (2009), (3.1)-(3.5), (4.1)-(4.3).

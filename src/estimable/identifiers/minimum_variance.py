@@ -32,8 +32,8 @@ class Weighted(NamedTuple):
 
 @frozen
 class MinimumVariance(Identifier):
-    """The parameters of an output-error model by least squares, with weights that are iterated (the method of Steiglitz and
-    McBride).
+    """The parameters of an output-error model by least squares, with weights that are iterated
+    (the method of Steiglitz and McBride).
 
     Model: `OutputError`, as the equation A(z) y = B(z) u + A(z) v. The noise of this equation, A(z) v, has a banded
     covariance, with which the equation is weighted.

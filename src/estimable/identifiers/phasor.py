@@ -102,8 +102,8 @@ class Phasor(Identifier):
     def second_order(in_phase: float, quadrature: float, frequency: float) -> SecondOrder:
         """The second-order lag with unit gain whose response at one frequency in hertz is `in_phase` + j `quadrature`.
 
-        Raises `InputError` where there is none: the response must lie below the real axis, outside the circle |H - 1/2| =
-        1/2.
+        Raises `InputError` where there is none: the response must lie below the real axis, outside the circle
+        |H - 1/2| = 1/2.
 
         >>> Phasor.second_order(0.0, -1.0, 0.5)
         SecondOrder(natural_frequency=0.5, damping=0.5)

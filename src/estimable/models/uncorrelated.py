@@ -11,8 +11,8 @@ def uncorrelated(model: StateSpace) -> StateSpace:
     needs it.
 
     The process noise is split: w = S R^+ v + a part that is uncorrelated with v, with R^+ the pseudo-inverse. The measurement
-    noise v becomes part of the state. The new model has n + p states, the last p named after the noises of the outputs, and R
-    = 0. Its signals are deviations from the operating point, and its outputs have the same distribution. For discrete,
+    noise v becomes part of the state. The new model has n + p states, the last p named after the noises of the outputs, and
+    R = 0. Its signals are deviations from the operating point, and its outputs have the same distribution. For discrete,
     constant models.
 
     Raises `InputError` for a model that varies, or is continuous with cross noise.

@@ -79,8 +79,8 @@ class BernoulliLink:
 
 @frozen
 class GilbertElliottLink:
-    """A link whose losses come in bursts: its channel is a Markov chain with a good and a bad state, each with its own arrival
-    rate.
+    """A link whose losses come in bursts: its channel is a Markov chain with a good and a bad state, each with its own
+    arrival rate.
 
     Settings: `to_bad` and `to_good`: the probabilities of a change of state from one packet to the next; `good` and `bad`:
     the arrival rates in the two states; `acknowledged` as in `BernoulliLink`. `GilbertElliottLink.of_rate` makes a link from

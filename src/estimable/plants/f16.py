@@ -34,8 +34,8 @@ SIMULATIONS = ("continuous_actuator", "held_elevator")
 
 
 def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, Q: Numbers | None = None) -> StateSpace:
-    """The short-period motion of the F-16 as a continuous model: states alpha [deg] and pitch rate [deg/s], input the elevator
-    [deg].
+    """The short-period motion of the F-16 as a continuous model: states alpha [deg] and pitch rate [deg/s], input the
+    elevator [deg].
 
     Both states are measured, with sensor noise of the standard deviations `sigma_alpha` and `sigma_q`. `Q`: the density of
     process noise, per second (default none).
@@ -110,7 +110,8 @@ def controlled(
 
 
 def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
-    """The control law of the pitch rate for the healthy aircraft, for `close_loop`: a P law, or a PI law with `integral=True`.
+    """The control law of the pitch rate for the healthy aircraft, for `close_loop`: a P law, or a PI law with
+    `integral=True`.
 
     >>> law().feedback.tolist()
     [[-0.283, -0.876]]

@@ -39,7 +39,9 @@ class Failed(NamedTuple):
     adaptive: ClosedLoopBank
 
     def rms(self, bank: ClosedLoopBank, start: float, end: float = np.inf) -> np.ndarray:
-        """For each run of `bank`, the RMS difference of the pitch rate from `healthy` between `start` and `end` [s], in deg/s."""
+        """For each run of `bank`, the RMS difference of the pitch rate from `healthy` between `start` and `end` [s], in
+        deg/s.
+        """
         rows = (self.t >= start - 1e-9) & (self.t < end - 1e-9)
         return np.sqrt(np.mean((bank.runs.state[:, rows, 1] - self.healthy[rows]) ** 2, axis=1))
 
@@ -68,7 +70,8 @@ class Failed(NamedTuple):
 def fly(
     gain_after: float, *, runs: int, seed: int, input_link: Link | None = None, output_link: Link | None = None
 ) -> Failed:
-    """Simulate many flights in which the loop gain drops to `gain_after` at 4.5 s, under a fixed and under a reconfigured law.
+    """Simulate many flights in which the loop gain drops to `gain_after` at 4.5 s, under a fixed and under a reconfigured
+    law.
 
     The command is that of `f16.pitch_command`, and the actuator moves between samples. Both loops use the same estimator, a
     change detector that assumes a gain of 1 until it detects a change. The fixed law is `f16.law()`; the reconfigured law is

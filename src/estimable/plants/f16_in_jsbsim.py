@@ -33,7 +33,8 @@ FALSE_ALARMS = 300.0  # [s]
 
 @saved
 class Flown(NamedTuple):
-    """The result of `fly`: three flights of the aircraft of JSBSim, without a failure (`healthy`), and with it under two laws.
+    """The result of `fly`: three flights of the aircraft of JSBSim, without a failure (`healthy`), and with it under two
+    laws.
 
     `fixed` is the flight under the fixed law, and `adaptive` the flight under the reconfigured law.
     """
@@ -62,8 +63,8 @@ class Flown(NamedTuple):
 
 
 def fly(gain_after: float, *, seed: int, about: str = "trim", seconds: float = f16.SECONDS, **links: Any) -> Flown:
-    """Simulate three flights in JSBSim: without a failure, and with a loop gain that drops to `gain_after` at 4.5 s, under two
-    laws.
+    """Simulate three flights in JSBSim: without a failure, and with a loop gain that drops to `gain_after` at 4.5 s, under
+    two laws.
 
     The laws are a fixed one and a reconfigured one. The command is that of `doublets`. `about`: "trim" or "zero", as in
     `JsbsimF16`. `links`: `input_link` and `output_link` as in `close_loop`. Needs the extra `flight`.

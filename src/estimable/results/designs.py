@@ -94,8 +94,8 @@ class TransKalman:
     The set has V corners, which are pairs (Q, R). The cost of a gain K at a corner is tr W P(K), with P(K) the covariance of
     its error there. The criterion is the cost or the regret, as chosen.
 
-    - `filter` (n, p): the gain, x[k|k] = x[k|k-1] + filter e with e the innovation. Use it in `FixedGain(model,
-      design.filter)`.
+    - `filter` (n, p): the gain, x[k|k] = x[k|k-1] + filter e with e the innovation. Use it in
+      `FixedGain(model, design.filter)`.
     - `covariance` (V, n, n) and `cost` (V,): the covariance of its error and its cost, at each corner.
     - `optimal` (V,): the cost of the Kalman filter that knows the corner.
     - `guessed` (V, V): entry [i, j] is the cost of the Kalman filter for corner i if corner j is true.
@@ -161,7 +161,9 @@ class TransKalman:
 
 @saved
 class Optimum(NamedTuple):
-    """The best design by one criterion: its number `design`, its `bandwidth` in rad/s, and the `value` of the criterion there."""
+    """The best design by one criterion: its number `design`, its `bandwidth` in rad/s, and the `value` of the criterion
+    there.
+    """
 
     design: int
     bandwidth: float
@@ -216,8 +218,8 @@ class RhoSynthesis:
         return times_worse(name, self.criteria[name])
 
     def filter_of_sample(self, dt: float) -> Any:
-        """The gain (n, p) of a continuous design for samples `dt` seconds apart. Use it in `FixedGain(model.discretise(dt),
-        ...)`.
+        """The gain (n, p) of a continuous design for samples `dt` seconds apart. Use it in
+        `FixedGain(model.discretise(dt), ...)`.
 
         It is the integral of e^(-As) filter over one step: the innovation of a sample acts through `filter` until the next
         sample.

@@ -148,8 +148,8 @@ class RhoMargin:
     dt: float = static()
 
     def perturbed(self, kappa: float, delta: float = 0.0) -> Perturbed:
-        """The bound that decays fastest for the perturbed system x[k+1] = A x[k] + f(k, x[k]) + g[k], or dx/dt = A x + f(t,
-        x) + g(t).
+        """The bound that decays fastest for the perturbed system x[k+1] = A x[k] + f(k, x[k]) + g[k], or dx/dt = A
+        x + f(t, x) + g(t).
 
         It holds for every f with ||f|| <= kappa ||x|| and every g with ||g|| <= delta. Raises `InputError` unless kappa is
         below the margin.

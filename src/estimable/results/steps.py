@@ -49,7 +49,8 @@ class Interval:
 
 @frozen
 class Info:
-    """The report of an algorithm after sample k. A field that does not apply is None. All values are in the units of the user.
+    """The report of an algorithm after sample k. A field that does not apply is None. All values are in the units of the
+    user.
 
     - `mean` (n,) and `covariance` (n, n): the estimated state and the covariance of its error, given y[0..k].
     - `diffuse_covariance` (n, n): its columns span the directions of the state that the samples have not yet determined.

@@ -164,8 +164,8 @@ class Observability(_Structure):
       the outputs.
     - `tolerance`: two limits of `distance`. The verdict is "no" below the first and "borderline" below the second.
     - `singular_values`: those of [C; C A; ..; C A^(n-1)], or over a horizon those of the map from the state to its outputs.
-    - `gramian` (n, n): x0' gramian x0 is the sum of the squared outputs from the initial state x0 (the integral where dt =
-      0). None for an unstable model without a horizon.
+    - `gramian` (n, n): x0' gramian x0 is the sum of the squared outputs from the initial state x0
+      (the integral where dt = 0). None for an unstable model without a horizon.
     - `horizon`: the horizon in steps (in seconds where dt = 0). None: unlimited.
     - `states` and `channels`: the names of the states and of the outputs.
     """

@@ -47,7 +47,8 @@ def close_loop(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> ClosedLoop:
-    """Simulate a closed loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
+    """Simulate a closed loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or
+    (T,).
 
     At each sample, in this order: the outputs are measured and sent; the estimator corrects; the controller computes its
     command from the estimate; the command is sent; the plant moves; the estimator predicts with the applied inputs. A
