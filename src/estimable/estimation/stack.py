@@ -23,7 +23,7 @@ def stack(items: Sequence[Any]) -> Stacked:
     2
     """
     if not isinstance(items, Sequence) or isinstance(items, str):
-        checks.refuse(f"`items` must be a list of things of one kind. Got {checks.short(items)}.")
+        checks.refuse(f"`items` must be a list of objects of one kind. Got {checks.short(items)}.")
     things = list(items)
     if not things:
         checks.refuse("`items` must hold at least one thing to stack.")
@@ -34,7 +34,8 @@ def stack(items: Sequence[Any]) -> Stacked:
     for i, thing in enumerate(things[1:], start=1):
         if type(thing) is not type(things[0]):
             checks.refuse(
-                f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}."
+                f"only objects of one kind can be stacked: item 0 is a {type(things[0]).__name__}, "
+                f"item {i} a {type(thing).__name__}."
             )
         if jax.tree_util.tree_structure(thing) != first:
             checks.refuse(f"item {i} differs from item 0 in {_first_fixed_difference(things[0], thing)}.")

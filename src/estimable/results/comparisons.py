@@ -16,7 +16,7 @@ LEAD = 1.0  # points of one-step fit: below this lead the best simulation is als
 
 @saved
 class Ranked(NamedTuple):
-    """One method of a comparison, with its fit to the first part of the records and its score on the held-out part.
+    """One method of a comparison, with its fit to the first part of the records and its results on the held-out part.
 
     - `method`: the identifier.
     - `fit`: its `Fit` to the first part. None: the method failed.
