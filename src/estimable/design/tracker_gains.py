@@ -91,8 +91,8 @@ def alpha_beta_gamma_gains(
     innovation. Some authors write γ / (2 T²) instead; their γ is twice this one.
 
     - "kalata": optimal for a target whose acceleration changes at each step by white noise with standard deviation
-      σ_increment. `index` is the tracking index σ_increment T² / σ_measurement. The gains are α = 1 - s²,
-      β = 2 (1 - s)² and γ = β² / (2 α), where s solves 2 (1 - s)³ = `index` s (1 + s).
+      σ_increment. `index` is the tracking index σ_increment T² / σ_measurement. The gains are α = 1 - s², β = 2 (1 - s)² and
+      γ = β² / (2 α), where s solves 2 (1 - s)³ = `index` s (1 + s).
     - "critically_damped": all three poles are equal, for the given `alpha` (a fading memory).
 
     Raises `InputError` for a choice without its number, or for a number outside its range.

@@ -174,6 +174,6 @@ def undetermined(M: np.ndarray) -> np.ndarray:
 
 
 def scale_of(M: np.ndarray) -> np.ndarray:
-    """The factors (d,) that scale the diagonal of M to one; zero where the diagonal is zero."""
+    """The factors (d,) that scale the diagonal of a matrix M (d, d) to one; zero where the diagonal is zero."""
     size = np.sqrt(np.diagonal(M))
     return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)

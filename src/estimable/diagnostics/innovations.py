@@ -121,8 +121,8 @@ def cross_correlation(
     samples.
 
     `lags`: how many samples back. The innovations are regressed on the input at all these lags together. A slow or periodic
-    input then does not spread the effect at one lag over its neighbours. The mean of the input is subtracted first,
-    because its effect cannot be distinguished from an offset. Rows with a missing output do not count.
+    input then does not spread the effect at one lag over its neighbours. The mean of the input is subtracted first, because
+    its effect cannot be distinguished from an offset. Rows with a missing output do not count.
 
     Returns a `Correlations` whose `values` are the partial correlations. Its `statistic` is n R² for n rows and the
     coefficient of determination R². Under a correct model it is χ² with as many degrees of freedom as the input has

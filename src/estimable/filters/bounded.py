@@ -14,7 +14,7 @@ from . import wrapped
 
 @frozen
 class Bounded(Wrapper[Any]):
-    """A wrapper that reports the estimated gain of an algorithm within bounds.
+    """A wrapper around another algorithm, which reports its estimated gain within bounds.
 
     Model: that of the algorithm. The reported gain is clipped to [lower, upper]. Nothing else changes: neither the covariance
     of the gain nor the internal belief of the algorithm.

@@ -65,8 +65,8 @@ class ChangeDetection(Wrapper[Watch]):
     Settings:
 
     - `algorithm`: an `UnknownGain`, or an `ExtendedKalman` or `SecondOrderKalman` with parameters. For the latter two the
-      responses are those of the tangents, and the ratios and the bound are approximate. The walk and the forgetting of the
-      algorithm are not used.
+      model is linearised, and the ratios and the bound are approximate. The walk and the forgetting of the algorithm are not
+      used.
     - `jump`: the variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior).
     - `length`: how many samples back a jump may lie (default 60).
     - `seconds_between_false_alarms` (default 3,600), in the unit of dt.

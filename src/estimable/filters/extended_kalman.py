@@ -31,7 +31,7 @@ class ExtendedKalman(JumpingGains[Belief]):
     or a covariance (k, k) per second; `iterations`: how often h is linearised at a sample. With more than 1 this is the
     iterated filter, for outputs that are accurate compared with the curvature of h.
 
-    Cost: that of `Kalman`, and n tangents of f and of h.
+    Cost: that of `Kalman`, and the n first derivatives of f and of h, one for each state.
 
     Reference: A. H. Jazwinski, Stochastic Processes and Filtering Theory (1970), §8.3 (8.43)-(8.47), iterated (8.47 ff.).
 

@@ -26,11 +26,11 @@ class FixedGain(Algorithm[Belief]):
     moves by K (y - C x - D u), over the seen outputs, with the given gain K. The covariance becomes (I - K C) P
     (I - K C)' + K R K'.
 
-    Assumes that A, B, C and D are right. For the covariance Q and R must be right too. It is right for any gain, also for one
-    that was tuned for other noises or made robust, and then shows its accuracy under the noises of this model. Where the
-    error grows, so does the covariance. `log_likelihood` is the sum of those of the one-step predictions. It is that of
-    the record only for the Kalman gain, since the innovations of another gain are correlated in time. While directions of the
-    state are diffuse, the filter works as `Kalman`: two samples start a tracker of position and velocity.
+    Assumes that A, B, C and D are right. For the covariance Q and R must be right too. It then holds for any gain, also for
+    one that was tuned for other noises or made robust, and then shows its accuracy under the noises of this model. Where the
+    error grows, so does the covariance. `log_likelihood` is the sum for the one-step predictions. It is that of the record
+    only for the Kalman gain, since the innovations of another gain are correlated in time. While directions of the state are
+    diffuse, the filter works as `Kalman`: two samples start a tracker of position and velocity.
 
     Settings: `model`, a `StateSpace` with R; `filter` (n, p), the gain K: `kalman_gain(model).filter`, that of
     `trans_kalman`, or any other. The gain applies to a sample, so a continuous model must be discretised before its gain is

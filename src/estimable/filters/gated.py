@@ -17,7 +17,7 @@ from . import wrapped
 
 @frozen
 class Gated(Wrapper[Any]):
-    """A wrapper that treats an output as missing where its innovation is implausibly large.
+    """A wrapper around another algorithm, which treats an output as missing where its innovation is implausibly large.
 
     Model: that of the algorithm. Output i is rejected where its innovation e_i has e_i² > q S_ii. Here S_ii is the variance
     of e_i, and q is the quantile of the χ² distribution with one degree of freedom that a good sample stays below with

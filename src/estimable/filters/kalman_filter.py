@@ -39,8 +39,8 @@ class Kalman(Smoothable[Belief]):
     Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications per sample; 0.15 us at n = 4, p = 2 as machine code.
 
     Reference: T. Kailath, A. H. Sayed, B. Hassibi, Linear Estimation (2000), ch. 12; J. Durbin, S. J. Koopman, Time Series
-    Analysis by State Space Methods (2012), ch. 5 for the diffuse start. It is Sillence (1999) (31)-(37) with a known gain,
-    and Pachter (1999) Corollary 4.
+    Analysis by State Space Methods (2012), ch. 5 for the diffuse start. With a known gain Sillence (1999) (31)-(37) and
+    Pachter (1999) Corollary 4 are this filter.
 
     >>> model = StateSpace([[0.9]], C=[[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> state = Kalman(model).init(Prior([0.0], [[1.0]]))

@@ -25,7 +25,7 @@ class Copies:
 
 @frozen
 class MovingWindow(Wrapper[Copies]):
-    """A wrapper that restarts an algorithm at every sample on the last `length` samples.
+    """A wrapper around another algorithm, which estimates from the last `length` samples alone.
 
     Model: that of the algorithm. Row k is the result at k of a run that begins at row k - length + 1, from `state_prior` and
     the algorithm's own prior of gains. Before the first full window, the run begins at row 0 from the prior of the run.

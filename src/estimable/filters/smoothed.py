@@ -22,7 +22,7 @@ class Average:
 
 @frozen
 class Smoothed(Wrapper[Average]):
-    """A wrapper that averages the estimated gain of an algorithm exponentially over time.
+    """A wrapper around another algorithm, which averages its estimated gain exponentially over time.
 
     Model: that of the algorithm, which estimates the gain K^[k]. The reported gain is K~[k] = a K~[k-1] + (1 - a) K^[k] with
     a = `weight`. It starts at the mean of the gain's prior. Nothing else changes: neither the covariance of the gain nor the

@@ -28,9 +28,9 @@ class AdaptiveIdentification(FilterIdentifier):
     """The parameters of a nonlinear model, estimated by a second-order filter that starts from a linear model of the record.
 
     Model: `NonlinearModel` with parameters θ (k,). First, a linear model is identified from the deviations of the record from
-    its means. θ starts at the values for which the tangent of the nonlinear model, at equilibrium under the mean input,
-    responds as this linear model does. `SecondOrderKalman` then estimates θ together with the state, sample by sample, with
-    covariances. The parameters may walk, and jump where `jump` is given.
+    its means. θ starts at the values for which the linearised model, at equilibrium under the mean input, responds as this
+    linear model does. `SecondOrderKalman` then estimates θ together with the state, sample by sample, with covariances. The
+    parameters may be random walks, and may jump where `jump` is given.
 
     Assumes a right model, and a start from which the filter converges. The linear model gives such a start where the record
     stays near one equilibrium. For other records set start = "none" and give `parameters`. Q and R must be right, as for any

@@ -36,7 +36,8 @@ class LeastSquares(Identifier):
 
     Assumes right orders and white noise on the equation. With white noise on the outputs instead (the usual case of a sensor)
     the estimate is biased even for long records: then `OutputErrorML` is better. Least squares needs no search and no start.
-    It handles plants in motion, unstable plants and process noise, which `OutputErrorML` does not.
+    The plant may be unstable, may have process noise, and need not be at rest when a record begins; with `OutputErrorML` it
+    must be stable and without process noise.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output (signals in absolute units need it; nothing is subtracted).

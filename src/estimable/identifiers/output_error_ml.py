@@ -35,8 +35,8 @@ class OutputErrorML(StartedIdentifier):
     applied. Unknown inputs (not logged, or of unknown arrival as with UDP) enter with their means and variances.
 
     Assumes right orders and white Gaussian v. For other white noise the method is nonlinear least squares: still consistent,
-    with the covariance right to first order. The plant may be in motion when a record begins (`initial="free"`). For on-line
-    data, `RecursiveOutputError` is nearly as good.
+    with the covariance right to first order. The plant need not be at rest when a record begins (`initial="free"`). For
+    on-line data, `RecursiveOutputError` is nearly as good.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest": the plant is at rest before row 0; "free":

@@ -49,9 +49,9 @@ class PredictionError(StartedIdentifier):
     Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output has its own polynomials.
 
     Assumes right orders and white Gaussian e. For other white noise it is still consistent where nothing is missing. The
-    plant may be in motion: the past before row 0 of each record is fitted too. Feedback from outputs to inputs does no harm.
-    `OutputErrorML` is better for white noise on the outputs. With nc = 0 the method is `LeastSquares` without the loss of its
-    first rows.
+    plant need not be at rest when a record begins: the past before row 0 is fitted too. Feedback from outputs to inputs does
+    no harm. `OutputErrorML` is better for white noise on the outputs. With nc = 0 the method is `LeastSquares` without the
+    loss of its first rows.
 
     Settings: `na`, `nb`, `nc`: degrees of A, B and C (Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here); `delay`
     in steps.

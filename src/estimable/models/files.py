@@ -196,7 +196,9 @@ def _check_record(record: Any, faults: checks.Faults) -> None:
         faults.array("[record] na_values", record["na_values"], "marks")
     units = record.get("units", {})
     if not (isinstance(units, dict) and all(isinstance(unit, str) for unit in units.values())):
-        faults.add(f'`[record] units` must hold name = "unit" of channels. Got {checks.short(units)}.')
+        faults.add(
+            f'`[record] units` must be a table of channels and units, such as level = "m". Got {checks.short(units)}.'
+        )
 
 
 def write_model(

@@ -14,7 +14,7 @@ from .delivery import LATE, flight, fly, in_time
 
 @frozen
 class PerfectLink:
-    """Every packet arrives in time.
+    """A link in which every packet arrives in time.
 
     >>> PerfectLink().send((), np.array([1.0]))[1].arrived.tolist()
     [True]

@@ -217,18 +217,20 @@ class Reachability(_Structure):
 class UnknownInputExistence:
     """The result of `unknown_input_existence`: whether the outputs determine the unknown inputs.
 
+    Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], where u holds the unknown inputs, and B and D are their columns.
+
     - `exists`: True if every unknown input can be estimated and the errors die out.
     - `sentence`: the verdict, with the ranks and zeros that decide.
-    - `method`: the filter that applies. The ranks below determine it.
+    - `method`: the filter that applies, as the ranks determine it.
     - `delay`: the number of samples after which an unknown input is known. None: never.
     - `rank_D`: the rank of D. `rank_next`: the rank of [C B N, D], where the columns of N span the null space of D; it is at
-      most twice the number of unknown inputs. `normal_rank`: the rank of the transfer function. B and D are the columns of
-      the unknown inputs.
+      most twice the number of unknown inputs. `normal_rank`: the rank of the transfer function from u to y.
     - `zeros`: the invariant zeros. `unstable_zeros`: those that are not inside the unit circle. An input along such a zero
       has no effect on the outputs at any time.
     - `spectral_radius`: the factor per sample by which the errors of the filter shrink in steady state.
       `fang_spectral_radius`: the same for Fang's Algorithm 1, where it applies.
-    - `input_delay` (T, d): where `seen` was given, the delay of the input of each sample, NaN where it is never known.
+    - `input_delay` (T, d): where `seen` was given, the delay of each of the d unknown inputs at each sample, NaN where it is
+      never known.
     - `state_known` (T,): where `seen` was given, whether the state of each sample is known.
     """
 
