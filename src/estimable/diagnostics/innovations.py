@@ -205,9 +205,9 @@ def _verdict(
 
 
 def _white_sentence(found: Correlations, name: str) -> str:
-    measure = f"innovations of {name}: sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f}"
+    size = f"(sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f})"
     if found.passed:
-        return f"{measure}: white"
+        return f"innovations of {name} are white {size}"
     first = found.values[0]
     if found.lag == 1 or abs(first) * np.sqrt(found.pairs[0]) > 3:
         cause = (
@@ -216,15 +216,16 @@ def _white_sentence(found: Correlations, name: str) -> str:
             else "each has the opposite sign of the one before: Q too large relative to R"
         )
     else:
-        cause = f"largest at lag {found.lag}: a mode, a delay or a disturbance with that period is not in the model"
-    return f"{measure}: {cause} (correlation {first:+.2f} at lag 1)"
+        cause = "a mode, a delay or a disturbance with that period is not in the model"
+    most = f"most correlated at lag {found.lag}"
+    return f"innovations of {name} are not white {size}, {most}: {cause} (correlation {first:+.2f} at lag 1)"
 
 
 def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_name: str) -> str:
-    measure = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
+    size = f"(n R² of the regression {found.statistic:.1f}, limit {found.limit:.1f})"
     if found.passed:
-        return f"{measure}: they contain no effect of the input"
-    where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} after it"
+        return f"innovations of {name} do not depend on {input_name} {size}"
+    where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} later"
     beyond = effect[np.abs(found.values) > found.band]
     shifted = len(beyond) > 1 and np.abs(beyond.sum()) < CANCELS * np.abs(beyond).sum()
     cause = (
@@ -232,4 +233,4 @@ def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_na
         if shifted
         else "the gain of the input is probably wrong, or its effect is not in the model"
     )
-    return f"{measure}, most of it {where}: {cause}"
+    return f"innovations of {name} depend on {input_name} {size}, most {where}: {cause}"
