@@ -20,8 +20,8 @@ def kalman_gain(model: StateSpace) -> KalmanGain:
     """The gain of the Kalman filter of a constant model in steady state.
 
     P is the covariance of the error of the prediction, and S the covariance of process noise with measurement noise. A
-    discrete model has P = A P A' + G Q G' - (A P C' + G S) (C P C' + R)^-1 (A P C' + G S)'. A continuous model has A P + P
-    A' + G Q G' - P C' R^-1 C P = 0, where Q and R are both densities (per second).
+    discrete model has P = A P A' + G Q G' - (A P C' + G S) (C P C' + R)^-1 (A P C' + G S)'. A continuous model has
+    A P + P A' + G Q G' - P C' R^-1 C P = 0, where Q and R are both densities (per second).
 
     Assumes that the outputs show every unstable mode, and that noise excites every mode on the limit of stability. Otherwise,
     or with linearly dependent noise-free outputs, there is no stationary filter, and the function raises `AssumptionError`.

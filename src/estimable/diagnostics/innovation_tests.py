@@ -47,7 +47,9 @@ class InnovationChecks(NamedTuple):
         """The sentence on the level of an output. The sign of the correlation at lag 1 distinguishes Q from R."""
         level, first = self.outputs[name], self.whiteness[name]
         small = level.mean > level.expected
-        found = f"mean squared innovation of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        found = (
+            f"mean squared innovation of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        )
         if abs(first.values[0]) <= 2 / np.sqrt(max(first.pairs[0], 1)):
             which = "Q and R"
         else:

@@ -22,9 +22,9 @@ class SecondOrderKalman(JumpingGains[Belief]):
     automatically.
 
     Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
-    (Bass-Norum-Schwartz, Jazwinski). For a state with covariance P, the mean of output i is h_i + ½ tr(h_i'' P), and the
-    covariance of the outputs i and j is h_i' P h_j' + ½ tr(h_i'' P h_j'' P) + R_ij; the same for f. Mean and covariance are
-    exact where f and h are quadratic.
+    (Bass-Norum-Schwartz, Jazwinski). Let h_i' and h_i'' be the first and second derivatives of output i, and P the covariance
+    of the state. Then the mean of output i is h_i + ½ tr(h_i'' P), and the covariance of the outputs i and j is h_i' P
+    h_j' + ½ tr(h_i'' P h_j'' P) + R_ij. The same holds for f. Mean and covariance are exact where f and h are quadratic.
 
     Assumes that the belief is nearly Gaussian and that third derivatives are small over it. A belief with two peaks is
     represented by one peak with the right variance. The prior may not be diffuse: a nonlinear function of a quantity with
@@ -38,7 +38,7 @@ class SecondOrderKalman(JumpingGains[Belief]):
       moments are neglected, S = h' P h + R - b b' with b the second-order term of the mean. S can then become indefinite, and
       the run ends with outcome 4.
     - `between`: for a continuous model. "moments": the equations of Bass, Norum & Schwartz, with the covariance propagated by
-      the tangents. "map": the map from one sample to the next is expanded like that of a discrete model, so that the
+      first derivatives. "map": the map from one sample to the next is expanded like that of a discrete model, so that the
       covariance includes its curvature. "map" is better where samples are sparse, at the cost of second derivatives through
       all `substeps`.
 
