@@ -52,8 +52,8 @@ def disturbance_accommodation(
     `mode` selects K_z:
 
     - "absorption": cancels the disturbance, B K_z = F H. It never reaches the state. It must enter where inputs do.
-    - "minimisation": minimises the effect of z on the freed outputs. No effect is left where the regulator equations Π D = A
-      Π + B Γ + F H, C Π = 0 have a solution (Π, Γ).
+    - "minimisation": minimises the effect of z on the freed outputs. No effect is left where the regulator equations
+      Π D = A Π + B Γ + F H, C Π = 0 have a solution (Π, Γ).
     - "utilisation": minimises the same cost as K. The law then uses the disturbance where it helps.
 
     `disturbance`: a `Waveform` (D, H). `through` F (n, d): how it enters the state. L (n, n) and M (m, m): the weights of

@@ -23,8 +23,8 @@ class SecondOrderKalman(JumpingGains[Belief]):
 
     Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
     (Bass-Norum-Schwartz, Jazwinski). Let h_i' and h_i'' be the first and second derivatives of output i, and P the covariance
-    of the state. Then the mean of output i is h_i + ½ tr(h_i'' P), and the covariance of the outputs i and j is h_i' P
-    h_j' + ½ tr(h_i'' P h_j'' P) + R_ij. The same holds for f. Mean and covariance are exact where f and h are quadratic.
+    of the state. Then the mean of output i is h_i + ½ tr(h_i'' P), and the covariance of the outputs i and j is
+    h_i' P h_j' + ½ tr(h_i'' P h_j'' P) + R_ij. The same holds for f. Mean and covariance are exact where f and h are quadratic.
 
     Assumes that the belief is nearly Gaussian and that third derivatives are small over it. A belief with two peaks is
     represented by one peak with the right variance. The prior may not be diffuse: a nonlinear function of a quantity with
