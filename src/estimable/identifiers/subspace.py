@@ -149,7 +149,7 @@ class Subspace(Identifier):
         columns, needed = sum(max(len(r) - 2 * s + 1, 0) for r in records), 2 * s * (m + p)
         if columns < needed:
             faults.add(
-                f"the record is too short for order {self.order} with horizon {s}: it has {columns} columns of {2 * s} rows, but "
+                f"the record is too short for order {self.order} with horizon {s}: its data matrix has {columns} columns, but "
                 f"{needed} are needed. Lower the order or the horizon, or use LeastSquares."
             )
         faults.finish()
