@@ -118,7 +118,7 @@ class LeastSquares(Identifier):
                 needed = max(self.na, self.nb + self.delay) + 1
                 faults.add(
                     f"output {name} has no equation without missing values: it needs {needed} rows without a gap in {name} "
-                    "and the inputs. Lower the orders, or use OutputErrorML, which needs none."
+                    "and the inputs. Lower the orders, or use OutputErrorML, which allows gaps."
                 )
         faults.finish()
 
