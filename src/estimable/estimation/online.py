@@ -258,7 +258,7 @@ class Online:
             return None
         try:
             if progress.algorithm.takes_unknown_arrivals:
-                raise UnsupportedError("inputs of unknown arrival")
+                raise UnsupportedError("inputs of unknown arrival are not supported")
             return Quick(progress)
         except EstimableError:
             raise
