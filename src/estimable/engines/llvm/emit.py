@@ -107,7 +107,7 @@ def _qr(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[
 def _choice(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
     """One of two programs; only the chosen one runs."""
     if len(operation.value.programs) != 2:
-        raise UnsupportedError("a choice among more than two is not supported")
+        raise UnsupportedError("a choice among more than two branches is not supported")
     (no, yes), which, given = operation.value.programs, values[0].at([]), [blocks.ready(value) for value in values[1:]]
     types = [yes.operations[name] for name in yes.outputs]
     memories, label = [blocks.region(kind.shape, kind.kind) for kind in types], blocks.label()
