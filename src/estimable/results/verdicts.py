@@ -48,7 +48,7 @@ class Estimability(Assessment):
     - `variance_reduction` and `filter_variance_reduction` (n,): the reduction of the variance of each state relative to Π,
       from 0 to 1.
     - `squared_correlations` (r,): the squared canonical correlations of state and past outputs, which have no units. They are
-      the eigenvalues of (Π - P, Π), in ascending order.
+      the generalised eigenvalues of the pair (Π - P, Π), in ascending order.
     - `correlation_directions` (r, n): the directions that belong to them, the least known first.
     - `singular_values` (n,): those of the matrix of covariances between the state and all past outputs, in the units of the
       states. For a constant discrete model in steady state and without cross noise this matrix is [A N, A² N, .., A^n N] with
