@@ -216,7 +216,7 @@ def test_a_full_disk_is_no_error(tmp_path):
     ],
 )  # fmt: skip
 def test_nothing_in_an_entry_can_run(text):
-    with pytest.raises(ValueError, match="the text is not a lowered step"):
+    with pytest.raises(ValueError, match="the text is not a record of the operations of a step"):
         plain_format.loads(text)
 
 

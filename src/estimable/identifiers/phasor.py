@@ -115,7 +115,7 @@ class Phasor(Identifier):
         faults.finish()
         if in_phase**2 + quadrature**2 <= in_phase or quadrature >= 0:
             checks.refuse(
-                f"no stable second-order lag with unit gain has the phasor {in_phase:g} {quadrature:+g}j: the phasor must lie "
+                f"no stable second-order lag with unit gain has the response {in_phase:g} {quadrature:+g}j: it must lie "
                 "below the real axis, outside the circle with centre 1/2 and radius 1/2."
             )
         ω_n, ζ = kernel.second_order(in_phase, quadrature, 2 * np.pi * frequency)

@@ -110,7 +110,7 @@ class NoiseFit:
 
     - `algorithm`: the given algorithm with the fitted covariances.
     - `parameters` (d,) and `names` (d,): the fitted variances and covariances, with their names.
-    - `covariance` (d, d): the covariance of the errors of the parameters, the inverse of the observed information.
+    - `covariance` (d, d): the covariance of the errors of the parameters, the inverse of Fisher's information.
     - `at_zero`: the names of the variances for which the likelihood is largest at zero. Their errors are one-sided, so their
       entries in `covariance` are zero.
     - `log_likelihood`: the log-likelihood of the records with the fitted covariances.

@@ -40,10 +40,14 @@ class Excitation(NamedTuple):
 
 @frozen
 class Score:
-    """The result of `score`: the slope of the likelihood at the numbers given, in the order of `names` (d).
+    """The result of `score`: the derivatives of a log-likelihood with respect to d named numbers.
 
-    `score` (d,): the derivatives of `log_likelihood`, in units of 1 / number. `information` (d, d): Fisher's, of the innovations
-    and of their covariances; its inverse bounds the covariance of unbiased estimates. `engine`: the one that ran.
+    - `log_likelihood`: the log-likelihood of the record with the numbers as given.
+    - `names` (d,): the names of the numbers; the entries of the other fields follow their order.
+    - `score` (d,): the derivative of `log_likelihood` with respect to each number, in 1 / (unit of the number).
+    - `information` (d, d): Fisher's information of the innovations and of their covariances about the numbers. The inverse of
+      the matrix is a lower bound on the covariance of unbiased estimates.
+    - `engine`: the name of the engine that ran.
     """
 
     log_likelihood: float
