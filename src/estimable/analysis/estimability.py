@@ -31,7 +31,7 @@ def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prio
     model without R (where dt = 0 also for a singular R), for a horizon that is not positive, for a prior of another size or
     with diffuse directions, and for more than 500 states.
 
-    Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), 30 n³ a step over a horizon.
+    Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), and 30 n³ per step over a horizon.
 
     Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.1 and Corollaries 2.1-2.4. We correct the source: λ is
     conjugate in (2.10), whole eigenspaces count, and H replaces H* in (2.14).

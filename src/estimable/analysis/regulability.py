@@ -30,7 +30,7 @@ def regulability(
     Returns a `Regulability`. Raises `AssumptionError` for an unstable model without a horizon; `InputError` for weights of a
     wrong shape or sign, a model without inputs, and for more than 500 states.
 
-    Cost: as `estimability`.
+    Cost: that of `estimability`.
 
     Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3. We correct the source: the pair
     is (F', F'S) instead of (F', S), L is that at k+1 in (3.6), and (3.10) and (3.11) need an inverse.

@@ -24,7 +24,7 @@ def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoM
     is computed at discrete times and bounded between them. This lowers the margin by about .2 %, so that it remains a
     guarantee.
 
-    Cost: up to 20,000 products and singular values of A.
+    Cost: up to 20,000 powers of A, and the largest singular value of each.
 
     Reference: R. W. Bass (2005). The source uses the spectral radius as the rate, at which the overshoot of a defective A is
     infinite. Its final bound δ/ρ holds for κ = 0 only.

@@ -147,7 +147,7 @@ def _sparse(
     found = kernel.restricted(plant, corners, a, s, K, allowed)
     if found is None:
         raise AssumptionError(
-            f"no stabilising gain was found with {checks.counted(int(allowed.sum()), 'entry')} free of {allowed.size}: free more "
+            f"no stabilising gain was found with {int(allowed.sum())} of {allowed.size} entries free: free more "
             "of them, or check with observability(model) that these outputs show the unstable modes."
         )
     return found

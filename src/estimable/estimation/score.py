@@ -30,7 +30,7 @@ def score(
     - `algorithm`, `record`, `prior` and `engine` are as in `estimate`.
     - `with_respect_to`: the names of the numbers, a list. "A[q, alpha]" is the entry in row q and column alpha of the matrix
       A of the model; B, C, D, Q, R, S and G are named in the same way, for continuous and discrete models. "Q[q]" and "R[y1]"
-      are variances. A covariance off the diagonal stands in two places of its matrix, and changes in both. "x0[q]" is the
+      are variances. A covariance off the diagonal appears twice in its matrix, and changes in both places. "x0[q]" is the
       prior mean of the state q, "gain[gain]" is the prior mean of a gain, and "walk[gain]" is the variance of its walk. A
       parameter of a `NonlinearModel` has its own name, without brackets.
 

@@ -24,7 +24,7 @@ class Bounded(Wrapper[Any]):
 
     Settings: `algorithm`, one that estimates a gain; `lower` and `upper`, (p,) or one number.
 
-    Cost: two comparisons per gain.
+    Cost: two comparisons per gain and sample.
 
     Reference: A. G. Sillence (1999) §5.5.
 

@@ -32,7 +32,8 @@ class Gated(Wrapper[Any]):
 
     Reports in `extra`: `rejected` (outputs,), the seen outputs that were rejected.
 
-    Cost: the correction twice.
+    Cost: the correction of the algorithm is calculated twice per sample: to find the innovations, and
+    without the rejected outputs.
 
     Reference: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation (2001) §5.4
     (the normalised innovation).

@@ -34,7 +34,7 @@ class Smoothed(Wrapper[Average]):
 
     Settings: `algorithm`, one that estimates a gain; `weight` a in [0, 1), (p,) or one number; 0.9 in the reference.
 
-    Cost: two multiplications per gain.
+    Cost: two multiplications per gain and sample.
 
     Reference: A. G. Sillence (1999) (85).
 

@@ -53,7 +53,7 @@ class AdaptiveIdentification(FilterIdentifier):
     `start`, its covariance, and the `linear` model. The filter processes several records one after the other, each from
     `state_prior`.
 
-    Cost: the linear model and one run of the filter. The likelihood adds some tens of gradients.
+    Cost: one fit of a linear model and one run of the filter. The likelihood adds some tens of its gradients.
 
     Reference: R. W. Bass (2005), RANSID; B. L. Ho, R. E. Kálmán (1966); A. H. Jazwinski (1970), §9.3.
 

@@ -44,7 +44,7 @@ class CoupledLeastSquares(Identifier):
     the other: a, then b input by input, then c. With Φ the matrix of regressors, their covariance is Σ ⊗ (Φ'Φ)^-1 where
     nothing is missing.
 
-    Cost: O(T (p na + m nb)²).
+    Cost: O(T (p na + m nb)²) operations, with T samples, m inputs and p outputs.
 
     Reference: L. Ljung, System Identification (1999), (4.52)-(4.57).
 

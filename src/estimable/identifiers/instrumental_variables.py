@@ -53,7 +53,7 @@ class InstrumentalVariables(Identifier):
     and r the autocovariance of the weighted residuals up to lag 20 + na + nb. For long records this is right for any colour
     of the noise.
 
-    Cost: O(T d q) for d parameters, q = 20 + na + nb, four times.
+    Cost: four rounds of O(T d q) operations, with T samples, d parameters and q = 20 + na + nb lags.
 
     Reference: L. Ljung, System Identification (1999) §7.6, §15.3; T. Söderström, P. Stoica (1983).
 

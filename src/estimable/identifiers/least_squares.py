@@ -47,7 +47,7 @@ class LeastSquares(Identifier):
     parameters. Directions of the parameters without information are in `fit.undetermined`, and the covariance is that of the
     other directions. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
 
-    Cost: O(T d²): 2 ms at T = 1000, d = 4.
+    Cost: O(T d²) operations, with T samples and d parameters: 2 ms at T = 1000, d = 4.
 
     Reference: L. Ljung, System Identification (1999), §4.2, §7.3; J. Sillence (1999), (22)-(23).
 

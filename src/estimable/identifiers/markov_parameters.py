@@ -54,7 +54,7 @@ class MarkovParameters(Identifier):
     of regressors and R the covariance of the noise, the covariance is σ² (Φ'Φ)^-1 ("ordinary") or (Φ' R^-1 Φ)^-1 ("best").
     The ordinary one is too small or too large where the noise is not white.
 
-    Cost: O(T d²), d = m (length + 1); "best" O(T q²) more.
+    Cost: O(T d²) operations, with T samples, m inputs and d = m (length + 1); "best" adds O(T q²), with q lags.
 
     Reference: R. W. Bass (2005); A. C. Aitken (1935) for the best weights; J.-N. Juang et al. (1993) for OKID.
 

@@ -48,7 +48,7 @@ class MinimumVariance(Identifier):
     the estimate is σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, with Φ the weighted regressors and Ψ the same without noise. It is exact for
     long records. The covariance of weighted least squares with known regressors, σ² (Φ'Φ)^-1, would be too small.
 
-    Cost: O(T d²) per round, some 10 rounds; banded, never T x T.
+    Cost: some 10 rounds of O(T d²) operations, with T samples and d parameters. No (T, T) matrix is formed.
 
     Reference: J. Sillence (1999) ch. 2; K. Steiglitz, L. McBride (1965); P. Stoica, T. Söderström (1981).
 

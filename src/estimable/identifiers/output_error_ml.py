@@ -49,7 +49,7 @@ class OutputErrorML(StartedIdentifier):
     `RecursiveOutputError`. The covariance is the inverse of the information. Directions of the parameters without information
     are in `fit.undetermined`, and the covariance is that of the other directions.
 
-    Cost: about 20 passes over the record, O(T d) each for d parameters: 10 ms at T = 1000.
+    Cost: about 20 passes over the T samples, each of O(T d) operations for d parameters: 10 ms at T = 1000.
 
     Reference: L. Ljung, System Identification (1999), §7.4 and §10.2; H. Fang (2009), (3.1)-(3.4) for the losses.
 

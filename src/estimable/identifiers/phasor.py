@@ -67,7 +67,7 @@ class Phasor(Identifier):
     "coherence" (p,). The coherence is the part of the output's variation at these frequencies. The rest is noise, a
     transient, or a nonlinearity of the plant.
 
-    Cost: O(T K²) for K frequencies.
+    Cost: O(T K²) operations, with T samples and K frequencies.
 
     Reference: J. Sillence (1999) §2.2, (7)-(14), §2.2.1.
 

@@ -60,7 +60,7 @@ class Subspace(Identifier):
     call). Standard deviations are accurate to 1 / sqrt(2 draws), 11 %. The covariance is None for an unstable model. A gap in
     `fit.extra["singular_values"]` shows the order.
 
-    Cost: 2 T (2 s (m + p))² operations, and the draws.
+    Cost: 2 T (2 s (m + p))² operations, with T samples, and about as many for each draw.
 
     Reference: P. Van Overschee, B. De Moor (1996), Table 4.1, Figs 4.6-4.8; M. Verhaegen, P. Dewilde (1992).
 
