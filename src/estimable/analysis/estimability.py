@@ -33,8 +33,8 @@ def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prio
 
     Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), and 30 n³ per step over a horizon.
 
-    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.1 and Corollaries 2.1-2.4. We correct the source: λ is
-    conjugate in (2.10), whole eigenspaces count, and H replaces H* in (2.14).
+    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.1 and Corollaries 2.1-2.4. We correct the source, in
+    its notation: λ is conjugate in (2.10), whole eigenspaces count, and H replaces H* in (2.14).
 
     >>> model = StateSpace([[0.7, -0.1], [1, 0]], C=[[1, -2]], G=[[1], [0]], Q=[[1]], R=[[0.3]], dt=1)
     >>> found = estimability(model)

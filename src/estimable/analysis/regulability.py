@@ -32,8 +32,9 @@ def regulability(
 
     Cost: that of `estimability`.
 
-    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3. We correct the source: the pair
-    is (F', F'S) instead of (F', S), L is that at k+1 in (3.6), and (3.10) and (3.11) need an inverse.
+    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3. We correct the source, in its
+    notation: the pair of Corollary 3.1 is (F', F'S) instead of (F', S), L is that at k+1 in (3.6), and (3.10) and (3.11) need
+    an inverse.
 
     >>> idle = StateSpace([[0.0]], [[1.0]], dt=1)
     >>> regulability(idle, [[1.0]], [[1.0]]).regulable  # the state is gone before control can act on it

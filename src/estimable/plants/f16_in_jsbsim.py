@@ -108,9 +108,10 @@ def with_upset(model: StateSpace) -> StateSpace:
 
 
 def watched(model: StateSpace) -> ChangeDetection:
-    """A change detector that assumes a gain of 1 until it detects a change.
+    """A change detector for `with_upset(model)`, which assumes a gain of 1 until it detects a change.
 
-    The upset represents lasting disturbances, so the process noise is taken as white (`persistence` = 1).
+    The additional state of that model, the upset, represents lasting disturbances. The process noise is therefore taken as
+    white (`persistence` = 1).
     """
     return ChangeDetection(
         UnknownGain(with_upset(model), Prior([1.0], [[0.0]])), jump=JUMP, length=LENGTH, persistence=1.0,

@@ -17,7 +17,7 @@ class Sample:
     - `seen` (p,): the mask of the outputs that were measured.
     - `u` (m,): the input at this instant, for models in which the input enters y directly.
     - `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown.
-    - `extra`: further data by name, which a driver passes to an algorithm that it knows.
+    - `extra`: further data by name, which a function such as `estimate` passes to an algorithm that can use them.
     """
 
     y: Annotated[Any, "p"]

@@ -104,8 +104,8 @@ def close_loop_bank(
     """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
     The arguments, the order within a sample and the errors are those of `close_loop`. `first`: the number of the first run.
-    Run i draws from the random key `fold_in(key(seed), i)`, for any number of runs. Returns a `ClosedLoopBank`. Use
-    `monte_carlo_loops` for more runs than the memory holds.
+    Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number
+    of runs. Returns a `ClosedLoopBank`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
     links = Links(input_link, output_link)
     flown, simulator = _plant(plant)

@@ -84,7 +84,8 @@ def simulate_bank(
 ) -> Stacked:
     """Draw many records at once, for `estimate_bank`. Run 0 equals `simulate` with the same seed.
 
-    Run i draws with the random key `fold_in(key(seed), i)`, for any number of runs. The other arguments are as in `simulate`.
+    Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number of
+    runs. The other arguments are as in `simulate`.
     Returns a `Stacked` of `Simulation`s.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
