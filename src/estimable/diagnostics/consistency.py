@@ -15,10 +15,11 @@ KNOWN = 1e-10  # largest eigenvalue of a correlation matrix of a combination tha
 
 @saved
 class Consistency(NamedTuple):
-    """The result of `nis` and `nees`: the mean of normalised squares, with a band that contains it under a correct model.
+    """The result of `nis` and `nees`: the mean of normalised squares, with a band that contains it under a correct model
+    with the `probability` of the call.
 
     - `mean`: the mean over the samples or runs.
-    - `expected`, `lower`, `upper`: its expected value and its band under a correct model.
+    - `expected`, `lower`, `upper`: the expected value and the limits of the band.
     - `degrees`: the degrees of freedom of the sum of all squares.
     """
 
