@@ -70,7 +70,10 @@ def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndar
 
 
 def in_sigmas(e: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """The same as `standardised`, without checks: the predictions of an unstable model may be infinite."""
+    """Divide innovations e (T, p) by their standard deviations from S (T, p, p), as `standardised`, without its checks.
+
+    The predictions of an unstable model may be infinite, which the checks would refuse.
+    """
     variance = np.einsum("tii->ti", S)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(variance > 0, e / np.sqrt(variance), np.nan)

@@ -96,7 +96,7 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
 def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
     """Check that a record has inputs, a regular step, and the channels and step of the first."""
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
-        faults.add(f"{which} has other channels than record 0: all experiments need the same, in the same order.")
+        faults.add(f"{which} has other channels than record 0: all records need the same channels, in the same order.")
     if record.dt is None:
         irregular = (
             " Its steps are not equal: insert rows of NaN where samples are missing." if record.t is not None else ""

@@ -48,8 +48,8 @@ class Phasor(Identifier):
     """A transfer function of a given order from the response to sinusoids, one or several at a time, from records with gaps.
 
     Model: y = H u + c + v. The response of y to a sinusoid in u of frequency ω_k and amplitude 1 has an in-phase part A_k and a
-    quadrature part B_k. Together they are the value H(jω_k) = A_k + j B_k. Each frequency gives two real equations that are linear in the
-    coefficients a_i, b_i of H.
+    quadrature part B_k. Together they are the value H(jω_k) = A_k + j B_k. Each frequency gives two real equations that are
+    linear in the coefficients a_i, b_i of H.
 
     Assumes a linear plant in steady state (see `settle`), one input, white v, and the right order. With too low an order the
     model fits the given frequencies only; with too high an order the surplus poles and zeros are noise.
