@@ -74,8 +74,8 @@ class RecursiveOutputError(Anticipating[Recursion]):
     - `inputs`, `outputs`: names of the channels (`identify` takes those of the record).
 
     The refined method differs from the source. When θ changes, the past outputs that the recursion calculated from it (the
-    auxiliary outputs) are corrected. The gradient is that of the model once the estimate is near. A is stabilised. Early samples, with poor estimates, get a smaller weight. The prior
-    replaces forgotten information.
+    auxiliary outputs) are corrected. The gradient is that of the model once the estimate is near. A is stabilised. Early
+    samples, with poor estimates, get a smaller weight. The prior replaces forgotten information.
 
     Reports: `Info.mean` is θ. `Info.covariance` is that of its error at the gain in use, unlike the P of the recursion. In
     `Info.extra`: "output" estimates x°[k]; "completed" is y where it was seen, otherwise its prediction, the z[k] of (3.12).
