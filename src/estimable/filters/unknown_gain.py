@@ -32,10 +32,10 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     directions_i and D(θ) = D + Σ θ_i feedthrough_i. The gains are constant, random walks, or subject to forgetting.
 
     Assumes that the input is measured without error (it may come from feedback). For a known input the model is linear in
-    (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right. Both depend on the input.
-    Noise on u, or a gain on the process noise, violates this. Without excitation the variance of θ stays constant, or grows
-    under a walk, and so shows that the gain is undetermined. A walk follows a gain that jumps; to find the time of the jump,
-    `MovingWindow` or `ChangeDetection` is better.
+    (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right. Both the
+    estimate and the covariance depend on the input. Noise on u, or a gain on the process noise, violates the assumption.
+    Without excitation the variance of θ stays constant, or grows under a walk, and so shows that the gain is undetermined.
+    A walk follows a gain that jumps; to find the time of the jump, `MovingWindow` or `ChangeDetection` is better.
 
     Settings:
 

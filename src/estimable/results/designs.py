@@ -92,8 +92,8 @@ class TransKalman:
     """The result of `trans_kalman`: a gain for a set of possible noise covariances, and the proof that no gain is better.
 
     The set has V corners, which are pairs (Q, R). The cost of a gain K at a corner is tr W P(K), with W the given weight and
-    P(K) the covariance of its error there. The criterion is the cost, or the regret: the excess over
-    the cost of the Kalman filter that knows the corner.
+    P(K) the covariance of its error there. The criterion is the cost, or the regret: the excess over the cost of
+    the Kalman filter that knows the corner.
 
     - `filter` (n, p): the gain, x[k|k] = x[k|k-1] + filter e with e the innovation. Use it in
       `FixedGain(model, design.filter)`.

@@ -80,7 +80,7 @@ class _ScalarLine:
         key = (operation.name, operation.arguments, repr(value), type(value))
         if key not in self.found:
             if len(self.operations) >= self.most:
-                raise UnsupportedError(f"it has more than {self.most:,} operations")
+                raise UnsupportedError(f"the step has more than {self.most:,} operations")
             self.found[key] = len(self.operations)
             self.operations.append(operation)
             self.types.append(operation.type)
