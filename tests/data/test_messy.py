@@ -118,7 +118,7 @@ def test_online_a_wild_value_counts_as_not_seen_and_the_first_is_named(said, eng
         for running in (wild, clean):
             running.predict([0.0])
     assert wild.engine == engine
-    assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as not seen."]
+    assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as missing."]
 
 
 def test_periods_are_times():
