@@ -60,28 +60,32 @@ def page(rows, options):
 
 *Question it answers: how fast is it, compared with other libraries and with a loop written by hand for that one case?*
 
-Made by `python -m benchmarks {options}` on {machine}, {versions}. The other libraries are those of extra `bench`.
+Made by `python -m benchmarks {options}` on {machine}, {versions}. The extra `bench` installs the other libraries.
 
-In short, for each workload that others run too; a ratio above 1 means that ours is faster. Ours is the first row of the workload
-in the second table.
+The first table is a summary. For each workload that other libraries can run too, it compares estimable with the fastest of
+them, and with the fastest loop written by hand. "Times ours" is the ratio of their time to that of estimable: above 1 estimable
+is faster. The time of estimable is the first row of the workload in the second table. n is the number of states, p that of
+outputs, and T that of samples.
 
 {summary(rows)}
 
 ## Every contender
 
-Each time is the shortest of several after a first call. The first call has its own column and includes the compilation. The ratio
-is to the first row of the workload. Errors: of a mean, the largest difference from a NumPy loop that deletes what is missing; of
-an equation, the residual relative to the solution; of a log-likelihood, relative. All in double precision, with the same model,
-prior and data.
+Each time is the shortest of several calls after a first call. The first call has its own column, and includes the compilation.
+The ratio is the time divided by that of the first row of the workload. The error of a filter is the largest difference of a
+mean from that of a NumPy loop which deletes missing outputs. The error of an equation is its residual relative to the solution,
+and that of a log-likelihood is relative. All contenders use double precision, and the same model, prior and data.
 
-- W1, W3, W5, W13 with `keep=all`: means, covariances and log-likelihood of every sample. statsmodels runs with its defaults
-  and, under `conserve_memory`, set to store what ours stores: filtered means and forecasts and, unless `keep=means`, their
-  covariances. The plain scan is the filter that one would write in JAX for the model at hand: a Joseph form in one `lax.scan`,
-  with masked outputs. filterpy and pykalman give no log-likelihood with it; dynamax and cuthbert return the stored arrays from
-  their jitted function.
-- W2: log-likelihoods only. The C loop runs eight models in the lanes of a vector, with the groups shared among threads.
-- W4: seconds of one step called from Python.
-- W11: seconds of the first call in a new process whose JAX has started. Which engine is better when: [engines](engines.md).
+- W1, W3, W5, W13 with `keep=all`: the results are means, covariances and log-likelihood of every sample. statsmodels runs with
+  its default settings and, in the rows `conserve_memory`, with settings to store the same as estimable: filtered means,
+  forecasts and, unless `keep=means`, their covariances. The plain scan is the filter that one would write in JAX for the model
+  at hand: Joseph's form in one `lax.scan`, with a mask for missing outputs. filterpy and pykalman give no log-likelihood.
+  dynamax and cuthbert return the stored arrays from their compiled function.
+- W2: log-likelihoods only. The C loop computes eight models at once by vector instructions, and divides the models among
+  threads.
+- W4: seconds of one step (`correct` and `predict`) called from Python.
+- W11: seconds of the first call in a new process that has used JAX before. The page on [engines](engines.md) says which engine
+  to use.
 
 {table(rows)}
 """

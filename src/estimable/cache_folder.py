@@ -31,7 +31,7 @@ def folder() -> Path | None:
     reason = "its path is not absolute" if not place.is_absolute() else untrusted(place)
     if reason is None:
         return place
-    _say(f"The cache {place} is not used: {reason}. Steps are compiled again in each process.")
+    _say(f"The cache {place} is not used: {reason}. Machine code is compiled again in each process.")
     return None
 
 

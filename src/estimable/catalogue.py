@@ -1,4 +1,4 @@
-"""The table of the algorithms, for tests, the command line and model files."""
+"""The filters and identifiers by name, with their assumptions and references: `entry(name)`, `build(name, file)`."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING
@@ -37,10 +37,10 @@ from .protocols import Algorithm
 
 
 class Entry(NamedTuple):
-    """An algorithm: its name on the command line, its class, its reference, and its assumptions.
+    """One algorithm of the catalogue: its `name` on the command line, its class `cls`, its `reference`, and what it `assumes`.
 
-    A wrapper lists the entries that it `wraps`; its default is the first that suits the model file. `settings` are its
-    default settings.
+    `settings` are default settings. For a wrapper, `wraps` lists the names of the algorithms that it can wrap; the default is
+    the first that suits the model file.
     """
 
     name: str
@@ -169,7 +169,7 @@ IDENTIFIERS = (
 
 
 def identifier(name: str) -> Entry:
-    """The identifier with a name; the `InputError` for an unknown name lists the known ones.
+    """The entry of an identifier by its name. An unknown name raises an `InputError` that lists the known ones.
 
     >>> identifier("output-error-ml").cls.__name__
     'OutputErrorML'
@@ -182,7 +182,8 @@ def identifier(name: str) -> Entry:
 
 
 def entry(name: str) -> Entry:
-    """The entry with a name, or with a unique beginning of it; the `InputError` for an unknown name lists the known ones.
+    """The entry of a filter by its name, or by a unique beginning of it. An unknown name raises an `InputError` that lists the
+    known ones.
 
     >>> entry("second-order").cls.__name__
     'SecondOrderKalman'
@@ -199,20 +200,21 @@ def entry(name: str) -> Entry:
 
 
 def name_of(algorithm: Algorithm[Any]) -> str:
-    """The name of an algorithm's entry."""
+    """The name of an algorithm in the catalogue."""
     return next(known.name for known in ENTRIES if known.cls is type(algorithm))
 
 
 def settings_of(cls: type) -> list[str]:
-    """The settings of an algorithm, without those of one that it wraps."""
+    """The names of the settings of an algorithm, without those of an algorithm inside it."""
     fields = cls.__dataclass_fields__
     return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
 
 
 def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
-    """The algorithm `name` on the model of a file, with the settings of the file, replaced by those given here.
+    """Make the algorithm `name` for the model in a model file.
 
-    For a wrapper, the setting `algorithm` names the algorithm that it wraps, and settings that are not its own go to that.
+    Its settings are those of the file, replaced by the `settings` given here. For a wrapper, the setting `algorithm` names
+    the algorithm inside it; settings that the wrapper does not have go to that algorithm.
     """
     built, wraps = entry(name), None
     faults = checks.Faults()

@@ -6,11 +6,11 @@ Three kinds, never mixed: a wrong call (`InputError`), an assumption that the mo
 
 
 class EstimableError(Exception):
-    """Base class of all errors that estimable raises deliberately."""
+    """The base class of all errors that estimable raises deliberately."""
 
 
 class InputError(EstimableError, ValueError):
-    """A wrong call, file or option. The message lists all faults of the call, one on each line."""
+    """Raised for a wrong call, file or option. The message lists all faults of the call, one on each line."""
 
     def __init__(self, *faults: str):
         self.faults = faults
@@ -18,11 +18,11 @@ class InputError(EstimableError, ValueError):
 
 
 class AssumptionError(EstimableError):
-    """The model or the data do not meet an assumption of the method; the message holds the number that shows it."""
+    """Raised where the model or the data do not meet an assumption of the method. The message holds the number that shows it."""
 
 
 class RunError(EstimableError):
-    """A run failed at one sample; `outcome` holds the sample and the reason."""
+    """Raised where a run fails at a sample. Its `outcome` holds the sample and the reason."""
 
     def __init__(self, outcome):
         self.outcome = outcome
@@ -33,4 +33,4 @@ class RunError(EstimableError):
 
 
 class EstimableWarning(UserWarning):
-    """Something the user should know that does not make the result wrong."""
+    """A warning about something the user should know that does not make the result wrong."""

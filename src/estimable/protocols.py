@@ -26,9 +26,10 @@ State = TypeVar("State")  # the state from sample to sample: a tree of arrays wi
 
 
 class Algorithm(ABC, Generic[State]):
-    """A state estimator, sample by sample: `correct`, then `predict`. A frozen record; only the state changes.
+    """A state estimator that works sample by sample: `correct` with a sample, then `predict` to the next.
 
-    `model`, where it is not a wrapper: a `StateSpace`, a `NonlinearModel` or, before there is a model, `Channels`.
+    An algorithm is a frozen record of settings; its methods take and return the state, which alone changes. `model`: a
+    `StateSpace`, a `NonlinearModel` or, before there is a model, `Channels`. A wrapper has none.
     """
 
     model: Any
@@ -36,7 +37,7 @@ class Algorithm(ABC, Generic[State]):
     @property
     @abstractmethod
     def names(self) -> Names:
-        """Names of the columns: states, known inputs, outputs, gains and unknown inputs."""
+        """The names of the columns of its results: states, known inputs, outputs, gains and unknown inputs."""
 
     @abstractmethod
     def init(self, prior: Any) -> State:
@@ -55,7 +56,7 @@ class Algorithm(ABC, Generic[State]):
         return self
 
     def at(self, k: int | Array) -> Self:
-        """The algorithm at row k of a model that varies in time."""
+        """The algorithm for row k of a model that varies in time."""
         return self
 
     @property
@@ -65,7 +66,7 @@ class Algorithm(ABC, Generic[State]):
 
     @property
     def result_names(self) -> Mapping[str, Any]:
-        """Fields of `Names` that are known once the algorithm is sampled: `input_delay`, `note`."""
+        """The fields `input_delay` and `note` of `Names`, which are known only once the algorithm is sampled."""
         return {}
 
     @property
@@ -75,7 +76,7 @@ class Algorithm(ABC, Generic[State]):
 
     @property
     def has_state_prior(self) -> bool:
-        """Whether the drivers need a `prior`; False where all priors are settings of the algorithm."""
+        """Whether the functions that run it need a `prior`; False where all priors are settings of the algorithm."""
         return True
 
     @property
@@ -94,7 +95,7 @@ class Algorithm(ABC, Generic[State]):
 
 
 class Wrapper(Algorithm[State]):
-    """An algorithm around another, its field `algorithm`. Members that it does not define are those of that algorithm."""
+    """An algorithm around another one, its field `algorithm`. A member that it does not define is that of the inner algorithm."""
 
     algorithm: Any
 
@@ -125,7 +126,7 @@ class Wrapper(Algorithm[State]):
 
     @property
     def result_names(self) -> Mapping[str, Any]:
-        """Those of the wrapped algorithm."""
+        """The result names of the wrapped algorithm."""
         return self.algorithm.result_names
 
     @property
@@ -135,17 +136,17 @@ class Wrapper(Algorithm[State]):
 
     @property
     def has_state_prior(self) -> bool:
-        """That of the wrapped algorithm."""
+        """Whether the wrapped algorithm needs a `prior`."""
         return self.algorithm.has_state_prior
 
     @property
     def takes_unknown_arrivals(self) -> bool:
-        """That of the wrapped algorithm."""
+        """Whether the wrapped algorithm supports inputs of unknown arrival."""
         return self.algorithm.takes_unknown_arrivals
 
     @property
     def has_innovation_covariance(self) -> bool:
-        """That of the wrapped algorithm."""
+        """Whether the wrapped algorithm reports the covariance of its innovations."""
         return self.algorithm.has_innovation_covariance
 
     def check_record(self, rows: int, faults: Faults) -> None:
@@ -154,10 +155,7 @@ class Wrapper(Algorithm[State]):
 
 
 class GainAlgorithm(Algorithm[State]):
-    """An algorithm that estimates gains (or parameters) together with the state.
-
-    `gain`: their prior; None where none is estimated.
-    """
+    """An algorithm that estimates gains (or parameters) with the state. `gain`: their prior; None if no gain is estimated."""
 
     gain: Any
 
@@ -179,28 +177,25 @@ class JumpingGains(GainAlgorithm[State]):
 
     @abstractmethod
     def tell(self, state: State) -> Info:
-        """What a belief says, in the user's units."""
+        """The report of a belief, in the user's units."""
 
 
 class Smoothable(Algorithm[State]):
-    """An algorithm with a linear Gaussian model of each row, which `smooth` runs backwards.
-
-    `forgetting`: below 1 there is no model of how the gain moves, and smoothing raises an error.
-    """
+    """An algorithm that `smooth` can run: each row has a linear Gaussian model. `smooth` refuses a `forgetting` below 1."""
 
     forgetting: Any = 1.0
 
     @abstractmethod
     def instant(self, sample: Sample, interval: Interval) -> Instant:
-        """This row of the model: the motion of the state, and the measurement."""
+        """The model of this row: how the state moves, and the measurement."""
 
     @abstractmethod
     def tell(self, state: State) -> Info:
-        """What a belief says, in the user's units."""
+        """The report of a belief, in the user's units."""
 
     @property
     def for_smoothing(self) -> Self:
-        """The algorithm in the form for the smoother. Raises `InputError` where it cannot be smoothed."""
+        """The algorithm in the form that the smoother needs. Raises `InputError` where it cannot be smoothed."""
         return self
 
 
@@ -214,11 +209,11 @@ class Method:
 
 
 class Identifier(Method, ABC):
-    """A method that fits a model to one record, or to several of one plant with the same channels and time step."""
+    """A method that fits a model to one record, or to several records of one plant with the same channels and time step."""
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
-        """The fit. Raises `InputError` for unsuitable records."""
+        """Fit a model to the records. Raises `InputError` for unsuitable records."""
 
 
 class StartedIdentifier(Identifier):
@@ -238,8 +233,9 @@ class StartedIdentifier(Identifier):
 
 
 class RecursiveIdentifier(Algorithm[State], Method):
-    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. `method`,
-    `noise_variance`: settings that the validation of the fit reads; `lost`: what actuators do without a packet."""
+    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. The
+    validation of the fit reads the settings `method` and `noise_variance`. `lost`: what actuators do without a packet.
+    """
 
     method: str = ""
     noise_variance: Any
@@ -247,19 +243,19 @@ class RecursiveIdentifier(Algorithm[State], Method):
 
     @abstractmethod
     def for_channels(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Self:
-        """The same identifier with the channels of a record, where it does not define its own."""
+        """The same identifier with the channels of a record, unless its own channels are set."""
 
     @abstractmethod
     def fitted(self, parameters: Array, dt: float) -> OutputError:
-        """The model of a parameter vector (d,)."""
+        """The model with the parameters (d,)."""
 
     @abstractmethod
     def rested(self, state: State) -> State:
-        """The belief when another record begins: the same about the parameters, and a plant at rest."""
+        """The belief when another record begins: the parameters as before, and a plant at rest."""
 
     @property
     def has_state_prior(self) -> bool:
-        """False: the prior of the parameters is a setting."""
+        """False, because the prior of the parameters is a setting."""
         return False
 
 
@@ -300,7 +296,7 @@ class FilterIdentifier(Method, ABC):
 
 
 class Controller(ABC, Generic[State]):
-    """A law that computes the inputs of a plant from an estimate and a reference, sample by sample. A frozen record."""
+    """A control law that computes the inputs of a plant from an estimate and a reference, sample by sample."""
 
     @property
     @abstractmethod
@@ -314,13 +310,13 @@ class Controller(ABC, Generic[State]):
 
     @abstractmethod
     def init(self) -> State:
-        """The state before the first sample."""
+        """The state of the controller before the first sample."""
 
     @abstractmethod
     def act(self, state: State, estimate: Info, reference: Array) -> tuple[State, Array, Mapping[str, Array]]:
-        """The next state, the input (m,), and a report by name.
+        """The next state of the controller, the input (m,), and a report by name.
 
-        `estimate.extra["input"]` is the actuator position at this instant.
+        `estimate.extra["input"]` is the position of the actuators at this instant.
         """
 
     @property
@@ -349,8 +345,11 @@ class SharedController(Controller[State]):
 
 @runtime_checkable
 class Link(Protocol):
-    """A carrier of packets over a network. `draws`: how many uniform random numbers it needs at each instant. `acknowledged`:
-    whether the sender learns which packets arrived. `late`: what happens to a late packet, "drop" or "use"."""
+    """A network link that carries packets.
+
+    `draws`: the number of uniform random numbers that it needs at each instant. `acknowledged`: whether the sender is
+    notified which packets arrived. `late`: what the receiver does with late packets, "drop" or "use".
+    """
 
     @property
     def draws(self) -> int:
@@ -359,7 +358,7 @@ class Link(Protocol):
 
     @property
     def acknowledged(self) -> bool:
-        """Whether the sender learns, a step later, which packets arrived."""
+        """Whether the sender is notified, a step later, which packets arrived."""
         return True
 
     @property
@@ -372,12 +371,12 @@ class Link(Protocol):
         ...
 
     def send(self, state: Any, packet: Array, draw: Array) -> tuple[Any, Delivery]:
-        """Send a packet (c,): the next state, and the delivery. `draw` (draws,): uniform on [0, 1)."""
+        """Send a packet (c,). Returns the next state and the delivery. `draw` (draws,): uniform random numbers on [0, 1)."""
         ...
 
 
 class Plant(ABC):
-    """A simulator that the compiled engines cannot run: a closed loop with it runs in Python, sample by sample.
+    """A simulator that the compiled engines cannot run, as a plant for `close_loop`. The loop runs in Python, sample by sample.
 
     `linear`: a `ControlledPlant` with its linear model, names, noises and limits.
     """
@@ -386,7 +385,9 @@ class Plant(ABC):
 
     @abstractmethod
     def begin(self, dt: float) -> Any:
-        """A run from trim, with samples `dt` seconds apart: `state` (n,) and `input` (m,) in deviations, `move(command)`."""
+        """A run with samples `dt` seconds apart: an object with `state` (n,) and `input` (m,), as deviations, and
+        `move(command)`.
+        """
 
 
 @runtime_checkable

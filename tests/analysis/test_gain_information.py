@@ -92,7 +92,7 @@ def test_inputs_that_move_together_tell_their_sum_only():
     found = gain_information(same, u, directions="per_input")
     assert_allclose(found.directions, [[0.5**0.5, -(0.5**0.5)]], atol=1e-9)
     assert np.isinf(found.sigma).all()
-    assert "The input adds nothing about 0.71 gain_left - 0.71 gain_right." in found.sentences
+    assert "The input carries no information about 0.71 gain_left - 0.71 gain_right." in found.sentences
     told = gain_information(same, u, directions="per_input", gain=Prior([1.0, 1.0], I2))
     difference = np.array([1.0, -1.0])
     assert_allclose(difference @ told.covariance @ difference, 2.0, rtol=1e-9)
@@ -101,7 +101,7 @@ def test_inputs_that_move_together_tell_their_sum_only():
 
 def test_ordinary_emptiness():
     quiet = gain_information(plant(), np.zeros((5, 2)))
-    assert (quiet.sigma[0], quiet.sentences) == (np.inf, ("The input adds nothing about gain.",))
+    assert (quiet.sigma[0], quiet.sentences) == (np.inf, ("The input carries no information about gain.",))
     one = gain_information(plant(), np.ones((1, 2)), gain=Prior([1.0], [[0.25]]))
     assert_allclose(one.covariance, [[0.25]], rtol=1e-12)
     blind = gain_information(

@@ -154,9 +154,7 @@ def test_demo_for_people(run, width):
     assert "░" in answer.stdout
     under_the_axis = next(i for i, line in enumerate(answer.stdout.splitlines()) if line.lstrip().startswith("s 0"))
     assert "before" in answer.stdout.splitlines()[under_the_axis + 1]
-    assert (
-        "Innovations of pitch_rate_deg_s regressed on elevator_deg" in words
-    )  # the model is not exact, and it is said
+    assert "Innovations of pitch_rate_deg_s depend on elevator_deg" in words  # the model is not exact, and it is said
     assert "estimable gain YOUR.csv --model YOUR.toml" in answer.stderr
     assert str(path("f16-model.toml")) in answer.stderr
 

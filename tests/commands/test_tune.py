@@ -101,5 +101,5 @@ def test_samples_slower_than_the_plant(run):
     assert said["chosen"]["margin"]["rho"] > 0.99
     people = run("tune", "model.toml", "--dt", "10", *FEW, "--report", "slow.html").stdout
     assert said["chosen"]["bandwidth_rad_s"] is None
-    assert "faster than can be resolved at this step" in people
+    assert "a bandwidth too high for this step" in people
     assert "none" in people

@@ -183,5 +183,5 @@ def test_a_dither_goes_inside_a_reconfiguration():
 def test_a_wrong_dither_is_refused(given, sentence):
     with pytest.raises(es.InputError, match=sentence):
         es.Dither(**{"controller": LAW, "amplitude": 0.1, "period": 4, "sigma": 0.1, **given})
-    with pytest.raises(es.InputError, match="dithers until a gain is known, but the estimator has no gain"):
+    with pytest.raises(es.InputError, match="dithers until a gain is known, but the estimator estimates none"):
         fly(MODEL, es.Dither(LAW, amplitude=0.1, period=4, sigma=0.1), es.Kalman(MODEL), np.zeros(3))

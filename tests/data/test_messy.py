@@ -97,13 +97,13 @@ def test_a_wild_value_counts_as_not_seen_and_is_named(said):
         )
         assert found.outcome.code == 0
         assert_array_equal(found.mean, expected.mean)
-    assert said()[0] == "y[3] of 'odo' is 1e+300, too large for a filter: it counts as not seen."
+    assert said()[0] == "y[3] of 'odo' is 1e+300, too large for a filter: it counts as missing."
     y[4] = -1e200
     es.estimate_bank(
         es.Kalman(MODEL), [es.Record(one, u, dt=1, outputs=["gps", "odo"]) for one in (clean, y)], prior=PRIOR
     )
     assert said()[-1] == (
-        "y[3] of 'odo' in run 1 is 1e+300, too large for a filter: it counts as not seen, and 2 more values too."
+        "y[3] of 'odo' in run 1 is 1e+300, too large for a filter: it counts as missing, and 2 more values too."
     )
 
 
@@ -118,7 +118,7 @@ def test_online_a_wild_value_counts_as_not_seen_and_the_first_is_named(said, eng
         for running in (wild, clean):
             running.predict([0.0])
     assert wild.engine == engine
-    assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as not seen."]
+    assert said() == ["y[3] of 'odo' is 1e+300, too large for a filter: it counts as missing."]
 
 
 def test_periods_are_times():

@@ -263,7 +263,7 @@ def test_wrong_families():
         DesignFamily([[1.0]])
     with pytest.raises(InputError, match="`Q1` must be positive semidefinite"):
         DesignFamily([[1.0]], Q1=[[-1.0]])
-    with pytest.raises(InputError, match="for a discrete filter S must be zero"):
+    with pytest.raises(InputError, match="a discrete filter needs a family with S = 0"):
         rho_synthesis(SAMPLED, eta=ETA, filter=DesignFamily([[1.0]], Q0=np.eye(2), S0=[[0.1], [0.0]]))
 
 

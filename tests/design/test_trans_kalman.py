@@ -137,7 +137,7 @@ def test_a_sparse_gain_of_an_unstable_model_is_brought_home():
     model = StateSpace([[1.2, 0.5], [0.4, 1.1]], C=np.eye(2), Q=np.eye(2), R=np.eye(2), dt=1)
     free = np.array([[False, True], [False, False]])  # a gain that, cut out of the Kalman filter's, does not stabilise
     with pytest.raises(
-        AssumptionError, match="no stabilising gain was found with 1 entry free of 4: free more of them"
+        AssumptionError, match="no stabilising gain was found with 1 of 4 entries free: free more of them"
     ):
         trans_kalman(model, free=free)
     model = StateSpace([[1.2, 0.4], [-0.9, -1.5]], C=[[1.8, -0.1], [-0.7, 0.1]], Q=np.eye(2), R=np.eye(2), dt=1)

@@ -11,9 +11,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"
 COMMANDS = ("", "demo", "gain", "estimate", "check", "identify", "tune", "simulate", "reproduce", "cache")
 HEAD = """# The command line
 
-Every command takes `--json`. It prints one object for machines on stdout: `{"command", "version", "outcome": {"code",
-"sentence"}, ...}`. A number that is not known is null, never NaN. On an error the object is `{"error", "message"}`. Exit codes:
-0; 2 for a wrong call, file or option; 1 for a run that failed. `gain` and `demo` report
+Every command has the option `--json`. It then prints one JSON object on stdout: `{"command", "version", "outcome": {"code",
+"sentence"}, ...}`. An unknown number is null, never NaN. After an error the object is `{"error", "message"}`. The exit code is 0
+after success, 2 for a wrong call, file or option, and 1 for a run that failed. The object of `gain` and `demo` has these keys:
 
 | key | meaning |
 |---|---|
@@ -26,7 +26,7 @@ Every command takes `--json`. It prints one object for machines on stdout: `{"co
 | `settings` | the settings of the filter |
 | `samples`, `seconds` | the length of the record |
 
-With several gains the numbers are objects, {name: number}.
+With several gains each number is replaced by an object, {name: number}.
 """
 
 

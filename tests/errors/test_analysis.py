@@ -118,7 +118,7 @@ WRONG = {
     ),
     "an order beyond the rank": (
         lambda: reduce(StateSpace(0.5 * I2, [[1.0], [0.0]], [[1.0, 0.0]], dt=1), method="balanced", order=2),
-        ["`order` may be at most 1: the other Hankel singular values are rounding. Got 2."],
+        ["`order` may be at most 1: the other Hankel singular values are zero to rounding. Got 2."],
     ),
     "innovations form in continuous time": (
         lambda: reduce(CONTINUOUS),

@@ -165,8 +165,8 @@ PYTHON = {
             "a Python model file must define `prior`, a Prior.",
         ],
     ),
-    "syntax": ("model = (", ["the Python code in it failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
-    "a mistake": ("model = mode", ["the Python code in it failed: NameError: name 'mode' is not defined."]),
+    "syntax": ("model = (", ["its Python code failed: SyntaxError: '(' was never closed (model.py, line 1)."]),
+    "a mistake": ("model = mode", ["its Python code failed: NameError: name 'mode' is not defined."]),
     "a wrong call": (
         IMPORTS + "model = StateSpace([1.0], dt=1)",
         ["`A` must be (n, n). Got (1,). Did you mean `np.diag(A)`?"],

@@ -124,7 +124,7 @@ SHAPES = {
     ),
     "point of unknown key": (
         dict(operating_point={"state": [0.0, 0.0]}),
-        ("`operating_point` has states, inputs and outputs. Got 'state'. Did you mean 'states'?"),
+        ("`operating_point` may have the keys states, inputs and outputs. Got 'state'. Did you mean 'states'?"),
     ),
     "point of few states": (
         dict(operating_point={"states": [1.0]}),

@@ -174,7 +174,7 @@ ARGUMENTS = {
         ("`arrived` marks which inputs were applied, but the record has no input: give `u`."),
     ),
     "no arrivals": (dict(arrived="y"), "`arrived` must be 1 (applied), 0 (lost) or NaN (unknown)."),
-    "dt": (dict(dt=0.5), "`dt` = 0.5 s and `t` disagree: its mean step is 1 s. Give one."),
+    "dt": (dict(dt=0.5), "`dt` = 0.5 s and `t` disagree: the mean step of `t` is 1 s. Give one."),
     "lost": (dict(lost="keep"), "`lost` must be one of 'zero', 'hold'. Got 'keep'."),
     "hold": (dict(hold="zoh"), "`hold` must be one of 'zero_order', 'first_order'. Got 'zoh'."),
 }

@@ -45,11 +45,11 @@ RECORDS = {
     ),
     "t and another dt": (
         dict(t=[0.0, 1.0, 2.0], dt=0.5),
-        "`dt` = 0.5 s and `t` disagree: its mean step is 1 s. Give one.",
+        "`dt` = 0.5 s and `t` disagree: the mean step of `t` is 1 s. Give one.",
     ),
     "t irregular and dt": (
         dict(t=[0.0, 1.0, 3.0], dt=1.5),
-        "`dt` = 1.5 s and `t` disagree: its mean step is 1.5 s, not regular. Give one.",
+        "`dt` = 1.5 s and `t` disagree: the mean step of `t` is 1.5 s, not regular. Give one.",
     ),
     "lost": (dict(lost="keep"), "`lost` must be one of 'zero', 'hold'. Got 'keep'."),
     "hold": (
@@ -120,10 +120,10 @@ CUTS = {
     "beyond the end": (lambda record: record[3:], "record[3:] holds no row: the record has 3."),
     "nothing": (lambda record: record[2:1], "record[2:1] holds no row: the record has 3."),
     "split at zero": (lambda record: record.split(0), "`fraction` must be greater than 0. Got 0."),
-    "split at the end": (lambda record: record.split(1), "`fraction` must leave rows on both sides. 1 of 3 rows is 3."),
+    "split at the end": (lambda record: record.split(1), "`fraction` must leave rows in both parts. 1 of 3 rows is 3."),
     "split near zero": (
         lambda record: record.split(0.01),
-        "`fraction` must leave rows on both sides. 0.01 of 3 rows is 0.",
+        "`fraction` must leave rows in both parts. 0.01 of 3 rows is 0.",
     ),
     "split beyond": (lambda record: record.split(2), "`fraction` must be at most 1. Got 2."),
     "split in two": (lambda record: record.split("half"), "`fraction` must be a finite number. Got 'half'."),

@@ -244,7 +244,7 @@ BANKS = {
     "no algorithm": (([], RECORD, PRIOR), "`items` must hold at least one thing to stack."),
     "kinds": (
         ([Kalman(MODEL), UnknownGain(MODEL, PRIOR)], RECORD, PRIOR),
-        "only things of one kind stack: item 0 is a Kalman, item 1 a UnknownGain.",
+        "only objects of one kind can be stacked: item 0 is a Kalman, item 1 a UnknownGain.",
     ),
     "lengths": (
         (Kalman(MODEL), [RECORD, RECORD[:2]], PRIOR),
@@ -278,7 +278,7 @@ def test_a_bank_is_refused_with_what_does_not_fit(refused, things, sentence):
 
 STACKS = {
     "nothing": ([], "`items` must hold at least one thing to stack."),
-    "kinds": ([PRIOR, Kalman(MODEL)], "only things of one kind stack: item 0 is a Prior, item 1 a Kalman."),
+    "kinds": ([PRIOR, Kalman(MODEL)], "only objects of one kind can be stacked: item 0 is a Prior, item 1 a Kalman."),
     "shapes": ([PRIOR, PRIOR, PRIOR2], "item 2 differs from item 0 in shape: `mean` is (1,) and (2,)."),
     "what is given": (
         [PRIOR, Prior([0.0], [[1.0]], diffuse=[[1.0]])],

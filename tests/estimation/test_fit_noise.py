@@ -158,7 +158,7 @@ def test_a_wrong_call_is_refused_in_words():
         fit_noise(TRUE, record, prior=PRIOR)
     with pytest.raises(InputError, match=r'cross noise S is fitted together with Q and R: free=\("Q", "R", "S"\)'):
         fit_noise(START, record, prior=PRIOR, free="S")
-    with pytest.raises(InputError, match="`Q`, `S` and `R` must be positive definite together"):
+    with pytest.raises(InputError, match="joint covariance of `Q`, `S` and `R` must be positive definite"):
         fit_noise(Kalman(replace(TRUE, Q=np.zeros((1, 1)))), record, prior=PRIOR, free=("Q", "R", "S"))
 
 

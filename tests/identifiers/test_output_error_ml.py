@@ -154,7 +154,7 @@ def test_information_criteria_find_the_orders():
         (lambda: identify(OutputErrorML(1, 0), Record([np.nan, np.nan], [1.0, 2.0], dt=1)), "'y1' was never seen"),
         (
             lambda: identify(OutputErrorML(1, 0, noise_variance=[1.0, 2.0]), Record([1.0], [1.0], dt=1)),
-            "one for each of 1",
+            "one value for each of 1",
         ),
         (lambda: identify(OutputErrorML, Record([1.0], [1.0], dt=1)), "`method` must be an instance, not a class"),
         (lambda: identify(3, Record([1.0], [1.0], dt=1)), "`method` must identify parameters"),

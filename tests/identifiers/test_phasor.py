@@ -112,7 +112,7 @@ GOOD = record_of(sines(0.3))
         (lambda: identify(Phasor(1, [0.3]), Record(T, np.stack([T, T], axis=1), dt=0.1)), "Phasor takes one input"),
         (
             lambda: Phasor.second_order(0.5, 0.1, 1.0),
-            "no stable second-order lag with unit gain has the phasor 0.5 +0.1j",
+            "no stable second-order lag with unit gain has the response 0.5 +0.1j",
         ),
     ],
 )

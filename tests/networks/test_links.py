@@ -109,7 +109,7 @@ def test_of_inputs_that_are_not_acknowledged_a_record_does_not_know():
         (lambda: es.simulate(PLANT, U, seed=1, lost="keep"), "`lost` must be"),
         (
             lambda: es.simulate(PLANT, U, seed=1, input_link=DelayLink([0.5], late="use", acknowledged=False)),
-            'a record can represent used late packets (late = "use") only where they are acknowledged',
+            'a record can show which late packets were used (late = "use") only where they are acknowledged',
         ),
         (
             lambda: es.simulate(es.StateSpace([[0.5]], R=[[1.0]], dt=1), seed=1, steps=3, input_link=PerfectLink()),

@@ -190,7 +190,7 @@ def test_an_input_that_is_left_in_the_innovations_is_told():
     y = NOISE[np.arange(400) % 40] + np.outer(10 * np.append(0, u[:-1]), [1.0, 0.0])
     record = Record(y, u, dt=0.5, outputs=MODEL.outputs, inputs=MODEL.inputs)
     told = {verdict.name: verdict.met for verdict in report_of(record)[1].verdicts}
-    assert told["valve left in level_m"] is False
+    assert told["Effect of valve left in level_m"] is False
 
 
 def test_a_result_of_one_row_is_refused():

@@ -70,7 +70,7 @@ def test_a_folder_in_which_others_may_write_is_not_used(folder, mode, caplog):
     ((message,),) = [[record.getMessage() for record in caplog.records if record.name == "estimable.cache"]]
     assert message == (
         f"The cache {folder} is not used: other users may write in it (mode {mode:o}). "
-        "Steps are compiled again in each process."
+        "Machine code is compiled again in each process."
     )
 
 
@@ -216,7 +216,7 @@ def test_a_full_disk_is_no_error(tmp_path):
     ],
 )  # fmt: skip
 def test_nothing_in_an_entry_can_run(text):
-    with pytest.raises(ValueError, match="the text is not a lowered step"):
+    with pytest.raises(ValueError, match="the text is not a record of the operations of a step"):
         plain_format.loads(text)
 
 
@@ -254,5 +254,5 @@ def test_the_command_says_where_the_cache_is_and_clears_it(folder):
 
 def test_the_command_says_that_there_is_no_cache(monkeypatch):
     monkeypatch.setenv("ESTIMABLE_CACHE", "off")
-    assert invoked() == "There is no cache: steps are compiled in each process.\n"
+    assert invoked() == "There is no cache: the machine code is compiled again in each process.\n"
     assert json.loads(invoked("--json"))["folder"] is None

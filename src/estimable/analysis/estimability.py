@@ -15,23 +15,26 @@ from .tolerance import check_size
 
 
 def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prior | None = None) -> Estimability:
-    """Whether past outputs carry information about every direction of the state: P < Π, strictly.
+    """Whether past outputs carry information about every direction of the state: whether P < Π.
 
-    Π is the covariance of the state by the model alone, P that of the Kalman predictor's error. Neither observability
-    nor reachability implies it, nor does it imply them. Discrete models have two verdicts: of the optimal one-step predictor,
-    and of the filter. A model with a delay (singular A) is never estimable by the predictor.
+    Π is the covariance of the state by the model alone. P is the covariance of the error of the Kalman predictor. The model
+    is estimable if g'P g < g'Π g for every nonzero vector g. Observability does not imply this, nor does reachability, and
+    estimability implies neither. For a discrete model there are two verdicts: of the optimal one-step predictor, and of the
+    filter, which also uses the present output. A model with a delay (a singular A) is never estimable by the predictor.
 
-    `horizon`: after so many samples (seconds where dt = 0); None: in steady state, which a stable model has (a model that
-    varies in time: over its rows). `prior`: of the state at the start; None: the stationary covariance where there is one,
-    else zero, that is, the state starts known. R is a covariance, and where dt = 0 a density like Q.
+    `horizon`: judge after so many samples (seconds where dt = 0). None: judge in steady state, which only a stable model has.
+    A model that varies in time is judged after its last row. `prior`: the `Prior` of the state at the start of the horizon.
+    None: the stationary covariance if it exists, otherwise zero (a known state). R is the covariance of a sample; for a
+    continuous model it is a density, as Q.
 
-    Returns an `Estimability`. Raises `AssumptionError` for an unstable model without a horizon; `InputError` for a model
-    without R (or with a singular one where dt = 0), a horizon that is not positive, a prior of another size or with
-    diffuse directions, and for more than 500 states.
+    Returns an `Estimability`. Raises `AssumptionError` for an unstable model without a horizon. Raises `InputError` for a
+    model without R (where dt = 0 also for a singular R), for a horizon that is not positive, for a prior of another size or
+    with diffuse directions, and for more than 500 states.
 
-    Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), 30 n³ a step over a horizon.
-    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.1 and Corollaries 2.1-2.4, corrected: λ conjugate in
-    (2.10), whole eigenspaces, H for H* in (2.14).
+    Cost: about 300 n³ multiplications in steady state (0.6 s at n = 200), and 30 n³ per step over a horizon.
+
+    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.1 and Corollaries 2.1-2.4. We correct the source, in
+    its notation: λ is conjugate in (2.10), whole eigenspaces count, and H replaces H* in (2.14).
 
     >>> model = StateSpace([[0.7, -0.1], [1, 0]], C=[[1, -2]], G=[[1], [0]], Q=[[1]], R=[[0.3]], dt=1)
     >>> found = estimability(model)

@@ -14,12 +14,15 @@ SHOWN = 500  # rows at which the smallest eigenvalue is computed
 
 
 def excitation(model: OutputError, record: Record) -> Excitation:
-    """The information in the seen outputs of `record` about the parameters of `model`, direction by direction.
+    """The information in `record` about the parameters of `model`, for each direction of the parameters.
 
-    The information is that of the given model, from the applied inputs and the seen outputs: use a nominal model before an
-    experiment, or a fitted one after it. Condition (A3) of Fang (2009) requires that the smallest eigenvalue stays above zero.
+    It is the Fisher information of that model, computed from the applied inputs and from the mask of the seen outputs. Use a
+    nominal model before an experiment, and a fitted one after it. A direction without information is a combination of
+    parameters that the record does not determine. Condition (A3) of Fang (2009) requires that the smallest eigenvalue of the
+    information stays above zero.
 
-    Raises `InputError` where an input is unknown, or an output has no noise.
+    `model`: an `OutputError`. Returns an `Excitation`. Raises `InputError` where an input is unknown, or an
+    output has no noise.
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.1, dt=1)
     >>> step = Record(np.ones(200), np.ones(200), dt=1)

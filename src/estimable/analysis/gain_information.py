@@ -27,19 +27,23 @@ def gain_information(
     dither: Numbers | None = None,
     dt: float | None = None,
 ) -> GainInformation:
-    """The accuracy with which an input determines unknown gains, and the combinations that remain undetermined.
+    """The accuracy with which an input determines unknown gains, and the combinations of gains that it leaves undetermined.
 
-    Model: that of `UnknownGain`: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], θ (p,) constant.
+    Model: that of `UnknownGain`, x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with constant gains
+    θ (p,).
 
-    The outputs are linear in (x[0], θ) given u, so the information I does not depend on their values, and the bound is exact:
-    the error of the best unbiased estimate has the covariance of the θ block of I^-1.
+    For a given u the outputs are linear in (x[0], θ). The information about (x[0], θ) therefore does not depend on their
+    values, and the Cramér-Rao bound is exact: the best unbiased estimate of θ has the covariance of the θ block of the
+    inverse information.
 
-    `u`: (T, m), or a `Record` with its inputs, times and missing outputs. `directions`, `feedthrough`: as in `UnknownGain`;
-    None: one gain on all of B. `state`, `gain`: `Prior`s of x[0] and θ; None: unknown. `dither` (T, m): the shape of an input to
-    add; `found.at(a)` is the bound with amplitude `a`, and `found.amplitude_for(sigma)` the amplitude needed for `sigma`.
-    `dt`: the step of a continuous model, in seconds. The result itself is without dither (amplitude 0).
+    `u`: the input (T, m), or a `Record` with its inputs, times and missing outputs. `directions` and `feedthrough`: as in
+    `UnknownGain`; None: one gain on all of B. `state` and `gain`: the `Prior`s of x[0] and θ; None: nothing is known. `dt`:
+    the step of a continuous model, in seconds. `dither` (T, m): the shape of an input that is added to u.
 
-    Cost: the filter of n states and its n + 2 p responses, once, in a NumPy loop over the T samples.
+    Returns a `GainInformation` for u without the dither. Its method `at(a)` gives the bound with the dither multiplied by
+    `a`, and `amplitude_for(sigma)` gives the amplitude that is needed for the standard deviation `sigma`.
+
+    Cost: one run of a filter with n states and n + 2 p responses, in a NumPy loop over the T samples.
 
     Raises `InputError`; `AssumptionError` where an output has no noise, so that its information about x[0] is infinite.
 

@@ -19,20 +19,23 @@ LARGEST = 30  # states: equations of n² unknowns are solved
 def loss_tolerance(model: StateSpace) -> LossTolerance:
     """The arrival rate of samples below which the expected covariance of the estimate grows without bound.
 
-    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k]; all outputs of a sample arrive together or not at all, independently
-    of other samples, at a rate λ. The critical λ is known only as an interval: at least 1 - 1/ρ(A)², at most the smallest λ for
-    which the modified Riccati equation X = A X A' + Q - λ (A X C' + N)(C X C' + R)^-1 (A X C' + N)' has a solution. They agree
-    where one sample shows the unstable part of the state (C invertible on it). A stable A has no critical rate: it tolerates
-    every loss.
+    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k]. The outputs of a sample arrive together or not at all. They arrive
+    with probability λ, independently of other samples.
 
-    The result's `at(rate)` bounds the expected covariance at a given rate. Losses in bursts (a Gilbert-Elliott link) are worse
-    than independent losses of the same rate: simulate them.
+    The critical λ is known only as an interval. It is at least 1 - 1/ρ(A)², with ρ(A) the spectral radius. It is at most the
+    smallest λ for which the modified Riccati equation X = A X A' + Q - λ (A X C' + N)(C X C' + R)^-1 (A X C' + N)' has a
+    solution. Here Q is the covariance of G w and N its covariance with v. Both ends agree where a single sample determines
+    the unstable part of the state. A stable A has no critical rate: the covariance stays bounded even if every sample is
+    lost.
 
-    Cost: solutions of n² linear equations; where no closed form applies, 20 bisections of the unstable part. The upper bound is
-    then rounded up, and a stabilising gain proves it.
+    Returns a `LossTolerance`. Its method `at(rate)` bounds the expected covariance at a given rate. Losses in bursts
+    (a Gilbert-Elliott link) do more harm than independent losses of the same rate: simulate them.
+
+    Cost: solutions of n² linear equations. Where no closed form applies, 20 bisections for the unstable part; the upper end
+    is then rounded up, and a stabilising gain proves it.
 
     Raises `InputError` for a continuous or time-varying model, more than 30 states, or an R that is not positive definite;
-    `AssumptionError` where an unstable direction never shows, so that no rate is enough.
+    `AssumptionError` where no output shows an unstable direction, so that no rate is enough.
 
     Reference: B. Sinopoli and others, IEEE TAC 49 (2004) 1453-1464, Theorems 2-5; single output: N. Elia, Systems & Control
     Letters 54 (2005) 237-249.
@@ -64,7 +67,7 @@ def loss_tolerance(model: StateSpace) -> LossTolerance:
 
 def _check(model: StateSpace, faults: checks.Faults) -> None:
     if model.is_continuous:
-        faults.add("`model` is continuous (dt = 0): losses are of samples, so discretise it, model.discretise(dt).")
+        faults.add("`model` is continuous (dt = 0): but losses concern samples. Discretise it: model.discretise(dt).")
     if model.varying:
         faults.add("`model` varies in time: only a constant model has a critical arrival rate.")
     if model.n > LARGEST:

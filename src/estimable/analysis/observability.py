@@ -18,15 +18,16 @@ from .tolerance import check_size, judged
 
 
 def observability(model: StateSpace, *, horizon: float | None = None) -> Observability:
-    """Whether the outputs, without noise, show every direction of the state; also for unstable models.
+    """Whether the outputs, without noise, show every direction of the state. The model may be unstable.
 
-    `horizon`: over so many samples (seconds where dt = 0); None: without limit (a model that varies: over its rows). Noise is
-    ignored; `estimability` includes it.
+    `horizon`: the number of samples to judge by (seconds where dt = 0). None: no limit; a model that varies in time is judged
+    over its rows. Noise is ignored here; `estimability` includes it.
 
     Returns an `Observability`. Raises `InputError` for a horizon that is not positive, and for more than 500 states.
 
-    Cost: about 100 n³ multiplications. Reference: T. Kailath, Linear Systems (1980), §2.4 and §6.2;
-    P. Van Dooren, IEEE TAC 26 (1981) 111 (staircase).
+    Cost: about 100 n³ multiplications.
+
+    Reference: T. Kailath, Linear Systems (1980), §2.4 and §6.2; P. Van Dooren, IEEE TAC 26 (1981) 111 (staircase).
 
     >>> seen = observability(StateSpace([[0.5, 0.0], [0.0, 1.2]], C=[[1.0, 0.0]], dt=1))
     >>> seen.observable, seen.detectable, seen.sentences[0]
@@ -38,10 +39,10 @@ def observability(model: StateSpace, *, horizon: float | None = None) -> Observa
 
 
 def reachability(model: StateSpace, *, horizon: float | None = None, by: str = "inputs") -> Reachability:
-    """Whether the inputs can move the state in every direction; `by="noise"`: whether the process noise does.
+    """Whether the inputs can move the state in every direction. With `by="noise"`: whether the process noise moves it.
 
-    Reachability by noise, of (A, G Q), is Bryson's disturbability. `horizon`, errors, cost and reference are those of
-    `observability`.
+    Reachability by noise is the reachability of (A, G Q); Bryson calls it disturbability. `horizon`, errors, cost and
+    reference are those of `observability`. Returns a `Reachability`.
 
     >>> moved = reachability(StateSpace([[0.5, 0.0], [0.0, 0.2]], [[1.0], [0.0]], dt=1))
     >>> moved.reachable, moved.stabilisable, moved.sentences[0]

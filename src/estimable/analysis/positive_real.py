@@ -8,9 +8,13 @@ from ..results import Check
 
 
 def positive_real_margin(model: OutputError) -> np.ndarray:
-    """The smallest Re(1/A(e^jω) - 1/2) over all frequencies, for each output (p,): positive where 1/A - 1/2 is.
+    """The smallest value over all frequencies ω of Re(1/A(e^jω) - 1/2), for each output (p,).
 
-    Re(1/A - 1/2) = (1 - |A - 1|²) / (2 |A|²), so that the condition is |A(e^jω) - 1| < 1. Fang (2009), (A4).
+    A is the denominator polynomial of an `OutputError` model. A positive margin means that 1/A - 1/2 is strictly positive
+    real. Recursions of the pseudo-linear kind need this to converge. Because Re(1/A - 1/2) = (1 - |A - 1|²) / (2 |A|²), the
+    condition is |A(e^jω) - 1| < 1.
+
+    Reference: H. Fang (2009), (A4).
 
     >>> round(float(positive_real_margin(OutputError([0.523, 0.349], [1.0], noise_variance=0.1, dt=1))[0]), 3)
     0.034
@@ -27,12 +31,12 @@ def positive_real_check(model: OutputError, *, needed: bool) -> Check:
     margin = float(np.min(positive_real_margin(model)))
     holds = f"Positive realness: the smallest Re(1/A - 1/2) is {margin:.3g}"
     if margin > 0:
-        return Check("positive-real", True, margin, 0.0, f"{holds}: a pseudo-linear recursion converges too.")
+        return Check("positive-real", True, margin, 0.0, f"{holds}: recursions of the pseudo-linear kind converge too.")
     if not needed:
-        reason = "a pseudo-linear recursion need not converge here; this method does not rely on it"
+        reason = "a recursion of the pseudo-linear kind need not converge here, but this method is of another kind"
         return Check("positive-real", True, margin, 0.0, f"{holds}: {reason}.")
     advice = (
-        'it is not positive, so that the recursion as printed need not converge. Use method="refined", whose gradient is that '
-        "of the model, or OutputErrorML."
+        'it is not positive, so that method="printed" need not converge. Use method="refined", whose gradient is that of the '
+        "model, or OutputErrorML."
     )
     return Check("positive-real", False, margin, 0.0, f"{holds}: {advice}")

@@ -22,23 +22,28 @@ METHODS = ("output_process", "minimal", "balanced")
 
 
 def reduce(model: StateSpace, *, method: str = "output_process", order: int | None = None) -> Reduction:
-    """A model with fewer states and the same outputs.
+    """A model with fewer states and the same outputs, exactly or nearly.
 
     `method`:
-    - "output_process": the fewest states that give the outputs their covariances (and their response to the inputs), which
-      are the estimable and observable ones. The model is in innovations form, z+ = A z + B u + G e, y = C z + D u + e:
-      its Kalman filter, started from `prior`, has the innovations of the full one started from the stationary
-      covariance, and its predicted estimate is `to` times the full one's. Discrete and stable models.
-    - "minimal": without the states that neither inputs nor noise move, and those that no output shows. Same outputs from a
-      start at zero, for every sample path.
-    - "balanced": the `order` states with the largest Hankel singular values, that is, with the largest share in the effect of
-      inputs and noise on the outputs. Stable models; the error is at most twice the sum of the omitted values.
 
-    Raises `InputError` for a model that varies in time, an unknown method, an order that is not from 1 to n;
-    `AssumptionError` for an unstable model, where stability is needed.
+    - "output_process": the smallest model whose outputs have the same covariances and the same response to the inputs. It
+      keeps the states that are both estimable and observable. For discrete and stable models. The result is in innovations
+      form, z[k+1] = A z[k] + B u[k] + G e[k], y[k] = C z[k] + D u[k] + e[k]. Start its Kalman filter from the `prior` of the
+      result, and that of the full model from the stationary covariance: then both have the same innovations, and the
+      predicted z is `to` times the predicted x.
+    - "minimal": omits the states that neither inputs nor noise move, and those that no output shows. From a start at zero the
+      outputs are the same for every sample path.
+    - "balanced": preserves the `order` states with the largest Hankel singular values, which have the largest share in the
+      effect of inputs and noise on the outputs. The error is at most twice the sum of the omitted singular values. For stable
+      models.
 
-    Cost: about 300 n³ multiplications. References: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.3;
-    K. Glover, Int. J. Control 39 (1984) 1115 and U. M. Al-Saggaf, G. F. Franklin, IEEE TAC 32 (1987) 815 (bound).
+    Returns a `Reduction`. Raises `InputError` for a model that varies in time, an unknown method, or an order that is not
+    from 1 to n; `AssumptionError` for an unstable model where stability is needed.
+
+    Cost: about 300 n³ multiplications.
+
+    References: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 2.3; K. Glover, Int. J. Control 39 (1984) 1115 and U. M.
+    Al-Saggaf, G. F. Franklin, IEEE TAC 32 (1987) 815 (the bound).
 
     >>> model = StateSpace([[0.7, -0.1], [1, 0]], C=[[1, -2]], G=[[1], [0]], Q=[[1]], R=[[0.3]], dt=1)
     >>> reduce(model).model.n
@@ -114,7 +119,9 @@ def _balanced(model: StateSpace, order: int) -> Reduction:
     U, σ, Vt = np.linalg.svd(Lo.T @ Lc)
     if σ[order - 1] <= 1e-14 * σ[0]:
         most = int(np.sum(σ > 1e-14 * σ[0]))
-        checks.refuse(f"`order` may be at most {most}: the other Hankel singular values are rounding. Got {order}.")
+        checks.refuse(
+            f"`order` may be at most {most}: the other Hankel singular values are zero to rounding. Got {order}."
+        )
     root = np.sqrt(σ[:order])
     to, back = (U[:, :order] / root).T @ Lo.T, Lc @ Vt[:order].T / root
     small = _project(model, to, back, G=to @ model.G, Q=model.Q, R=model.R, S=model.S)

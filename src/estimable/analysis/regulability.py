@@ -19,18 +19,22 @@ def regulability(
 ) -> Regulability:
     """Whether the optimal control has a strictly lower cost than no control, from every initial state.
 
-    The cost is Σ x'L x + u'M u (continuous: the integral) plus x'Ψ x at the end. L (n, n) and M (m, m), symmetric, M
-    positive definite; either may have a leading axis of time. It is the dual of estimability: the model transposed, L
-    instead of Q, M instead of R, time reversed.
+    The cost is Σ x'L x + u'M u (in continuous time the integral) plus x'Ψ x at the end of a horizon. L (n, n) and M (m, m)
+    are symmetric, and M is positive definite. Either may have a leading axis of time. The problem is the dual of
+    `estimability`: the matrices of the model are transposed, L replaces Q, M replaces R, and time is reversed.
 
-    `horizon`: steps (seconds where dt = 0); None: without limit, which needs a stable model (one that varies: over its rows).
-    `terminal` (n, n): the weight Ψ at the end of a horizon; None: the stationary cost where there is one, else L.
+    `horizon`: the number of steps (seconds where dt = 0). None: no limit, which needs a stable model; a model that varies in
+    time is judged over its rows. `terminal` (n, n): the weight Ψ at the end of a horizon. None: the stationary cost without
+    control where it exists, otherwise L.
 
-    Returns a `Regulability`. Raises `AssumptionError` for an unstable model without a horizon, `InputError` for weights of
-    a wrong shape or sign, a model without inputs, and for more than 500 states.
+    Returns a `Regulability`. Raises `AssumptionError` for an unstable model without a horizon; `InputError` for weights of a
+    wrong shape or sign, a model without inputs, and for more than 500 states.
 
-    Cost: as `estimability`. Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3,
-    corrected: (F', F'S) for (F', S), L at k+1 in (3.6), the inverse in (3.10) and (3.11).
+    Cost: that of `estimability`.
+
+    Reference: Y. Baram, T. Kailath, NASA TM-89427 (1987), Theorem 3.1, Corollaries 3.1-3.3. We correct the source, in its
+    notation: the pair of Corollary 3.1 is (F', F'S) instead of (F', S), L is that at k+1 in (3.6), and (3.10) and (3.11) need
+    an inverse.
 
     >>> idle = StateSpace([[0.0]], [[1.0]], dt=1)
     >>> regulability(idle, [[1.0]], [[1.0]]).regulable  # the state is gone before control can act on it

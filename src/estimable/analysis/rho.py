@@ -13,17 +13,21 @@ from ..results import RhoMargin, StabilityRadius
 def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoMargin:
     """How much unmodelled coupling, nonlinearity or time variation a stable system tolerates.
 
-    Model: x[k+1] = A x[k] + f(k, x[k]) + g[k] (dt = 0: dx/dt). With ||f|| <= κ ||x|| and κ below the margin, x stays
-    bounded for any f, and `perturbed(κ, δ)` gives the bound.
+    Model: x[k+1] = A x[k] + f(k, x[k]) + g[k], or dx/dt = A x + f(t, x) + g(t) where dt = 0. The term f is unknown, with
+    ||f|| <= κ ||x||. The term g is a bounded force, with ||g|| <= δ. If κ is below the margin, x stays bounded for every such
+    f. The method `perturbed(κ, δ)` of the result gives the bound.
 
     A (n, n) must be stable. `dt`: its step in seconds, 0 if continuous. `scaling`: the size of one unit of each state, (n,),
     or "balanced" to balance the rows and columns of A; None: the states unchanged. All results depend on these units.
 
-    Raises `InputError`; `AssumptionError` where A is not stable. In continuous time the norm is bounded between the times
-    at which it is computed, which lowers the margin by about .2 %, so that it remains a guarantee.
+    Returns a `RhoMargin`. Raises `InputError`; `AssumptionError` where A is not stable. In continuous time the norm of e^{At}
+    is computed at discrete times and bounded between them. This lowers the margin by about .2 %, so that it remains a
+    guarantee.
 
-    Cost: up to 20,000 products and singular values of A. Reference: R. W. Bass (2005), who uses the spectral radius as the
-    rate, at which the overshoot of a defective A is infinite, and δ/ρ as the final bound, which holds for κ = 0 only.
+    Cost: up to 20,000 powers of A, and the largest singular value of each.
+
+    Reference: R. W. Bass (2005). The source uses the spectral radius as the rate, at which the overshoot of a defective A is
+    infinite. Its final bound δ/ρ holds for κ = 0 only.
 
     >>> found = rho_margin([[0.5]], dt=1)
     >>> round(found.margin, 9), round(found.perturbed(0.4, 1.0).final, 6)
@@ -41,12 +45,16 @@ def rho_margin(A: Numbers, *, dt: float, scaling: Numbers | None = None) -> RhoM
 
 
 def stability_radius(A: Numbers, *, dt: float) -> StabilityRadius:
-    """How far, in the spectral norm, a stable A is from a matrix that is not stable (the complex stability radius).
+    """How far a stable A is, in the spectral norm, from the nearest complex matrix that is not stable.
 
-    A (n, n); `dt` in seconds, 0 if continuous. Raises `InputError`; `AssumptionError` where A is not stable.
+    A is (n, n). `dt`: its step in seconds, 0 if continuous. The result is a margin against constant perturbations; for
+    time-varying or nonlinear ones use `rho_margin`.
 
-    Cost: a few eigenvalue problems of 2n. Reference: D. Hinrichsen, A. J. Pritchard (1986); N. A. Bruinsma, M. Steinbuch
-    (1990). It is a margin against constant perturbations; for time-varying or nonlinear ones use `rho_margin`.
+    Returns a `StabilityRadius`. Raises `InputError`; `AssumptionError` where A is not stable.
+
+    Cost: a few eigenvalue problems of size 2n.
+
+    Reference: D. Hinrichsen, A. J. Pritchard (1986); N. A. Bruinsma, M. Steinbuch (1990).
 
     >>> round(stability_radius([[-3.0]], dt=0).margin, 9)
     3.0

@@ -25,26 +25,29 @@ METHODS = {
 def unknown_input_existence(
     model: StateSpace, *, unknown: str | Sequence[str] | Sequence[int], seen: Numbers | Sequence[str] | None = None
 ) -> UnknownInputExistence:
-    """Whether the inputs named in `unknown` can be estimated from the outputs. It needs the model only, no data.
+    """Whether the outputs determine the inputs named in `unknown`. The function needs the model only, no data.
 
-    Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k], with the columns `unknown` of B and D.
+    Model: x[k+1] = A x[k] + B u[k] + w[k], y[k] = C x[k] + D u[k] + v[k]. Here u holds the d unknown inputs, and B and D are
+    their columns.
 
-    Let d be the number of unknown inputs, and M[L] the block-Toeplitz map from them to the outputs 0..L. The input is known after
-    L samples if rank M[L] is d plus the rank of M[L] without its first d columns (Sain & Massey 1969, for a state known with
-    finite variance). Errors decay if every invariant zero lies inside the unit circle (strong detectability, Hautus 1983): then
-    the spectral radius of the steady filter is below 1.
+    Two conditions decide. The first is a rank: let M[L] be the block-Toeplitz matrix that maps the inputs of samples 0 to L
+    to the outputs of these samples. An input is known after L samples if the rank of M[L] is d more than the rank of M[L]
+    without its first d columns (Sain & Massey 1969, for a state with finite variance). The second is stability: errors die
+    out if every invariant zero lies inside the unit circle (strong detectability, Hautus 1983). Then the spectral radius of
+    the steady filter is below 1.
 
-    `unknown`: names, or column numbers. `seen` (T, p): which outputs of the next T samples arrive; `input_delay` is then the
-    delay after which the input of each sample is known, NaN for never. For a continuous model the
-    delay counts derivatives instead of samples, and the zeros must lie in the open left half plane. A time-varying model has
-    ranks, but no zeros.
+    `unknown`: names of inputs, or their column numbers. `seen` (T, p): which outputs of the next T samples arrive. With it
+    the result also gives the delay for the input of each sample, NaN where that input is never known. For a continuous model
+    the delay counts derivatives instead of samples, and the zeros must lie in the open left half plane. A time-varying model
+    has ranks, but no zeros.
+
+    Returns an `UnknownInputExistence`. Raises `InputError` for names that are not inputs, and for a `seen` of the wrong
+    shape.
 
     Cost: a few singular value decompositions; with `seen` about T of them, of size T d.
 
-    Raises `InputError` for names that are not inputs, and a `seen` of the wrong shape.
-
-    Reference: M. L. J. Hautus, Linear Algebra and its Applications 50 (1983) 353-368; M. K. Sain, J. L. Massey, IEEE TAC
-    14 (1969) 141-149; H. Fang (2009) §2.4, §5.2.
+    Reference: M. L. J. Hautus, Linear Algebra and its Applications 50 (1983) 353-368; M. K. Sain, J. L. Massey, IEEE TAC 14
+    (1969) 141-149; H. Fang (2009) §2.4, §5.2.
 
     >>> model = StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1)
     >>> unknown_input_existence(model, unknown=["u1"]).delay

@@ -11,7 +11,7 @@ Clear = Annotated[bool, typer.Option("--clear", help="Delete every entry.")]
 
 
 def cache(where: Where = False, clear: Clear = False, machine: options.Machine = False) -> None:
-    """Show or delete the compiled steps on the disk.
+    """Show or delete the machine code stored on the disk.
 
     The folder is the one in ESTIMABLE_CACHE, by default estimable in the user's cache. With ESTIMABLE_CACHE=off nothing is
     stored on the disk. The folder is used only if no other user can write to it.
@@ -31,7 +31,7 @@ def cache(where: Where = False, clear: Clear = False, machine: options.Machine =
                             "bytes": bytes_left, "deleted": count})  # fmt: skip
         return
     if place is None:
-        show.text(lambda _: ["There is no cache: steps are compiled in each process."])
+        show.text(lambda _: ["There is no cache: the machine code is compiled again in each process."])
         return
     size = f"{len(left):,} entries, {bytes_left / 2**20:.1f} MiB"
     done = f"{count:,} entries deleted." if clear else f"{size} (at most {cache_folder.MOST // 2**20} MiB)."

@@ -12,10 +12,12 @@ def check(
 ) -> None:
     """Show what can be estimated with a model, before any data.
 
-    Which directions of the state do the outputs reveal, and by how much do they reduce the variance of each state?
-    Which directions are unobservable or unreachable, and are those stable? A stable model is judged in steady state. An
-    unstable one is judged over a horizon, from the prior in the file. How many samples may be lost? With a record: how
-    accurately can the gain be estimated with the inputs of the record?
+    The command answers these questions. Which directions of the state do the outputs reveal, and by how much do they reduce
+    the variance of each state? Which directions are unobservable or unreachable, and are those stable? How many samples may
+    be lost? With --record also: how accurately do the inputs of the record determine the gain?
+
+    The verdicts on a stable model are for its steady state. Those on an unstable model are for a horizon, which starts from
+    the prior in the file.
 
     \b
     Example:

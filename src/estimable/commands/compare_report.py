@@ -67,11 +67,11 @@ def _sentences(run: Compared) -> list[str]:
     if best is not None and filtering is not None and filtering is not best:
         ahead, behind = (float(one.one_step_fits.mean()) for one in (filtering, best))
         lines.append(
-            f"The model file holds {filtering.label} of order {filtering.order}: equally good within the noise, and "
-            f"better one step ahead ({ahead:.1f} % against {behind:.1f} %), which a filter needs."
+            f"The model file holds {filtering.label} of order {filtering.order}. Its simulation is as good within the noise, and "
+            f"its one-step predictions, which a filter uses, are better ({ahead:.1f} % against {behind:.1f} %)."
         )
     if run.selection is not None:
-        lines.append(f"{run.selection.sentence} To overrule it: --order N.")
+        lines.append(f"{run.selection.sentence} Choose another order with --order N.")
     return lines
 
 
@@ -145,5 +145,7 @@ def as_text(run: Compared) -> list[Any]:
     samples = counted(len(run.record), "sample")
     head = f"{run.asked.path.name}: {samples}; fitted to the first {run.asked.split:.0%}, ranked on the rest"
     failed = [f"{one.name}: {one.failure}" for one in run.found.ranked if one.failure]
-    legend = "Fit of a simulation; behind: standard errors between its squared errors and the best one's."
+    legend = (
+        "fit: of a simulation of these rows. behind: how many standard errors the squared errors are above the best."
+    )
     return [head, "", table, "", legend, *failed, *_sentences(run)]

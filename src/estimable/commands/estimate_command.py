@@ -22,8 +22,8 @@ def estimate(
 ) -> None:
     """Estimate the states of a record.
 
-    Any filter of the catalogue can be run over the record. The last estimate of each state is shown. --out writes the
-    estimates of all samples.
+    The command runs a filter over the record, and shows the last estimate of each state. --out writes the estimates of all
+    samples.
 
     \b
     Example:

@@ -172,7 +172,7 @@ def _chosen_order(record: Record, given: dict[str, Any], order: int | None) -> s
         return None
     selection = select_order(record)
     given["order"] = selection.order
-    return f"{selection.sentence} To overrule it: --order N."
+    return f"{selection.sentence} Choose another order with --order N."
 
 
 def _shown(value: float, sigma: float) -> tuple[str, str]:

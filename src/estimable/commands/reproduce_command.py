@@ -21,8 +21,8 @@ Figure = Annotated[
 def reproduce(name: Name = None, draws: Draws = 200, figure: Figure = None, machine: options.Machine = False) -> None:
     """Recompute a table or figure of the sources.
 
-    Each published number is shown next to ours: the mean and 1 sigma over the draws. Without NAME all tables and figures
-    are listed, including those that are not reproduced and the reason.
+    Each published number is shown next to the recomputed one: the mean and 1 sigma over the draws. Without NAME all tables
+    and figures are listed, including those that are not reproduced and the reason.
 
     \b
     Example:

@@ -33,7 +33,7 @@ Plant = Annotated[
 ]  # fmt: skip
 Folder = Annotated[
     Path | None,
-    typer.Option("--folder", metavar="PATH", help="f16: store finished parts here. The same call then resumes where it stopped.",
+    typer.Option("--folder", metavar="PATH", help="f16: a folder for finished parts. The same call then resumes there.",
                  show_default=False),
 ]  # fmt: skip
 Scheduler = Annotated[
@@ -63,15 +63,16 @@ def simulate(
     scheduler: Scheduler = None,
     machine: options.Machine = False,
 ) -> None:
-    """Draw a record over lossy links, or fly a failing F-16.
+    """Simulate a record over lossy links, or a failing F-16.
 
-    The plant of output-error is that of Fang (2009), section 3.5. --set changes its a, b, delay, noise_variance and dt. The
-    input is uniform, with zero mean and unit variance. The record has the columns time, u (the input that was sent),
-    arrived, and y (empty if it was lost), as `estimable identify` reads them.
+    `estimable simulate output-error` simulates a linear plant whose inputs and outputs are sent over a network. The plant is
+    that of Fang (2009), section 3.5. --set changes its a, b, delay, noise_variance and dt. The input is uniform, with zero
+    mean and unit variance. The record has the columns time, u (the input that was sent), arrived, and y (empty if it was
+    lost), as `estimable identify` reads them.
 
-    f16 flies three pitch doublets with a fixed control law, and with one that detects the failure and is redesigned. The
-    report shows medians over the runs: the RMS difference of the pitch rate from the flight without a failure, and the
-    time until the failure is detected.
+    `estimable simulate f16` simulates flights with three pitch doublets, in which the elevator loses a part of its effect.
+    It compares a fixed control law with one that is reconfigured when the failure is detected. It shows medians over the
+    runs: the RMS difference of the pitch rate from the flight without a failure, and the time until the failure is detected.
 
     \b
     Example:

@@ -9,7 +9,7 @@ from .destination import check_destination
 
 WEIGHT_HELP = "The weight of a criterion, such as rho=1. May be repeated. Default: rho=1 and control=1."
 FILTER_HELP = "kalman: use the Kalman filter of the model's Q and R, and tune only the control."
-DESIGNS_HELP = "Number of designs to judge."
+DESIGNS_HELP = "Number of designs to compare."
 Weight = Annotated[
     list[str] | None, typer.Option("--weight", metavar="NAME=VALUE", help=WEIGHT_HELP, show_default=False)
 ]
@@ -28,9 +28,9 @@ def tune(
 ) -> None:
     """Tune the feedback and the filter of a model by robustness.
 
-    One number, eta, makes the loop slow or fast. Many designs are judged: the unmodelled terms that the loop tolerates, the
-    effect of noise, of a constant force and of a harmonic force, and the cost of the control, each as a function of the
-    bandwidth. The design with the best weighted composite is chosen.
+    One parameter, eta, determines how fast the loop is. A design is computed for each of many values of eta. The designs are
+    compared by several criteria: the unmodelled terms that the loop tolerates, the effect of noise, of a constant force and
+    of a harmonic force, and the cost of the control. The design with the best weighted composite of the criteria is chosen.
 
     \b
     Example:

@@ -120,13 +120,13 @@ def sentences(run: Tuned) -> tuple[str, ...]:
     slow = (
         f"a bandwidth of {found.bandwidth[i]:.3g} rad/s"
         if known
-        else "faster than can be resolved at this step (a pole at or below zero)"
+        else "a bandwidth too high for this step (a pole at or below zero)"
     )
     margin = found.margin
     return (
         f"Chosen by {counted_by}: {slow}, eta = {found.eta[i]:.4g} per second.",
         f"This loop tolerates unmodelled terms of up to {margin.margin:.3g} times the state{_per(run)} "
-        f"(sigma {margin.sigma:.3g}, constant ones {margin.stability_radius:.3g}).",
+        f"(by the margin sigma {margin.sigma:.3g}; if they are constant {margin.stability_radius:.3g}).",
     )
 
 
@@ -138,7 +138,7 @@ def next_steps(run: Tuned, report: Path | None) -> tuple[str, ...]:
     """The options that show more."""
     lines = ("",) if report is None else ("", f"Wrote {report}: open it in a browser.")
     if run.found.model.is_continuous:
-        lines += ("This design is continuous and uses R as a density: --dt SECONDS designs for samples.",)
+        lines += ("This design is for continuous time, where R is a density. Give --dt SECONDS to design for samples.",)
     if report is None:
         lines += ("All criteria over the bandwidth: --report tuning.html",)
     return lines

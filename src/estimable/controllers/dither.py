@@ -21,20 +21,22 @@ RELEASE = 0.7  # of the wanted sigma, below which the dither ends, so that it do
 
 @frozen
 class Dither(SharedController[Any]):
-    """A controller that moves its inputs a little while the gain is known less well than wanted.
+    """A controller that adds a small square wave to its inputs while a gain is not known well enough.
 
-    Model: u = u_law + a s[k] while on, with s a square wave of ±1 that starts with +1. It switches on when the standard deviation
-    of any gain exceeds `sigma`, and off when all are below .7 `sigma`. Straight and level flight carries no information about a
-    gain. Its variance grows with its walk, until a dither is needed.
+    Model: u = u_law + a s[k] while the dither is on, with a the `amplitude`, and s a square wave of ±1 that starts with +1.
+    The dither switches on when the standard deviation of any gain exceeds `sigma`, and off when all are below .7 `sigma`. In
+    straight and level flight the inputs carry no information about a gain. The variance of the gain then grows with its walk,
+    until a dither is needed.
 
-    Assumes that the estimator's variance grows without information: `UnknownGain(..., walk=...)`, not `ChangeDetection` without
-    a walk, whose gain stays known. If the gain is well known in advance, no dither is added.
+    Assumes that the variance of a gain grows while there is no information, as in `UnknownGain(..., walk=...)`. In
+    `ChangeDetection` without a walk it does not grow. If the gain is well known in advance, no dither is added.
 
-    Settings: `controller`, such as `StateFeedback`; `amplitude` (m,) or one number, in units of the input (see `Dither.sized`);
-    `period`, in samples, even: near the natural frequency of the plant a dither is most informative for its size; `sigma`,
-    wanted for each gain. Inside `GainReconfiguration` it is not divided by the gain: its information does not depend on the gain.
+    Settings: `controller`, such as `StateFeedback`; `amplitude` (m,) or one number, in units of the input
+    (`Dither.sized` computes it); `period`, an even number of samples: a dither near the natural frequency of the plant is the
+    most informative for its size; `sigma`, the wanted standard deviation of each gain. Inside `GainReconfiguration` the
+    dither is not divided by the gain, because its information does not depend on the gain.
 
-    Reports `dither` (m,), the part added. Cost: one comparison per gain.
+    Reports `dither` (m,), the part that was added. Cost: one comparison per gain.
 
     Reference: A. G. Sillence (1999), §6.3, asks for a dither; the rule is ours.
 
@@ -80,11 +82,13 @@ class Dither(SharedController[Any]):
         directions: Numbers | str | None = None,
         each: Numbers | None = None,
     ) -> "Dither":
-        """The dither that brings every gain to `sigma` within `seconds`, from zero inputs and without prior knowledge.
+        """A dither of the amplitude that reduces the standard deviation of every gain to `sigma` within `seconds`.
 
-        `model`, `directions`: those of the `UnknownGain`, with constant gains. The inputs act without an actuator. Behind an
-        actuator of bandwidth ω, multiply the amplitude by its attenuation, sqrt(1 + (2 pi / (period dt ω))²). `each` (m,):
-        relative sizes of the inputs (default: all equal). Raises `AssumptionError` where no amplitude is enough.
+        The amplitude is computed for inputs that are otherwise zero, and without prior knowledge of the gains. `model` and
+        `directions`: those of the `UnknownGain`, with constant gains. `each` (m,): the relative sizes of the inputs
+        (default: all equal). The inputs act without an actuator. Behind an actuator of bandwidth ω, multiply the amplitude by
+        sqrt(1 + (2 pi / (period dt ω))²), which compensates for its attenuation. Raises `AssumptionError` where no amplitude
+        is enough.
 
         >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=0.1)
         >>> law = Dither.sized(StateFeedback([[0.0]]), model, sigma=0.05, seconds=5.0, period=4, dt=0.1)
@@ -127,16 +131,16 @@ class Dither(SharedController[Any]):
         """Check that an estimator whose columns have these names suits this controller."""
         self.controller.check(names, faults)
         if not names.gains:
-            faults.add("`controller` dithers until a gain is known, but the estimator has no gain: use UnknownGain.")
+            faults.add("`controller` dithers until a gain is known, but the estimator estimates none: use UnknownGain.")
 
     def init(self) -> Any:
-        """The controller's own state, whether the dither is on, and for how many samples."""
+        """The state of the wrapped controller, whether the dither is on, and for how many samples."""
         return self.controller.init(), jnp.zeros((), bool), jnp.zeros((), int)
 
     def act(
         self, state: Any, estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[Any, Array, Mapping[str, Array]]:
-        """The input (m,), with the part that passes through the plant divided by `effect`; and the `dither` in it."""
+        """The input (m,), and a report of the `dither` in it."""
         inner, on, count = state
         P = jnp.asarray(estimate.gain_covariance)
         worst = jnp.max(jnp.sum(P * jnp.eye(P.shape[0]), axis=0))

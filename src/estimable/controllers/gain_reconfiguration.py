@@ -18,29 +18,30 @@ from .state_feedback import check_inner
 
 @frozen
 class GainReconfiguration(Controller[Any]):
-    """A controller whose demand on the plant is divided by the estimated gain, to compensate for a loss of effect.
+    """A controller that divides its demand on the plant by the estimated gain, so that a loss of effect is compensated for.
 
-    Model: the input acts through a gain K (one, or one for each input). The controller's demand on the plant is divided by
-    K~ = K^ + c P / K^, but not its demand on the actuator itself (`input_feedback`). K^ is the estimate, at least `lower`, P its
-    variance and c the `caution`. At c = 1 this is the divisor with the least E(K/K~ - 1)²: an uncertain gain is compensated
-    less. At c = 0 the estimate is used as exact.
+    Model: the input acts through a gain K (one, or one for each input). K^ is the estimate of K, at least `lower`, P is its
+    variance, and c is the `caution`. The demand of the law on the plant is divided by K~ = K^ + c P / K^. The part of the law
+    that feeds back the position of the actuator (`input_feedback`) is not divided. At c = 1, K~ is the divisor with the
+    smallest expected (K/K~ - 1)²: an uncertain gain is compensated for less. At c = 0 the estimate is used as exact.
 
     Assumes that the gain is estimated well enough and soon. `ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])),
-    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window use `Smoothed(Bounded(MovingWindow(...), 0, 1), .9)`.
-    The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
+    jump=0.25)` leaves K~ at 1 until a jump is certain; for a window use `Smoothed(Bounded(MovingWindow(...), 0, 1),
+    .9)`. The sign must be known: a gain below `lower` counts as `lower`, so that the demand grows by 1 / `lower` at most.
 
-    Reallocation: `allocation` M (r, m) is the effect of each input on r quantities (rows of B). The inputs become
-    u = G' (G G')^-1 M v for the demand v of the law, G = M diag(K~): M diag(K~) u is then M v with the least effort. An input
-    whose gain is at its `lower` bound counts as lost, and the others replace it. Without `allocation` each input is divided by
-    its own gain, and the effect of a lost one is lost.
+    Reallocation: the `allocation` M (r, m) is the effect of each input on r quantities, such as rows of B. For the demand v
+    of the law, the inputs become u = G' (G G')^-1 M v with G = M diag(K~). Then M diag(K~) u = M v, with the smallest norm of
+    u. An input whose gain is at its `lower` bound counts as lost, and the others replace it. Without `allocation` each input
+    is divided by its own gain, and the effect of a lost one is lost.
 
     Settings: `controller`, such as `StateFeedback`; `lower` > 0, one number (default .05); `caution` c >= 0 (default 1);
-    `allocation` (r, m) of rank r (default None); `rate`: largest change of 1 / K~ in a sample (default None: no limit), so
-    that a false alarm does not cause a jump of the input.
+    `allocation` (r, m) of rank r (default None); `rate`: the largest change of 1 / K~ in a sample (default None: no limit),
+    so that a false alarm does not cause a jump of the input.
 
     Reports `effect` (m,) or (1,), the divisor K~. Cost: five operations per gain, and r² (m + r) with an allocation.
 
-    Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower`, `caution`, `rate` and the allocation (a pseudo-inverse) are ours.
+    Reference: A. G. Sillence (1999), §5.6 and Fig. 1; `lower`, `caution`, `rate` and the allocation (a pseudo-inverse) are
+    ours.
 
     >>> law = GainReconfiguration(StateFeedback([[1.0]]))
     >>> estimate = Info(mean=np.array([-1.0]), gain=np.array([0.5]), gain_covariance=np.array([[0.0]]))
@@ -95,7 +96,8 @@ class GainReconfiguration(Controller[Any]):
         self.controller.check(names, faults)
         if not names.gains:
             faults.add(
-                "`controller` needs the gain, but the estimator has none: use UnknownGain, best in ChangeDetection."
+                "`controller` needs an estimated gain, but the estimator has none: use UnknownGain, "
+                "preferably inside ChangeDetection."
             )
         elif len(names.gains) not in (1, self.size):
             faults.add(
@@ -104,11 +106,11 @@ class GainReconfiguration(Controller[Any]):
             )
 
     def init(self) -> Any:
-        """The controller's own state; with a `rate` also 1 / K~ of each input, at full effect."""
+        """The state of the wrapped controller. With a `rate` also 1 / K~ of each input, at full effect."""
         return self.controller.init() if self.rate is None else (self.controller.init(), jnp.ones(self.size))
 
     def act(self, state: Any, estimate: Info, reference: Array) -> tuple[Any, Array, Mapping[str, Array]]:
-        """The input (m,), and the `effect` it assumes."""
+        """The input (m,), and a report of the `effect` that it assumes."""
         K = jnp.maximum(jnp.asarray(estimate.gain), self.lower)
         variance = jnp.sum(jnp.asarray(estimate.gain_covariance) * jnp.eye(K.shape[0]), axis=0)
         effect = K + self.caution * variance / K

@@ -18,11 +18,14 @@ from .state_feedback import check_states, demand, of_input, read_law, shared
 
 @frozen
 class ProportionalIntegral(SharedController[Array]):
-    """u = N r - F x^ - J z - L i, with z the integral of r - M x^: a constant error of the tracked states vanishes.
+    """A linear control law with an integral: u = N r - F x^ - J z - L i, where z is the integral of the error r - M x^.
 
-    Settings: F, N and L as in `StateFeedback`; `integral` J (m, r); `tracked` M (r, n), the combinations of states that
-    follow the references; `dt` in seconds; `limits` (2,) or (2, m): smallest and largest input (default None). Where an
-    input is at its limit, an error that would drive it further is not integrated (anti-windup).
+    Here r is the reference, x^ the estimated state, and i the measured positions of the actuators. M x^ are the states that
+    should follow the reference. The integral removes a constant error of these states.
+
+    Settings: `feedback` F, `reference_gain` N and `input_feedback` L as in `StateFeedback`; `integral` J (m, r); `tracked`
+    M (r, n); `dt` in seconds; `limits` (2,) or (2, m): the smallest and the largest input (default None). Where an input is at
+    its limit, an error that would drive it further is not integrated (anti-windup).
 
     Cost: m (n + 2 r + m) + r n multiplications. Reference: A. G. Sillence (1999), ch. 3; the integral by Euler's rule.
 
@@ -66,13 +69,13 @@ class ProportionalIntegral(SharedController[Array]):
         set_field(self, **law)
 
     def init(self) -> Array:
-        """Zero integral."""
+        """The integral, zero."""
         return jnp.zeros(self.references)
 
     def act(
         self, state: Array, estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[Array, Array, Mapping[str, Array]]:
-        """The input (m,), with its demand on the plant divided by `effect` (see `shared`)."""
+        """The input (m,). Its demand on the plant, N r - F x^ - J z, is divided by `effect`."""
         J = jnp.asarray(self.integral)
         u = shared(demand(self, estimate, reference) - apply(J, state), effect) - of_input(self, estimate)
         error = jnp.asarray(reference) - apply(jnp.asarray(self.tracked), jnp.asarray(estimate.mean))

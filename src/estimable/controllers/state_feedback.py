@@ -27,10 +27,12 @@ def check_states(feedback: Array, names: Names, faults: checks.Faults) -> None:
 
 @frozen
 class StateFeedback(SharedController[tuple[()]]):
-    """u = N r - F x^ - L i: the reference r, the estimated state x^, and the actuator positions i, where measured.
+    """A linear control law on the estimated state: u = N r - F x^ - L i.
+
+    Here r is the reference, x^ the estimated state, and i the measured positions of the actuators.
 
     Settings: `feedback` F (m, n), such as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
-    `input_feedback` L (m, m), of the measured actuator positions (default None: none).
+    `input_feedback` L (m, m) (default None: positions are not fed back).
 
     The law uses the filtered estimate and ignores its covariance. For an actuator that may lose its effect, use
     `GainReconfiguration`; for an offset that must vanish, `ProportionalIntegral`.
@@ -67,13 +69,13 @@ class StateFeedback(SharedController[tuple[()]]):
         check_states(self.feedback, names, faults)
 
     def init(self) -> tuple[()]:
-        """No state."""
+        """An empty state."""
         return ()
 
     def act(
         self, state: tuple[()], estimate: Info, reference: Array, effect: Array | float = 1.0
     ) -> tuple[tuple[()], Array, Mapping[str, Array]]:
-        """The input (m,), with its demand on the plant divided by `effect` (see `shared`)."""
+        """The input (m,). Its demand on the plant, N r - F x^, is divided by `effect`."""
         return state, shared(demand(self, estimate, reference), effect) - of_input(self, estimate), {}
 
 

@@ -37,27 +37,34 @@ class Remembered:
 
 @frozen
 class Tracking(Controller[Remembered]):
-    """The input that brings the next output to its reference, with the current parameters of an identifier.
+    """A controller that brings the next output of the plant to its reference, with the current parameters of an identifier.
 
-    Model: A(z) x° = z^-delay B(z) u, y = x° + v, with A and B estimated; as many inputs as outputs (`size`). The input is
-    u[k] = (r[k] + Σ a_i x[k-i] - Σ b_i u[k-i]) / b0, so that the model's output is r; with `delay`, r[k] is reached at k + delay.
-    It acts before y[k] is measured, on an identifier that stores past outputs: `JointOutputError` (with a fast start and
-    recovery) or `RecursiveOutputError`.
+    Model: A(z) x° = z^-delay B(z) u, y = x° + v, with the polynomials A and B estimated, and as many inputs as outputs
+    (`size`). The input is u[k] = (r[k] + Σ a_i x[k-i] - Σ b_i u[k-i]) / b0, for which the output of the model is the
+    reference r. Here x[k-i] are past outputs, as `feedback` selects them. With a `delay`, r[k] is reached at k + delay. The
+    controller acts before y[k] is measured. It needs an identifier that stores past outputs: `JointOutputError`
+    (with a fast start and recovery) or `RecursiveOutputError`.
 
-    Assumes that A is stable. `feedback` selects the past outputs: "model", those of the identifier's model (the default: the
-    noise is not fed back, which gives the least variance; nor are disturbances rejected); "measured", y where it was seen, as
-    printed in the source; "filtered", between them: the model's outputs, and the plant's deviation from them due to process
-    noise of `noise_ratio` times the variance of v, by a Kalman filter. `law`: "inverse" cancels the zeros of B, so that u grows
-    without bound for a plant with zeros outside the unit circle (an error in `close_loop`); "mirrored" (the default, for one
-    input) reflects the zeros outside and preserves the static gain: the poles of the least-squares law with vanishing input
-    weight. It accepts any zeros, equals "inverse" where all are inside, and also limits the effect of a temporary estimate.
+    Assumes that A is stable.
 
-    Settings: `na`, `nb`, `delay`, `size` as those of the identifier; `lower`: the smallest divisor |b0|, in units of output over
-    input (default 0; never below 1e-3 of Σ |b|, nor, in the mirrored law, half its standard deviation; its sign is that of the
-    estimate); `reach`: one input may move the output by at most this many times the largest reference so far (default 3;
-    without limit while the reference is zero); `limits` (2,): smallest and largest input (default None).
+    Settings:
 
-    Reports `divisor` (p,), and `minimum_phase` (p,), whether the zeros of the estimated B are inside.
+    - `na`, `nb`, `delay`, `size`: as those of the identifier.
+    - `feedback`: which past outputs x the law uses. "model" (the default): those of the identifier's model. The noise is then
+      not fed back, which gives the smallest variance, but disturbances are not rejected. "measured": y where it was seen, as
+      printed in the source. "filtered": between them. A Kalman filter estimates the plant's deviation from the model, for
+      process noise of `noise_ratio` times the variance of v.
+    - `law`: "mirrored" (the default, for one input): reflects the zeros of B outside the unit circle into it, and preserves
+      the static gain. Its poles are those of the least-squares law with vanishing input weight. It accepts any zeros, equals
+      "inverse" where all are inside, and also limits the effect of a poor temporary estimate. "inverse": cancels the zeros of
+      B. For a plant with zeros outside the unit circle u then grows without bound, which is an error in `close_loop`.
+    - `lower`: the smallest divisor |b0|, in units of output over input (default 0). The divisor is never below 1e-3 of Σ |b|,
+      nor, in the mirrored law, below half its standard deviation; it has the sign of the estimate.
+    - `reach`: one input may move the output by at most this many times the largest reference so far (default 3). There is no
+      such limit while the reference is zero.
+    - `limits` (2,): the smallest and the largest input (default None).
+
+    Reports `divisor` (p,), and `minimum_phase` (p,), whether the zeros of the estimated B are inside the unit circle.
 
     Cost: about 10 (na + nb) multiplications.
 
@@ -105,7 +112,7 @@ class Tracking(Controller[Remembered]):
 
     @property
     def acts_on(self) -> str:
-        """Before the sample is measured, so that the input may enter it at once."""
+        """ "predicted": the controller acts before the sample is measured, so that its input may enter it at once."""
         return "predicted"
 
     @property
@@ -118,9 +125,9 @@ class Tracking(Controller[Remembered]):
         wanted = self.size * (self.na + self.size * (self.nb + 1))
         if len(names.states) != wanted or len(names.outputs) != self.size:
             faults.add(
-                f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} of "
-                f"{checks.counted(self.size, 'output')}. The estimator has {len(names.states)} of {len(names.outputs)}: "
-                f"{checks.listed(names.states)}."
+                f"`controller` has na = {self.na}, nb = {self.nb}, size = {self.size}: {checks.counted(wanted, 'parameter')} for "
+                f"{checks.counted(self.size, 'output')}. The estimator has {checks.counted(len(names.states), 'parameter')} for "
+                f"{checks.counted(len(names.outputs), 'output')}: {checks.listed(names.states)}."
             )
 
     def check_plant(self, model: StateSpace, faults: checks.Faults) -> None:
@@ -137,13 +144,13 @@ class Tracking(Controller[Remembered]):
             )
 
     def init(self) -> Remembered:
-        """A plant at rest, and no reference yet."""
+        """The state for a plant at rest that has had no reference yet."""
         p, na = self.size, self.na
         past = jnp.zeros((p, na))
         return Remembered(past, past, jnp.zeros((p, na, na)), past, jnp.zeros(p))
 
     def act(self, state: Remembered, estimate: Info, reference: Array) -> tuple[Remembered, Array, Mapping[str, Array]]:
-        """The input (m,) for the belief before the sample, and the report of its divisor."""
+        """The input (m,) from the belief before the sample, and a report of its divisor."""
         p, na, lags = self.size, self.na, self.nb + 1
         θ = jnp.asarray(estimate.mean).reshape(p, na + p * lags)
         a, b = θ[:, :na], θ[:, na:].reshape(p, p, lags)

@@ -50,7 +50,7 @@ def name_wild(y: np.ndarray, wild: np.ndarray, names: tuple[str, ...], first: in
     *run, row, channel = np.argwhere(wild)[0]
     more = int(wild.sum()) - 1
     log.warning(
-        "y[%d] of %r%s is %g, too large for a filter: it counts as not seen%s.",
+        "y[%d] of %r%s is %g, too large for a filter: it counts as missing%s.",
         first + row, names[channel], f" in run {run[0]}" if run else "", y[(*run, row, channel)],
         f", and {checks.counted(more, 'more value')} too" if more else "",
     )  # fmt: skip

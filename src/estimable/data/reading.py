@@ -35,13 +35,16 @@ def read_record(
     units: Units = (),
     na_values: Numbers | None = None,
 ) -> Record:
-    """Read a record from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to 7.2) or Parquet.
+    """Read a `Record` from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to version 7.2) or Parquet.
 
-    `time` names the column of seconds or of timestamps (ISO 8601); without it give `dt` in seconds. An empty cell is
-    NaN: not seen. A .txt is separated by commas, a .tsv by tabs. A .mat file holds one vector for each channel, of one length.
-    Parquet needs the extra `parquet`. `units`: {channel: unit}, for figures and reports. `na_values`: numbers that mark
-    missing values, such as -9999. By default such a number far outside the others raises an error that names its row; []
-    accepts every number as measured.
+    - `outputs`, `inputs`: the names of the columns.
+    - `time`: the column of the times, in seconds or as timestamps (ISO 8601). Without it give the step `dt` in seconds.
+    - `units`: {channel: unit}, for figures and reports.
+    - `na_values`: numbers that mark missing values, such as -9999. By default such a number far outside the others raises an
+      error that names its row. [] accepts every number as measured.
+
+    An empty cell is NaN, a missing value. Cells are separated by commas in a .txt file, and by tabs in a .tsv file. A .mat
+    file holds one vector for each channel; all have one length. Parquet needs the extra `parquet`.
 
     Raises `InputError` if the file does not exist or is not readable, a column is missing, or a cell is not a number.
     """

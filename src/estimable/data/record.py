@@ -25,15 +25,21 @@ UNIFORM = 1e-6  # largest relative scatter of regular time steps: the rounding o
 
 @frozen
 class Record:
-    """Measured outputs and logged inputs, row by row.
+    """Measured outputs and logged inputs, one row for each sample.
 
-    Row k: `y[k]` was measured at `t[k]`; `u[k]` was applied from `t[k]` to `t[k+1]`: constant (`hold="zero_order"`) or
-    moving linearly to `u[k+1]` ("first_order"). `y` (T, p): NaN, None or a mask is an output not seen. `u` (T, m):
-    the inputs sent; NaN is not logged. A 1-D `y` or `u` is one channel. Time: `dt` in seconds, or `t` (T,) increasing;
-    without either, the record uses the step of a discrete model. `arrived` (T, m): 1 if the input was applied, 0 if the
-    network lost it (the actuator then applies "zero" or its last input, "hold", as `lost` says), NaN if unknown. `outputs`
-    and `inputs` name the channels (default y1.., u1..): they are matched to those of a model by name. `units`:
-    {name: unit}, for tables and figures.
+    Row k holds the outputs `y[k]`, measured at `t[k]`, and the input `u[k]`, applied from `t[k]` to `t[k+1]`.
+
+    Settings:
+
+    - `y` (T, p): the outputs. NaN, None or a masked entry marks a missing output.
+    - `u` (T, m): the inputs that were sent. NaN marks an input that was not logged. A 1-D `y` or `u` is one channel.
+    - `dt` or `t`: the step in seconds, or increasing times (T,) in seconds. Without either, a discrete model provides the
+      step.
+    - `hold`: "zero_order" if the input is constant from sample to sample, "first_order" if it moves linearly to `u[k+1]`.
+    - `arrived` (T, m): 1 if the input was applied, 0 if the network lost it, NaN if that is unknown. `lost`: what the
+      actuator applies when an input is lost, "zero" or "hold" (its last input).
+    - `outputs` and `inputs`: names of the channels (default y1.., u1..). The names match the channels to those of a model.
+    - `units`: {name: unit}, for tables and figures.
 
     Raises `InputError` with all faults at once.
 
@@ -147,7 +153,7 @@ class Record:
         cut = 1 if fraction is None else round(fraction * len(self))
         if fraction is not None and not 0 < cut < len(self):
             rows = checks.counted(len(self), "row")
-            faults.add(f"`fraction` must leave rows on both sides. {fraction:g} of {rows} is {cut}.")
+            faults.add(f"`fraction` must leave rows in both parts. {fraction:g} of {rows} is {cut}.")
         faults.finish()
         return self[:cut], self[cut:]
 
@@ -162,7 +168,7 @@ class Record:
         return ~np.isnan(self.y)
 
     def clock(self, dt: float | None = None) -> Clock:
-        """The steps of this record; `dt` if it has no time. The last row has the step of the row before."""
+        """The steps of this record. `dt` is the step of a record without time. The last row has the step of the row before."""
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
             return Clock.every(0.0 if regular is None else regular, self.hold)
@@ -172,7 +178,9 @@ class Record:
         return Clock(lengths, np.append(rows, rows[-1]), self.hold)
 
     def applied(self) -> np.ndarray:
-        """The input that the actuator applied, (T, m): as sent if it arrived, else as `lost` says; NaN if unknown."""
+        """The input that the actuator applied, (T, m), NaN if unknown: the sent input if it arrived, otherwise the substitute
+        that `lost` names.
+        """
         if self.arrived is None:
             return self.u
         applied = np.where(self.arrived == 1, self.u, np.where(self.arrived == 0, 0.0, np.nan))
@@ -268,7 +276,7 @@ def _read_step(
     mean, regular = float((times[-1] - times[0]) / (rows - 1)), _regular_step(times)
     if dt is not None and (regular is None or abs(dt - mean) > scatter(times, mean)):
         scattered = ", not regular" if regular is None else ""
-        faults.add(f"`dt` = {dt:g} s and `t` disagree: its mean step is {mean:g} s{scattered}. Give one.")
+        faults.add(f"`dt` = {dt:g} s and `t` disagree: the mean step of `t` is {mean:g} s{scattered}. Give one.")
     return regular, times
 
 

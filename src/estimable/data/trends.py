@@ -14,7 +14,10 @@ DEGREES = (0, 1)
 
 @saved
 class Trend(NamedTuple):
-    """The trend to subtract from each channel: inputs (2, m) and outputs (2, p), the value at row 0 and the change per row."""
+    """The trend to subtract from each channel of a record: a constant level or a straight line.
+
+    `inputs` (2, m) and `outputs` (2, p): the first row holds the value at row 0 of the record, the second the change per row.
+    """
 
     inputs: Annotated[np.ndarray, "2 m"]
     outputs: Annotated[np.ndarray, "2 p"]

@@ -44,24 +44,31 @@ def disturbance_accommodation(
     walk: Numbers = 1.0,
     freed: Sequence[str] | Numbers | None = None,
 ) -> DisturbanceAccommodation:
-    """Estimate a disturbance of known form together with the state, and cancel it, free the outputs from it, or use it.
+    """Design a loop that estimates a disturbance of known form together with the state, and acts on that estimate.
 
-    Model: dx/dt = A x + B u + F d + G w, d = H z, dz/dt = D z + noise (discrete: d is held over a sample); u = -K x^ - K_z z^.
+    Model: dx/dt = A x + B u + F d + G w, with the disturbance d = H z and dz/dt = D z + noise. For a discrete model d is held
+    over a sample. The law is u = -K x^ - K_z z^, from the estimates x^ and z^ of a Kalman filter. K is that of `lqr_gain`.
 
-    - "absorption": B K_z = F H, the disturbance never reaches the state; it must enter where inputs do
-    - "minimisation": the K_z with the least effect of z on the freed outputs; no effect where the regulator equations
-      Π D = A Π + B Γ + F H, C Π = 0 have a solution
-    - "utilisation": the K_z that is optimal for the same cost as K, which uses the work of the disturbance
+    `mode` selects K_z:
 
-    `disturbance`: a `Waveform`; `through` F (n, d): where it enters. L (n, n), M (m, m): weights of state and input, as in
-    `lqr_gain`. `walk`: variance per second of a random walk of z, one number, (q,) or (q, q): larger values follow jumps sooner.
-    `freed`: (r, n), or names of outputs; default all outputs.
+    - "absorption": cancels the disturbance, B K_z = F H. It never reaches the state. It must enter where inputs do.
+    - "minimisation": minimises the effect of z on the freed outputs. No effect is left where the regulator equations
+      Π D = A Π + B Γ + F H, C Π = 0 have a solution (Π, Γ).
+    - "utilisation": minimises the same cost as K. The law then uses the disturbance where it helps.
 
-    Raises `InputError`; `AssumptionError` where absorption meets a disturbance outside the range of B (with the share outside),
-    where the outputs do not distinguish the disturbance from the state, or where it grows faster than the loop decays.
+    `disturbance`: a `Waveform` (D, H). `through` F (n, d): how it enters the state. L (n, n) and M (m, m): the weights of
+    state and input, as in `lqr_gain`. `walk`: the variance per second of the noise that moves z, one number, (q,) or (q, q);
+    with a larger value the estimate follows jumps sooner. `freed`: the outputs that "minimisation" frees from z, by name, or
+    combinations of states as a matrix (r, n); None: all outputs.
 
-    Cost: that of two Riccati equations and an (n q)² linear system. Reference: C. D. Johnson, IEEE TAC 16 (1971) 635;
-    B. A. Francis, SIAM J. Control Optim. 15 (1977) 486 (regulator equations).
+    Returns a `DisturbanceAccommodation`. Raises `InputError`. Raises `AssumptionError` where "absorption" meets a disturbance
+    outside the range of B (the message gives the share outside), where the outputs do not distinguish the disturbance from
+    the state, or where the disturbance grows faster than the loop decays.
+
+    Cost: that of two Riccati equations and of a linear system with (n q)² entries.
+
+    Reference: C. D. Johnson, IEEE TAC 16 (1971) 635; B. A. Francis, SIAM J. Control Optim. 15 (1977) 486
+    (regulator equations).
 
     >>> cart = StateSpace([[1.0]], [[1.0]], [[1.0]], Q=[[0.01]], R=[[0.1]], dt=1)
     >>> found = disturbance_accommodation(cart, Waveform.constant(), through=[[2.0]], L=[[1.0]], M=[[1.0]])

@@ -15,15 +15,18 @@ FASTEST = 1e100  # largest η: its square is finite
 
 @frozen
 class DesignFamily:
-    """Weights Q(η) = Q0 + p Q01 + p² Q1, S(η) = S0 + p S1 and R of a quadratic cost x'Q x + 2 x'S u + u'R u.
+    """A family of quadratic costs x'Q x + 2 x'S u + u'R u with one parameter η, for `rho_synthesis`.
 
-    For a filter they are the covariances of process noise, cross noise and measurement noise. For a discrete filter S must be
-    zero, or S and R those of the next output, C A x + noise (`next_output`), to which the gain of a sample belongs. p = η; where
-    `dt` is given, p = -exp(-η dt), so that η is a rate per second in discrete time too.
+    Model: Q(η) = Q0 + p Q01 + p² Q1 and S(η) = S0 + p S1; R is fixed. Here p = η. Where `dt` is given, p = -exp(-η dt), so
+    that η is a rate per second for a discrete model too.
 
-    `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m). Omitted ones are zero, but one of Q0 and Q1 is needed.
-    [[Q, S], [S', R]] must be positive semidefinite. With Q01 = S0 = 0 it is for every η if Q0 and Q1 - S1 R^-1 S1' are.
-    The families of `factored` always are. LQG/LTR is Q0 = G Q G', Q1 = B V B'.
+    For a filter, Q, S and R are the covariances of process noise, cross noise and measurement noise. For a discrete filter S
+    must be zero, or `next_output` must be True: then S and R belong to the next output, C A x + noise.
+
+    Settings: `R` (m, m); `Q0`, `Q01`, `Q1` (n, n); `S0`, `S1` (n, m). Matrices that are not given are zero, but Q0 or Q1 is
+    needed. [[Q, S], [S', R]] must be positive semidefinite at every η that is used. If Q01 = S0 = 0, this holds for every η
+    if Q0 and Q1 - S1 R^-1 S1' are positive semidefinite. It always holds for families made by `factored`. For LQG/LTR give
+    Q0 = G Q G' and Q1 = B V B'.
 
     Reference: R. W. Bass (2005): R fixed, S linear and Q quadratic in η.
 
@@ -85,9 +88,9 @@ class DesignFamily:
     def factored(
         M0: np.ndarray, M1: np.ndarray, D: np.ndarray, *, weight: Numbers | None = None, dt: float | None = None
     ) -> "DesignFamily":
-        """The family of the cost ||(M0 + p M1) x + D u||²_W, positive semidefinite at every η. `weight` W (default I).
+        """The family of the cost ||(M0 + p M1) x + D u||²_W, which is positive semidefinite at every η.
 
-        M0, M1 (k, n), D (k, m), W (k, k).
+        M0 and M1 are (k, n), D is (k, m). `weight` W is (k, k); None: the identity.
 
         >>> DesignFamily.factored([[0.0]], [[1.0]], [[1.0]]).at(3.0)[1].tolist()
         [[3.0]]
@@ -106,20 +109,21 @@ class DesignFamily:
 
     @staticmethod
     def approach(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
-        """The feedback with which x follows dx/dt = -η x as closely as possible: cost ||dx/dt + η x||²_W.
+        """The family of feedbacks with which x follows dx/dt = -η x as closely as possible. The cost is ||dx/dt + η x||²_W.
 
-        Discrete: ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n), symmetric positive semidefinite (default I: it depends
-        on the units of the states). B'W B must not be singular.
+        For a discrete model the cost is ||x[k+1] - exp(-η dt) x[k]||²_W. `weight` W (n, n) is symmetric and positive
+        semidefinite. None: the identity, whose meaning depends on the units of the states. B'W B must not be singular.
         """
         checks.require(model=(model, StateSpace))
         return _approaching(model, model.A, model.B, weight)
 
     @staticmethod
     def approach_of_error(model: StateSpace, *, weight: Numbers | None = None) -> "DesignFamily":
-        """The same for a filter, by duality: the error of the estimate follows exp(-η t) as closely as possible.
+        """The family of filters with which the error of the estimate follows exp(-η t) as closely as possible: `approach` by
+        duality.
 
-        `weight` (n, n); C weight C' (discrete: C A weight A' C') must not be singular: no two
-        outputs may be dependent.
+        `weight` is (n, n). C weight C' must not be singular (for a discrete model C A weight A' C'): no two outputs may be
+        dependent.
         """
         checks.require(model=(model, StateSpace))
         if model.is_continuous:

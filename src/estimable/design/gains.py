@@ -17,17 +17,19 @@ LIMIT = 3e-14  # of the fastest pole: nearer than this to the limit of stability
 
 
 def kalman_gain(model: StateSpace) -> KalmanGain:
-    """The steady-state gain of the Kalman filter of a constant model.
+    """The gain of the Kalman filter of a constant model in steady state.
 
-    Discrete: P = A P A' + G Q G' - (A P C' + G S) (C P C' + R)^-1 (A P C' + G S)', with cross noise S.
-    Continuous: A P + P A' + G Q G' - P C' R^-1 C P = 0, with Q and R both densities (per second).
+    P is the covariance of the error of the prediction, and S the covariance of process noise with measurement noise. A
+    discrete model has P = A P A' + G Q G' - (A P C' + G S) (C P C' + R)^-1 (A P C' + G S)'. A continuous model has
+    A P + P A' + G Q G' - P C' R^-1 C P = 0, where Q and R are both densities (per second).
 
-    Assumes that every unstable mode is seen, and every mode on the limit of stability excited. Otherwise, or with linearly
-    dependent noise-free outputs, there is no stationary filter: `AssumptionError`. Raises `InputError` for a model that varies
-    in time or has no R, and for a singular R in continuous time.
+    Assumes that the outputs show every unstable mode, and that noise excites every mode on the limit of stability. Otherwise,
+    or with linearly dependent noise-free outputs, there is no stationary filter, and the function raises `AssumptionError`.
+    It raises `InputError` for a model that varies in time or has no R, and for a singular R in continuous time.
 
-    Cost: about 200 n³ multiplications (7 ms at n = 100). Reference: B. D. O. Anderson, J. B. Moore, Optimal Filtering
-    (1979), §4.4 (4.1) and §5.4 (S).
+    Returns a `KalmanGain`. Cost: about 200 n³ multiplications (7 ms at n = 100).
+
+    Reference: B. D. O. Anderson, J. B. Moore, Optimal Filtering (1979), §4.4 (4.1) and §5.4 (S).
 
     >>> model = StateSpace([[1.0]], Q=[[1.0]], R=[[1.0]], dt=1)
     >>> round(float(kalman_gain(model).filter[0, 0]), 6)  # (sqrt(5) - 1) / 2
@@ -59,10 +61,11 @@ def _poles(F: np.ndarray, *, continuous: bool) -> Any:
 
 
 def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
-    """The steady-state covariance (n, n) of the error of a filter with a given gain, after each sample.
+    """The covariance (n, n) of the error of a filter with a given gain, in steady state, after each sample.
 
-    `model`: discrete and constant, with Q and R; `filter` (n, p): x[k|k] = x[k|k-1] + filter e. P = Ψ P Ψ' + (I - K C) G Q G'
-    (I - K C)' + K R K', Ψ = (I - K C) A, for any gain. It is least, in every direction at once, for that of `kalman_gain`.
+    `model`: discrete and constant, with Q and R. `filter` (n, p): the gain K, x[k|k] = x[k|k-1] + K e with e the innovation.
+    For any gain P = Ψ P Ψ' + (I - K C) G Q G' (I - K C)' + K R K' with Ψ = (I - K C) A. The gain of `kalman_gain` has the
+    smallest P, in every direction at once.
 
     Raises `InputError` for wrong shapes and for models that vary, are continuous or have no R; `AssumptionError` where the
     error grows.
@@ -88,16 +91,18 @@ def filter_covariance(model: StateSpace, filter: Numbers) -> Any:
 
 
 def lqr_gain(model: StateSpace, L: Numbers, M: Numbers, N: Numbers | None = None) -> FeedbackGain:
-    """The feedback that minimises Σ x'L x + u'M u + 2 x'N u of a constant model (continuous: the integral).
+    """The feedback that minimises the cost Σ x'L x + u'M u + 2 x'N u of a constant model (in continuous time the integral).
 
-    L (n, n) weights the state and M (m, m) the input, both symmetric; N (n, m) couples them (default zero).
+    L (n, n) weights the state and M (m, m) the input; both are symmetric. N (n, m) couples them (default zero).
 
-    Assumes that the inputs reach every unstable mode, and that every mode on the limit of stability has a cost: otherwise
-    `AssumptionError`. Raises `InputError` for wrong shapes, weights that are not jointly positive semidefinite, a model that
-    varies in time or has no input, and for a singular M in continuous time.
+    Assumes that the inputs reach every unstable mode, and that every mode on the limit of stability has a cost. Otherwise it
+    raises `AssumptionError`. It raises `InputError` for wrong shapes, for weights that are not jointly positive semidefinite,
+    for a model that varies in time or has no input, and for a singular M in continuous time.
 
-    Cost: about 200 n³ multiplications. Reference: H. Kwakernaak, R. Sivan, Linear Optimal Control Systems (1972),
-    §3.4 and §6.4. With L = C'C the regulator of the model is the Kalman filter of its transpose.
+    Returns a `FeedbackGain`. Cost: about 200 n³ multiplications.
+
+    Reference: H. Kwakernaak, R. Sivan, Linear Optimal Control Systems (1972), §3.4 and §6.4. With L = C'C the regulator of a
+    model is the Kalman filter of the transposed model.
 
     >>> model = StateSpace([[1.0]], [[1.0]], dt=1)
     >>> round(float(lqr_gain(model, [[1.0]], [[1.0]]).feedback[0, 0]), 6)

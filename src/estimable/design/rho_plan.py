@@ -164,7 +164,9 @@ def _check_families(
             and not family.next_output
             and (np.any(family.S0) or np.any(family.S1))
         ):
-            faults.add("`filter`: for a discrete filter S must be zero, or that of the next output (`next_output`).")
+            faults.add(
+                "`filter`: a discrete filter needs a family with S = 0, or with next_output = True (S of the next output)."
+            )
         if np.linalg.matrix_rank(family.R, hermitian=True) < family.m and (model.is_continuous or name == "filter"):
             what = "two inputs have the same effect" if name == "control" else "two outputs are dependent"
             faults.add(

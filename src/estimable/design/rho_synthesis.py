@@ -25,29 +25,32 @@ def rho_synthesis(
     weights: Mapping[str, float] | None = None,
     scaling: Numbers | None = None,
 ) -> RhoSynthesis:
-    """Evaluate one-parameter families of feedback and filter gains, and choose by robustness or by a weighted composite.
+    """Design a loop at each value of one parameter η, and choose the most robust design, or the best by a weighted composite.
 
-    Model: constant, continuous or discrete, with inputs; u = -K x^, with x^ from a filter with gain L. For each η the loop is
-    A = [[A - B K, B K], [0, A - L C]] in (x, x - x^) (discrete: the filtered x^). The criteria of each loop are:
+    Model: constant, continuous or discrete, with inputs. The law is u = -K x^, with x^ from a filter with gain L. Each η
+    gives one K and one L. The loop of the state and the error, (x, x - x^), has the matrix F = [[A - B K, B K],
+    [0, A - L C]]; in discrete time x^ is the filtered estimate. The function computes these criteria of each loop:
 
-    - `response_time`: seconds until the response to an impulse in any direction stays below 5 %
-    - `rho`, `sigma`: margins against unmodelled dynamics, as in `rho_margin`
-    - `external`: 1 / rho, the bound on the state under a bounded force; `peak_gain`: its largest effect on one state
-    - `dispersion`, `control`: rms of (x, x - x^), and of u, under the model's noise (unit white noise where it has none)
-    - `static_error`: ||A^-1|| (discrete ||(I - A)^-1||), the state per constant force
-    - `resonance`: the largest of ||(iωI - A)^-1|| over frequency; `magnification`: that over `static_error`
+    - `response_time`: the seconds until the response to an impulse in any direction stays below 5 %
+    - `rho` and `sigma`: margins against unmodelled dynamics, as in `rho_margin`
+    - `external`: 1 / rho, the bound on the state per bounded force. `peak_gain`: the largest effect of that force on one
+      state
+    - `dispersion` and `control`: the rms of (x, x - x^) and of u under the noise of the model, or under unit white noise if
+      it has none
+    - `static_error`: ||F^-1||, in discrete time ||(I - F)^-1||: the state per constant force
+    - `resonance`: the largest ||(iωI - F)^-1|| over all frequencies ω. `magnification`: `resonance` divided by `static_error`
 
-    and the bandwidth sqrt(σ_min(A) σ_max(A)) (discrete: of log(A) / dt).
+    The bandwidth is sqrt(σ_min(F) σ_max(F)), from the singular values of F; in discrete time of log(F) / dt.
 
-    `eta` (N,), increasing, per second (default 200 values around the plant's own speeds). `control`, `filter`: a `DesignFamily`,
-    or fixed gains, (m, n) and (n, p); default `DesignFamily.approach` and `approach_of_error`; `filter="kalman"` is that of the
-    model's Q and R. `weights`: {criterion: weight >= 0} of the composite that chooses the design; default rho and control
-    equally, {"rho": 1} for the largest margin. `scaling` (n,): the size of one unit of each state; None: the states unchanged.
-    All criteria depend on it.
+    `eta` (N,): the values of η per second, increasing. None: 200 values around the speeds of the plant. `control` and
+    `filter`: each a `DesignFamily`, or a fixed gain, (m, n) or (n, p). None: `DesignFamily.approach` and `approach_of_error`.
+    `filter="kalman"`: the Kalman gain of the model's Q and R. `weights`: {criterion: weight >= 0}, the weights in the
+    composite that chooses the design. None: rho and control equally; {"rho": 1} chooses the largest margin. `scaling` (n,):
+    the size of one unit of each state; None: the states unchanged. All criteria depend on it.
 
-    Raises `InputError`, also for weights that are not positive semidefinite at some η; `AssumptionError` where the model is not
-    stabilisable and detectable, or a loop not stable. Norms over time are accurate to about 3 %; `margin`, of the chosen loop, is
-    a guaranteed bound. Cost: about 10 ms per design at n = 8.
+    Returns a `RhoSynthesis`. Raises `InputError`, also for weights of a family that are not positive semidefinite at some η;
+    `AssumptionError` where the model is not stabilisable and detectable, or a loop is not stable. Norms over time are
+    accurate to about 3 %. The `margin` of the chosen loop is a guaranteed bound. Cost: about 10 ms per design at n = 8.
 
     Reference: R. W. Bass (2005), slides on rho synthesis; the default family and the composite are ours.
 

@@ -17,13 +17,14 @@ CHOICES = ("least_worst", "kalata", "benedict_bordner", "critically_damped")
 def alpha_beta_covariance(alpha: float, beta: float, *, dt: float, sigma_a2: float, sigma_s2: float) -> Any:
     """The stationary covariance (2, 2) of the error (position, velocity) of an α-β tracker, after each measurement.
 
-    Model: r' = v, v' white of density `sigma_a2`; r is measured every `dt` seconds with white noise of variance
-    `sigma_s2` / dt. Tracker: K = (α, β / dt). Closed form.
+    Model: dr/dt = v for the position r and velocity v; dv/dt is white noise of density `sigma_a2`. r is measured every `dt`
+    seconds with white noise of variance `sigma_s2` / dt. The tracker corrects position and velocity by the gains α and β / dt
+    times the innovation.
 
-    Assumes constant dt and constant gains, and that the variances are right; the tracker need not be optimal. Raises
-    `InputError` unless 0 < α < 2, 0 < β < 2 (2 - α); otherwise the error grows without bound.
+    Assumes constant dt and constant gains, and that the densities are right; the gains need not be optimal. The result is in
+    closed form. Raises `InputError` unless 0 < α < 2 and 0 < β < 2 (2 - α); otherwise the error grows without bound.
 
-    Reference: R. W. Bass (2005), φ and ψ of P11; P12 and P22 by the same equation.
+    Reference: R. W. Bass (2005), φ and ψ of P11; P12 and P22 follow from the same equation.
 
     >>> float(alpha_beta_covariance(0.886554, 1.411793, dt=1, sigma_a2=3, sigma_s2=0)[0, 0].round(5))
     0.02433
@@ -46,14 +47,18 @@ def alpha_beta_covariance(alpha: float, beta: float, *, dt: float, sigma_a2: flo
 
 
 def alpha_beta_gains(choice: str, *, index: float | None = None, alpha: float | None = None) -> tuple[float, float]:
-    """(α, β) by one of the usual choices.
+    """The gains (α, β) of a tracker of position and velocity, by one of four usual choices.
 
-    "least_worst": Bass's, where ∂φ/∂β = 0 and ψ = α (β = 2 α² / (2 - α)). "benedict_bordner": β = α² / (2 - α) for the given
-    `alpha`. "critically_damped": both poles equal, for the given `alpha`. "kalata": optimal for a target whose
-    acceleration is constant over each step; `index` is the tracking index σ_accel dt² / σ_measurement. φ and ψ are the factors of
-    the position's variance, φ σ_a² dt³ / 3 + ψ σ_s² / dt (`alpha_beta_covariance`).
+    The variance of the position is φ σ_a² dt³ / 3 + ψ σ_s² / dt, where φ and ψ depend on the gains only; σ_a² and σ_s² are
+    the densities of `alpha_beta_covariance`.
 
-    Raises `InputError` for a choice without its number, or a number outside its range.
+    - "least_worst": the choice of Bass, which needs no number. It has ∂φ/∂β = 0, which gives β = 2 α² / (2 - α), and ψ = α.
+    - "benedict_bordner": β = α² / (2 - α) for the given `alpha`.
+    - "critically_damped": both poles are equal, for the given `alpha`.
+    - "kalata": optimal for a target whose acceleration is constant over each step. `index` is the tracking index, σ_accel
+      dt² / σ_measurement, from the standard deviations of acceleration and measurement.
+
+    Raises `InputError` for a choice without its number, or for a number outside its range.
 
     Reference: R. W. Bass (2005); T. R. Benedict, G. W. Bordner, IRE TAC 7 (1962) 27; P. R. Kalata, IEEE TAES 20 (1984) 174.
 
@@ -80,13 +85,17 @@ def _gains(choice: str, number: float = 0.0) -> tuple[float, float]:
 def alpha_beta_gamma_gains(
     choice: str, *, index: float | None = None, alpha: float | None = None
 ) -> tuple[float, float, float]:
-    """(α, β, γ) by one of the usual choices, K = (α, β / T, γ / T²); others write γ / (2 T²), and twice this γ.
+    """The gains (α, β, γ) of a tracker of position, velocity and acceleration, by one of two usual choices.
 
-    "kalata": optimal for a target whose acceleration is increased at each step by white noise, of tracking `index` = σ_increment
-    dt² / σ_measurement: β = 2 (1 - s)², γ = β² / (2 α), s² = 1 - α. "critically_damped": all three poles equal, for the given
-    `alpha` (a fading memory).
+    After a step of T seconds, the tracker corrects position, velocity and acceleration by α, β / T and γ / T² times the
+    innovation. Some authors write γ / (2 T²) instead; their γ is twice this one.
 
-    Raises `InputError` for a choice without its number, or a number outside its range.
+    - "kalata": optimal for a target whose acceleration changes at each step by white noise with standard deviation
+      σ_increment. `index` is the tracking index σ_increment T² / σ_measurement. The gains are α = 1 - s², β = 2 (1 - s)² and
+      γ = β² / (2 α), where s solves 2 (1 - s)³ = `index` s (1 + s).
+    - "critically_damped": all three poles are equal, for the given `alpha` (a fading memory).
+
+    Raises `InputError` for a choice without its number, or for a number outside its range.
 
     Reference: P. R. Kalata, IEEE TAES 20 (1984) 174; N. Morrison, Introduction to Sequential Smoothing and Prediction (1969).
 
@@ -121,11 +130,16 @@ def _number(
 
 
 def alpha_beta_choices(*, dt: float, sigma_a2: float, sigma_s2: float) -> TrackerChoices:
-    """The usual choices of α and β side by side, for an acceleration of density `sigma_a2` and a sensor of density `sigma_s2`.
+    """The usual choices of the gains α and β side by side, for an acceleration of density `sigma_a2` and a sensor of density
+    `sigma_s2`.
 
-    "kalman": the optimum. "kalata": for the index whose acceleration has the same variance of velocity, Λ = dt² (σ_a² / σ_s²)^½.
-    "benedict_bordner", "critically_damped": with the α of their family that minimises the variance of position.
-    "least_worst": Bass's, which needs neither density. Raises `InputError` for numbers that are not positive.
+    - "kalman": the optimal gains.
+    - "kalata": the gains of `alpha_beta_gains` for the index Λ = dt² (σ_a² / σ_s²)^½. With this index an acceleration that is
+      constant over a step adds the same variance to the velocity.
+    - "benedict_bordner" and "critically_damped": with the `alpha` that minimises the variance of the position.
+    - "least_worst": the choice of Bass, which needs neither density.
+
+    Returns a `TrackerChoices`. Raises `InputError` for numbers that are not positive.
 
     >>> table = alpha_beta_choices(dt=1, sigma_a2=1, sigma_s2=1)
     >>> dict(zip(table.names, table.price[:, 0].round(3).tolist()))["least_worst"]

@@ -28,25 +28,26 @@ def trans_kalman(
     weight: Numbers | None = None,
     free: Numbers | None = None,
 ) -> TransKalman:
-    """The constant gain whose worst case over a set of noise covariances is smallest, and a bound that proves it.
+    """The constant filter gain with the smallest worst case over a set of noise covariances, and a bound that proves it.
 
-    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k], constant and discrete, without cross noise; cov w and cov v lie in the
-    convex hull of `noises`, a list of pairs (Q, R), its corners. With None the set is the model's own (Q, R), and the gain
-    is that of the Kalman filter.
+    Model: x[k+1] = A x[k] + G w[k], y[k] = C x[k] + v[k], constant and discrete, without cross noise. The covariances (Q, R)
+    of w and v are unknown: they lie in the convex hull of `noises`, a list of pairs (Q, R). These pairs are the corners of
+    the set. None: the model's own (Q, R), for which the gain is that of the Kalman filter.
 
-    `weight` W (n, n): the cost is tr W P, with P the covariance of the error. A vector c (n,) weights only the combination c'x.
-    None: the identity, in the units of the states. With one corner it has no effect: the Kalman gain is best for every W >= 0 at
-    once. `criterion`: "relative_regret", the excess cost over the Kalman filter that knows the noise, relative to its cost;
-    "regret", the same in absolute units; "cost". `free` (n, p), True or False: where the gain may be nonzero; None: everywhere.
+    `weight` W (n, n): the cost of a gain is tr W P, with P the covariance of its error. A vector c (n,) weights only the
+    combination c'x. None: the identity, in the units of the states. With one corner the weight has no effect. `criterion`:
+    "relative_regret", the excess of the cost over that of the Kalman filter that knows the noise, divided by the latter;
+    "regret", the excess itself; "cost". `free` (n, p) of True and False: the entries of the gain that may be nonzero; None:
+    all.
 
-    Each of the three criteria is largest at a corner, because the cost of a gain is linear in (Q, R) and that of the Kalman
-    filter is concave. So it is enough to check the corners. The minimax gain is the Kalman gain of a least favourable mixture of
-    the corners; both are returned. `worst` equals `bound`, which proves that no constant gain does better. For a sparse gain
-    (`free`) this proof is lost: the search is local, and `bound` is that of a full gain.
+    Returns a `TransKalman`. Each criterion is largest at a corner, because the cost of a gain is linear in (Q, R) and that of
+    the Kalman filter is concave. Only the corners need to be checked. The best gain is the Kalman gain of a least favourable
+    mixture of the corners, which is returned too. `worst` equals `bound`, which proves that no constant gain does better. For
+    a sparse gain (`free`) there is no such proof: the search is local, and `bound` is that of a full gain.
 
-    Raises `InputError` for wrong shapes, an empty set or invalid covariances; `AssumptionError` where a corner has no stationary
-    Kalman filter, or no stabilising gain of this sparsity was found. Cost: some 10 to 100 Riccati equations; .1 s at n = 2 and
-    4 corners.
+    Raises `InputError` for wrong shapes, an empty set or invalid covariances; `AssumptionError` where a corner has no
+    stationary Kalman filter, or where no stabilising gain of this sparsity was found. Cost: 10 to 100 Riccati equations; .1 s
+    at n = 2 and 4 corners.
 
     Reference: R. W. Bass (2005) gives the name and the aim; this definition is ours.
 
@@ -146,7 +147,7 @@ def _sparse(
     found = kernel.restricted(plant, corners, a, s, K, allowed)
     if found is None:
         raise AssumptionError(
-            f"no stabilising gain was found with {checks.counted(int(allowed.sum()), 'entry')} free of {allowed.size}: free more "
+            f"no stabilising gain was found with {int(allowed.sum())} of {allowed.size} entries free: free more "
             "of them, or check with observability(model) that these outputs show the unstable modes."
         )
     return found
@@ -173,7 +174,7 @@ def _noises(model: StateSpace, noises: Sequence[tuple[Numbers, Numbers]] | None,
         return []
     if not noises:
         faults.add(
-            "`noises` must hold at least one pair (Q, R): an empty set has no worst case. None: the model's own."
+            "`noises` must hold at least one pair (Q, R): an empty set has no worst case. noises=None: the model's own (Q, R)."
         )
     q = model.G.shape[-1]
     faults.learn("q", q, f"the model has {checks.counted(q, 'noise')}")

@@ -11,12 +11,12 @@ from ..models.discretisation import exponential
 
 @frozen
 class Waveform:
-    """d = H z, dz/dt = D z: the form of a disturbance d, for any z and any jumps of z.
+    """The form of a disturbance d whose size is unknown: d = H z, dz/dt = D z, for any z and any jumps of z.
 
-    D (q, q) per second, H (d, q). `constant`, `ramp`, `polynomial` and `sinusoid` give the usual ones; a + b is their sum, and
-    `each(a, b)` gives each its own channel.
+    Settings: D (q, q) in units per second, and H (d, q). The methods `constant`, `ramp`, `polynomial` and `sinusoid` give the
+    usual forms. The sum a + b of two waveforms acts on the same channels; `each(a, b)` gives each its own channels.
 
-    Raises `InputError` for wrong shapes, and where H does not show all of z.
+    Raises `InputError` for wrong shapes, and where a part of z never appears in d.
 
     Reference: C. D. Johnson, IEEE TAC 16 (1971) 635.
 
@@ -42,7 +42,7 @@ class Waveform:
 
     @property
     def order(self) -> int:
-        """q, the number of its states."""
+        """The number q of states z."""
         return len(self.D)
 
     @property
@@ -57,12 +57,12 @@ class Waveform:
 
     @staticmethod
     def ramp() -> "Waveform":
-        """An offset that grows steadily; z is d and its slope."""
+        """An offset that grows steadily; z holds d and its slope."""
         return Waveform.polynomial(1)
 
     @staticmethod
     def polynomial(degree: int) -> "Waveform":
-        """A polynomial in time; z is d and its derivatives."""
+        """A polynomial in time; z holds d and its derivatives."""
         faults = checks.Faults()
         faults.whole("degree", degree, 0, checks.LARGEST_ORDER)
         faults.finish()
@@ -70,7 +70,7 @@ class Waveform:
 
     @staticmethod
     def sinusoid(frequency: float) -> "Waveform":
-        """An oscillation of `frequency` rad/s; z is d, and minus d a quarter of a period later."""
+        """An oscillation of `frequency` rad/s; z holds d, and the negative of d a quarter of a period later."""
         faults = checks.Faults()
         ω = faults.number("frequency", frequency, above=0.0, unit="rad/s")
         faults.finish()
@@ -96,12 +96,12 @@ class Waveform:
         checks.require(other=(other, Waveform))
         if self.channels != other.channels:
             checks.refuse(
-                f"waveforms on the same channels can be added. Got {self.channels} and {other.channels}: did you mean `each`?"
+                f"only waveforms on equal channels can be added. Got {self.channels} and {other.channels}: did you mean `each`?"
             )
         return Waveform(block_diag(self.D, other.D), np.hstack([self.H, other.H]))
 
     def values(self, t: np.ndarray, z: np.ndarray) -> Any:
-        """d (T, channels) at times t (T,), seconds, from z (q,) at t = 0."""
+        """The disturbance d (T, channels) at the times t (T,) in seconds, from z (q,) at t = 0."""
         faults = checks.Faults()
         faults.learn("q", self.order, f"the waveform has {checks.counted(self.order, 'state')}")
         t, z = faults.array("t", t, "T"), faults.array("z", z, "q")

@@ -1,4 +1,4 @@
-"""Consistency checks of estimates. Pure functions of arrays and results."""
+"""Tests whether an estimate agrees with its own covariance, error bounds, and the poles and responses of fitted models."""
 
 from .changes import DetectedChange, changes
 from .consistency import Consistency, nees, nis

@@ -11,9 +11,16 @@ from ..results import Estimate
 
 @saved
 class DetectedChange(NamedTuple):
-    """A jump of a gain: its name; the rows of the onset and of the alarm, and their times in seconds (None without time);
-    the gain before; the gain after and its standard deviation, estimated at the next change or at the end of the record;
-    and the standard deviation of the onset, estimated at the alarm, in rows and in seconds."""
+    """One detected jump of a gain.
+
+    - `gain`: the name of the gain.
+    - `onset` and `detected_at`: the rows of the jump and of its detection. `onset_s` and `detected_at_s`: their times in
+      seconds, None for a record without time.
+    - `before`: the gain before the jump. `after` and `sigma`: the gain after it and its standard deviation, as estimated at
+      the next jump or at the end of the record.
+    - `onset_sigma` and `onset_sigma_s`: the standard deviation of the onset in rows and in seconds, as estimated at the
+      detection.
+    """
 
     gain: str
     onset: int
@@ -37,10 +44,12 @@ class DetectedChange(NamedTuple):
 
 
 def changes(result: Estimate) -> tuple[DetectedChange, ...]:
-    """The changes that `ChangeDetection` found, in order of their alarms.
+    """The jumps that a `ChangeDetection` found in a record, in the order of their detection.
 
-    `result`: of `estimate`, or one of a bank (`bank[i]`), with `keep="all"`. If several gains may jump, the change is
-    attributed to the gain that moved most, in units of its standard deviation. Raises `InputError` for a result without alarms.
+    `result`: the result of `estimate`, or one run of a bank (`bank[i]`), made with `keep="all"`. If several gains may jump, a
+    jump is attributed to the gain that moved most, in units of its standard deviation.
+
+    Returns a tuple of `DetectedChange`s. Raises `InputError` for a result without alarms.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> record = Record([0.0, 1.0, 1.5, 1.75, 1.4, 1.2], np.ones(6), dt=1)

@@ -15,7 +15,13 @@ KNOWN = 1e-10  # largest eigenvalue of a correlation matrix of a combination tha
 
 @saved
 class Consistency(NamedTuple):
-    """The mean of a normalised square, its expected value and band under a correct model, and its degrees of freedom."""
+    """The result of `nis` and `nees`: the mean of normalised squares, with a band that contains it under a correct model
+    with the `probability` of the call.
+
+    - `mean`: the mean over the samples or runs.
+    - `expected`, `lower`, `upper`: the expected value and the limits of the band.
+    - `degrees`: the degrees of freedom of the sum of all squares.
+    """
 
     mean: float
     expected: float
@@ -42,13 +48,16 @@ class Consistency(NamedTuple):
 
 
 def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: float = 0.999) -> Consistency:
-    """Mean normalised innovation squared e' S^-1 e over the samples with an output, in units of its outputs.
+    """The normalised innovation squared (NIS), e' S^-1 e, averaged over all samples with an output.
 
-    `innovation` (..., p), NaN where not seen; `innovation_covariance` (..., p, p), NaN where it is infinite (a diffuse
-    prior). With a correct model the sum over all samples is χ² with as many degrees of freedom as outputs were seen, so the
-    mean over samples is near p. The band contains that mean with `probability`. Outputs that were not seen or were
-    predicted from a diffuse state are omitted, and so are combinations that were known exactly. Raises `InputError` if
-    nothing remains.
+    e is the innovation and S its covariance. `innovation` (..., p) is NaN for missing outputs. `innovation_covariance`
+    (..., p, p) is NaN where it is infinite (a diffuse prior).
+
+    Under a correct model, the sum over all samples has a χ² distribution. Its degrees of freedom are the number of seen
+    outputs, so the mean is near p. The band contains the mean with `probability`. Three kinds of innovation do not count:
+    those of missing outputs, those predicted from a diffuse state, and combinations that the model determines exactly.
+
+    Returns a `Consistency`. Raises `InputError` if no innovation counts.
 
     >>> import numpy as np
     >>> e = np.random.default_rng(1).normal(size=(1000, 2))
@@ -71,10 +80,12 @@ def nis(innovation: Numbers, innovation_covariance: Numbers, *, probability: flo
 
 
 def nees(error: Numbers, covariance: Numbers, *, probability: float = 0.999) -> Consistency:
-    """Mean normalised estimation error squared over independent runs: error (B, n), covariance (B, n, n).
+    """The normalised estimation error squared (NEES), e' P^-1 e, averaged over B independent runs.
 
-    Errors of one run at different times are correlated: use one time of each run. Combinations known exactly are
-    omitted; raises `InputError` if nothing remains.
+    `error` (B, n): the error e of each run. `covariance` (B, n, n): its covariance P as reported by the filter. Errors of one
+    run at different times are correlated: use one time of each run. Combinations with zero variance do not count.
+
+    Returns a `Consistency`. Raises `InputError` if no error counts.
 
     >>> import numpy as np
     >>> round(nees(np.ones((4, 1)), np.ones((4, 1, 1))).mean, 3)

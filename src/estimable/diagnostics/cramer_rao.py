@@ -17,10 +17,13 @@ UNTOLD = 1e-9  # relative eigenvalue of the scaled information below which a dir
 
 @saved
 class Efficiency(NamedTuple):
-    """Mean squared errors of estimates divided by the Cramér-Rao bounds of their records: a `ratio` of 1 is the best.
+    """The result of `efficiency`: the squared errors of estimates, relative to the Cramér-Rao bound.
 
-    `ratio`: mean over runs of the squared errors summed over the parameters, divided by the mean trace of the bounds;
-    `normalised`: mean of e' I e divided by the number of parameters, which does not depend on units; `runs`: their number.
+    - `ratio`: the mean over the runs of the squared errors, summed over the parameters, divided by the mean trace of the
+      bounds. 1 is the best possible.
+    - `normalised`: the mean of e' I e divided by the number of parameters, with e the error and I the information, the
+      inverse of the bound. It does not depend on units. 1 is the best possible.
+    - `runs`: the number of runs.
     """
 
     ratio: float
@@ -35,9 +38,9 @@ class Efficiency(NamedTuple):
 
 
 def slopes(model: OutputError, record: Record) -> tuple[np.ndarray, ...]:
-    """dx°_i/dθ_i of each output, (T, d) each, from rest under the applied inputs.
+    """The derivatives of each noise-free output with respect to the d parameters of that output, an array (T, d) for each.
 
-    Raises `InputError` if an input is unknown.
+    The plant starts at rest, and the inputs are those that the actuators applied. Raises `InputError` if an input is unknown.
     """
     u = applied(model, record)
     rows = zip(np.asarray(model.a), np.asarray(model.b), strict=True)
@@ -51,7 +54,9 @@ def check_noise(model: OutputError) -> None:
 
 
 def information(model: OutputError, record: Record) -> np.ndarray:
-    """Fisher's information (d, d) of the parameters in the seen outputs, one diagonal block for each output.
+    """The Fisher information (d, d) of the d parameters of `model` in the seen outputs of `record`.
+
+    It has one diagonal block for each output.
 
     >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
     >>> information(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).tolist()
@@ -66,13 +71,15 @@ def information(model: OutputError, record: Record) -> np.ndarray:
 
 
 def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
-    """The smallest covariance (d, d) that an unbiased estimate of the parameters of `model` can have from `record`.
+    """The Cramér-Rao bound: the smallest covariance (d, d) of an unbiased estimate of the d parameters of `model` from
+    `record`.
 
-    It depends on the applied inputs and on which outputs were seen, not on the values of the outputs. It can therefore be
-    computed before an experiment, for any pattern of losses (`simulate` with links draws such patterns). Model: `OutputError`,
-    from rest.
+    `model` is an `OutputError`, and starts at rest. The bound depends on the applied inputs and on the mask of the seen
+    outputs, not on the values of the outputs. It can therefore be computed before an experiment, for any pattern of losses.
+    `simulate` with links draws such patterns.
 
-    Raises `InputError` if an input is unknown, `AssumptionError` if the record has no information about a direction.
+    Raises `InputError` if an input is unknown, `AssumptionError` if the record has no information about a direction of the
+    parameters.
 
     >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
     >>> cramer_rao(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).round(9).tolist()
@@ -90,7 +97,10 @@ def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
 
 
 def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
-    """How close estimates are to the Cramér-Rao bound: error (B, d), bound (B, d, d) of each run.
+    """How close estimates from B runs come to the Cramér-Rao bound.
+
+    `error` (B, d): the error of each estimate. `bound` (B, d, d): the bound of each run, from `cramer_rao`. Returns an
+    `Efficiency`.
 
     >>> rng = np.random.default_rng(0)
     >>> abs(efficiency(rng.normal(size=(4000, 2)), np.broadcast_to(np.eye(2), (4000, 2, 2))).ratio - 1) < 0.05
@@ -109,9 +119,10 @@ def efficiency(error: Numbers, bound: Numbers) -> Efficiency:
 
 
 def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
-    """θ + I(θ)^-1 score(θ) of the true `model`: the efficient estimate from this record, to first order.
+    """The estimate from `record` that attains the Cramér-Rao bound, to first order; it needs the true `model`.
 
-    It needs the true model. The error of an estimate relative to this one, on the same records, does not depend on the draws.
+    It is θ + I(θ)^-1 s, with θ the true parameters, I(θ) the information, and s the derivative of the log-likelihood. Compare
+    another estimate with it on the same records: the difference contains little of the randomness of the records.
     """
     u = applied(model, record)
     e = record.y - model.response(u)
@@ -123,7 +134,7 @@ def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
 
 
 def applied(model: OutputError, record: Record) -> np.ndarray:
-    """The applied inputs (T, m), checked to be known."""
+    """The applied inputs (T, m) of `record`. Raises `InputError` where one is unknown."""
     checks.require(model=(model, OutputError), record=(record, Record))
     faults = checks.Faults()
     if (len(record.inputs), len(record.outputs)) != (model.m, model.p):
@@ -150,7 +161,9 @@ def _definite(bound: np.ndarray) -> bool:
 
 
 def undetermined(M: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (d, r) of the directions that the information M (d, d) does not determine, in any units."""
+    """An orthonormal basis (d, r) of the directions about which the information M (d, d) is zero, for any units of the
+    parameters.
+    """
     scale = scale_of(M)
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     largest = values.max(initial=0.0)
@@ -161,6 +174,6 @@ def undetermined(M: np.ndarray) -> np.ndarray:
 
 
 def scale_of(M: np.ndarray) -> np.ndarray:
-    """The scale that makes the diagonal of M one; zero where the diagonal is zero."""
+    """The factors (d,) that scale the diagonal of a matrix M (d, d) to one; zero where the diagonal is zero."""
     size = np.sqrt(np.diagonal(M))
     return np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)

@@ -14,9 +14,13 @@ from .innovations import LAGS, Correlations, cross_correlation, standardised, wh
 
 @saved
 class InnovationChecks(NamedTuple):
-    """Verdicts on a result: on all outputs together (`nis`), on each output, and on each output against each input.
+    """The result of `check_innovations`: tests of the innovations of a filter.
 
-    `false_alarm` is the probability with which a correct model fails any of them.
+    - `nis`: the test of the size of all innovations together.
+    - `outputs`: for each output, the test of the size of its innovations.
+    - `whiteness`: for each output, the test whether its innovations are white.
+    - `cross_correlation`: for each pair (output, input), the test whether the innovations depend on the input.
+    - `false_alarm`: the probability with which a correct model fails any of the tests.
     """
 
     nis: Consistency
@@ -32,7 +36,7 @@ class InnovationChecks(NamedTuple):
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The sentence of each failed verdict, the most specific first: inputs, whiteness, levels."""
+        """A sentence for each failed test: first inputs, then whiteness, then sizes, so that the most specific come first."""
         inputs = [c for c in self.cross_correlation.values() if not c.passed]
         found = [c.sentence for c in sorted(inputs, key=lambda c: c.p_value)]
         found += [c.sentence for c in sorted(self.whiteness.values(), key=lambda c: c.p_value) if not c.passed]
@@ -43,7 +47,9 @@ class InnovationChecks(NamedTuple):
         """The sentence on the level of an output. The sign of the correlation at lag 1 distinguishes Q from R."""
         level, first = self.outputs[name], self.whiteness[name]
         small = level.mean > level.expected
-        found = f"squared innovations of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        found = (
+            f"mean squared innovation of {name} {level.mean:.2f}, expected 1 ({level.lower:.2f} to {level.upper:.2f})"
+        )
         if abs(first.values[0]) <= 2 / np.sqrt(max(first.pairs[0], 1)):
             which = "Q and R"
         else:
@@ -57,14 +63,13 @@ class InnovationChecks(NamedTuple):
 def check_innovations(
     result: Estimate, record: Record, *, lags: int = LAGS, false_alarm: float = 0.01
 ) -> InnovationChecks:
-    """Test the innovations of a result: their size, their whiteness, and their correlation with each input, for each
-    output.
+    """Test the innovations of a result: for each output their size, their whiteness, and their correlation with each input.
 
-    `result`: of `estimate`, with its covariances; `record`: the record of that estimate, for its inputs. `false_alarm`:
-    the probability that a correct model fails any of the tests; each test gets an equal share. An input that feeds back the
-    outputs with one sample's delay or more does not disturb the tests.
+    `result`: the result of `estimate`, with its covariances. `record`: the record of that estimate, for its inputs.
+    `false_alarm`: the probability that a correct model fails any of the tests, of which each gets an equal share. Feedback
+    from the outputs to an input does not disturb the tests if it acts with a delay of at least one sample.
 
-    Raises `InputError` if the result has no innovations or the record is a different one.
+    Returns an `InnovationChecks`. Raises `InputError` if the result has no innovations, or if the record is another one.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> drawn = simulate(model, seed=1, steps=300, prior=Prior([0.0], [[1.0]]))
@@ -94,7 +99,9 @@ def check_innovations(
 
 
 def checks_share(false_alarm: float, tests: int) -> float:
-    """The share of each of several tests in the probability that any fails (Bonferroni)."""
+    """The false-alarm probability of each of several tests, such that the probability that any fails is `false_alarm`
+    (Bonferroni).
+    """
     faults = checks.Faults()
     faults.number("false_alarm", false_alarm, above=0.0, upper=1.0)
     faults.finish()

@@ -18,10 +18,17 @@ CANCELS = 0.5  # a time shift leaves effects of both signs, a wrong gain mostly 
 
 @saved
 class Correlations(NamedTuple):
-    """Correlations of standardised innovations by lag, their band, and the verdict.
+    """The result of `whiteness` and `cross_correlation`: correlations of standardised innovations at several lags, and a
+    verdict.
 
-    `values` (lags,), each from `pairs` (lags,) seen pairs; a correct model keeps each within ±`band` and the sum of squares
-    `statistic` below `limit` with the stated probability. `lag` is the lag of the largest, relative to its band.
+    - `lags`: the lags in samples. `values` (lags,): the correlations at these lags. `pairs` (lags,): the number of pairs of
+      samples behind each.
+    - `band`: two standard deviations of each correlation under a correct model.
+    - `statistic`: the weighted sum of squared correlations. `limit`: a correct model stays below it with the chosen
+      probability.
+    - `p_value` and `passed`: the p-value of `statistic`, and whether `statistic` is below `limit`. `sentence`: the verdict as
+      a sentence.
+    - `lag`: the lag of the correlation that is largest relative to its band.
     """
 
     values: np.ndarray
@@ -45,7 +52,8 @@ class Correlations(NamedTuple):
 
 
 def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndarray:
-    """Innovations (T, p) over their standard deviations; NaN where not seen, known exactly, or of infinite variance.
+    """Innovations (T, p) divided by their standard deviations. NaN where an output is missing, known exactly, or of infinite
+    variance.
 
     >>> standardised([[2.0]], [[[4.0]]]).tolist()
     [[1.0]]
@@ -62,18 +70,24 @@ def standardised(innovation: Numbers, innovation_covariance: Numbers) -> np.ndar
 
 
 def in_sigmas(e: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """`standardised`, without checks: the predictions of an unstable model may be infinite."""
+    """Divide innovations e (T, p) by their standard deviations from S (T, p, p), as `standardised`, without its checks.
+
+    The predictions of an unstable model may be infinite, which the checks would refuse.
+    """
     variance = np.einsum("tii->ti", S)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(variance > 0, e / np.sqrt(variance), np.nan)
 
 
 def whiteness(e: Numbers, *, name: str = "the output", lags: int = LAGS, probability: float = 0.999) -> Correlations:
-    """Are standardised innovations (T,) of one output white? A portmanteau test that allows missing samples.
+    """Test whether the standardised innovations (T,) of one output are white. Samples may be missing.
 
-    The correlation at a lag is computed from the pairs of which both were seen, relative to their size, so that a wrong
-    level has no effect. Under a correct model its variance is 1 / pairs for any missing samples, lags are uncorrelated, and
-    Σ pairs correlation² is χ² with `lags` degrees. (Ljung & Box 1978, with the mean known to be zero.)
+    The test is the portmanteau test of Ljung & Box (1978) for a mean that is known to be zero. The correlation at a lag comes
+    from the pairs of samples that are both seen, divided by the size of these innovations. A wrong noise level therefore has
+    no effect. Under a correct model the variance of a correlation is 1 / pairs, whichever samples are missing, and different
+    lags are uncorrelated. The sum Σ pairs correlation² is then χ² with `lags` degrees of freedom.
+
+    Returns a `Correlations`.
 
     >>> whiteness(np.random.default_rng(0).normal(size=500)).passed
     True
@@ -106,12 +120,16 @@ def cross_correlation(
     lags: int = LAGS,
     probability: float = 0.999,
 ) -> Correlations:
-    """Do standardised innovations (T,) depend on the input (T,), at the same sample or up to `lags` samples before?
+    """Test whether the standardised innovations (T,) of one output depend on an input (T,) at the same sample or at earlier
+    samples.
 
-    The innovations are regressed on the input at all these lags together, so that a slow or periodic input does not
-    spread one lag over its neighbours. `values` are the partial correlations. `statistic` is n R², χ² under a correct
-    model, with as many degrees as the input has directions (a Lagrange multiplier test). Rows not seen are omitted, and
-    the mean of the input is subtracted, since only an offset could explain it.
+    `lags`: how many samples back. The innovations are regressed on the input at all these lags together. A slow or periodic
+    input then does not spread the effect at one lag over its neighbours. The mean of the input is subtracted first, because
+    its effect cannot be distinguished from an offset. Rows with a missing output do not count.
+
+    Returns a `Correlations` whose `values` are the partial correlations. Its `statistic` is n R² for n rows and the
+    coefficient of determination R². Under a correct model it is χ² with as many degrees of freedom as the input has
+    independent directions (a Lagrange multiplier test).
 
     >>> rng = np.random.default_rng(0)
     >>> cross_correlation(rng.normal(size=500), np.sign(rng.normal(size=500))).passed
@@ -190,9 +208,9 @@ def _verdict(
 
 
 def _white_sentence(found: Correlations, name: str) -> str:
-    measure = f"innovations of {name}: sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f}"
+    size = f"(sum of squared correlations {found.statistic:.1f}, limit {found.limit:.1f})"
     if found.passed:
-        return f"{measure}: white"
+        return f"innovations of {name} are white {size}"
     first = found.values[0]
     if found.lag == 1 or abs(first) * np.sqrt(found.pairs[0]) > 3:
         cause = (
@@ -201,15 +219,16 @@ def _white_sentence(found: Correlations, name: str) -> str:
             else "each has the opposite sign of the one before: Q too large relative to R"
         )
     else:
-        cause = f"largest at lag {found.lag}: a mode, a delay or a disturbance with that period is not in the model"
-    return f"{measure}: {cause} (correlation {first:+.2f} at lag 1)"
+        cause = "a mode, a delay or a disturbance with that period is not in the model"
+    most = f"most correlated at lag {found.lag}"
+    return f"innovations of {name} are not white {size}, {most}: {cause} (correlation {first:+.2f} at lag 1)"
 
 
 def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_name: str) -> str:
-    measure = f"innovations of {name} regressed on {input_name}: n R² {found.statistic:.1f}, limit {found.limit:.1f}"
+    size = f"(n R² of the regression {found.statistic:.1f}, limit {found.limit:.1f})"
     if found.passed:
-        return f"{measure}: no effect of the input is left"
-    where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} after it"
+        return f"innovations of {name} do not depend on {input_name} {size}"
+    where = "at the same sample" if found.lag == 0 else f"{checks.counted(found.lag, 'sample')} later"
     beyond = effect[np.abs(found.values) > found.band]
     shifted = len(beyond) > 1 and np.abs(beyond.sum()) < CANCELS * np.abs(beyond).sum()
     cause = (
@@ -217,4 +236,4 @@ def _input_sentence(found: Correlations, effect: np.ndarray, name: str, input_na
         if shifted
         else "the gain of the input is probably wrong, or its effect is not in the model"
     )
-    return f"{measure}, most of it {where}: {cause}"
+    return f"innovations of {name} depend on {input_name} {size}, most {where}: {cause}"

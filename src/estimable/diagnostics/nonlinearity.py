@@ -22,10 +22,12 @@ STRONG = 0.3  # of a standard deviation: third-order term above which the gain c
 
 @saved
 class Nonlinearity(NamedTuple):
-    """The terms that a linearisation omits, for each row, in standard deviations of the same quantity.
+    """The result of `nonlinearity`: what a linearised filter omits at each row, in standard deviations of the quantity.
 
-    `state_bias` (T - 1, n): of the mean predicted for row k + 1; `output_bias` (T - 1, p): of the output predicted there;
-    `third_order` (T - 1, p): the change of the slope of h by its third derivatives (the term of the cubic estimator).
+    - `state_bias` (T - 1, n): the bias of the mean that is predicted for row k + 1.
+    - `output_bias` (T - 1, p): the bias of the output that is predicted for row k + 1.
+    - `third_order` (T - 1, p): the change of the slope of h by its third derivatives, a term that second-order filters omit
+      too.
     """
 
     state_bias: Annotated[np.ndarray, "T n"]
@@ -54,12 +56,12 @@ class Nonlinearity(NamedTuple):
 
 
 def nonlinearity(model: NonlinearModel, result: Estimate, record: Record) -> Nonlinearity:
-    """Measure the second- and third-order terms of `model` along an estimate of its state.
+    """Measure how far `model` is from linear along an estimate of its state, by its second- and third-order terms.
 
-    `result`: of a filter of that model over `record`, with covariances (`keep="all"`). The curvature is measured over the
-    covariance that the filter reports at each row; parameters have their values in the model.
+    `result`: the result of a filter of that model over `record`, with covariances (`keep="all"`). At each row the terms are
+    computed for the covariance that the filter reports there. The parameters have their values in the model.
 
-    Raises `InputError` for another model, or a result without covariances.
+    Returns a `Nonlinearity`. Raises `InputError` for another model, or for a result without covariances.
 
     >>> model = NonlinearModel(lambda x, u, θ: x, lambda x, u, θ: x**2, Q=[[0.0]], R=[[0.1]], dt=1)
     >>> record = Record([np.nan, 5.0], dt=1)

@@ -22,7 +22,11 @@ LONGEST = 100_000  # samples of a step response
 
 @saved
 class Roots(NamedTuple):
-    """Poles or zeros: `values` (k,) in z, the covariance (k, 2, 2) of each one's real and imaginary part, NaN where not known."""
+    """The poles or zeros of a fitted model, with their uncertainty.
+
+    - `values` (k,): the poles or zeros in z.
+    - `covariance` (k, 2, 2): for each the covariance of its real and imaginary part, NaN where unknown.
+    """
 
     values: Annotated[np.ndarray, "k"]
     covariance: Annotated[np.ndarray, "k 2 2", "symmetric"]
@@ -30,7 +34,12 @@ class Roots(NamedTuple):
 
 @saved
 class Response(NamedTuple):
-    """A response at `at` (K,): `values` (K, p, m) and their standard deviations `sigma` (K, p, m), NaN where not known."""
+    """The response of a fitted model in time, with its uncertainty.
+
+    - `at` (K,): the times in seconds.
+    - `values` (K, p, m): the response of each output to each input.
+    - `sigma` (K, p, m): the standard deviation of each value, NaN where unknown.
+    """
 
     at: Annotated[np.ndarray, "K"]
     values: Annotated[np.ndarray, "K p m"]
@@ -39,8 +48,12 @@ class Response(NamedTuple):
 
 @saved
 class FrequencyResponse(NamedTuple):
-    """`frequencies` (K,) in hertz, `values` (K, p, m) complex, and standard deviations of the logarithm of the modulus and of
-    the phase in radians, (K, p, m); NaN where not known.
+    """The frequency response of a fitted model, with its uncertainty.
+
+    - `frequencies` (K,): in hertz.
+    - `values` (K, p, m): the complex response of each output to each input.
+    - `log_modulus_sigma` and `phase_sigma` (K, p, m): the standard deviations of the logarithm of the modulus and of the
+      phase in radians, NaN where unknown.
     """
 
     frequencies: Annotated[np.ndarray, "K"]
@@ -51,7 +64,12 @@ class FrequencyResponse(NamedTuple):
 
 @saved
 class Spread(NamedTuple):
-    """The matrices of a fitted model, and their tangents (r, ..); r = 0 if the fit has no covariance."""
+    """The matrices of a fitted model, and how they change with its uncertainty.
+
+    - `model`: the fitted model, as a state-space model. `dynamics`: its matrices A, B, C, D.
+    - `tangents`: for each of r independent directions of the parameters, the change of the matrices (r, ..) by one standard
+      deviation. r = 0 if the fit has no covariance.
+    """
 
     model: StateSpace
     dynamics: Dynamics
@@ -64,9 +82,11 @@ class Spread(NamedTuple):
 
 
 def spread_of(fit: Fit) -> Spread:
-    """The matrices of a discrete fitted model, and their changes by one standard deviation along independent directions.
+    """The matrices of a discrete fitted model, and how uncertain parameters change them.
 
-    There are none if the fit has no covariance, or if the records have no information about some direction.
+    The result is a `Spread`. Its `tangents` are the changes of the matrices when the parameters move by one standard
+    deviation, along each independent direction of the parameters. There are none if the fit has no covariance, or if the
+    records carry no information about some direction.
 
     >>> u = np.random.default_rng(0).normal(size=50)
     >>> fit = identify(LeastSquares(1, 0), Record(u**2, u, dt=1))
@@ -97,7 +117,8 @@ def _moved(fit: Fit) -> Dynamics:
 
 
 def poles(fit: Fit) -> Roots:
-    """The poles of a fit in z, without those of a delay, and their covariances, to first order.
+    """The poles of a fitted model in z, and their covariances to first order. The poles at zero that represent a delay are
+    omitted.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -110,9 +131,9 @@ def poles(fit: Fit) -> Roots:
 
 
 def zeros(fit: Fit, output: int = 0, input: int = 0) -> Roots:
-    """The finite zeros from one input to one output of a fit, in z, and their covariances, to first order.
+    """The finite zeros in z of a fitted model, from one input to one output, and their covariances to first order.
 
-    Zeros at the origin, and zeros that a hidden pole cancels, are omitted.
+    Zeros at the origin are omitted. So are zeros that cancel a pole that the input does not move or the output does not show.
     """
     spread = spread_of(fit)
     faults = checks.Faults()
@@ -150,7 +171,9 @@ def _roots(values: np.ndarray, moves: np.ndarray, known: bool) -> Roots:
 
 
 def frequency_response(fit: Fit, frequencies: Numbers | None = None) -> FrequencyResponse:
-    """The frequency response of a fit and its uncertainty, to first order. `frequencies` (K,) in hertz; None: up to Nyquist's.
+    """The frequency response of a fitted model, and its uncertainty to first order.
+
+    `frequencies` (K,) in hertz. None: frequencies up to the Nyquist frequency. Returns a `FrequencyResponse`.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -187,7 +210,9 @@ def _slow(spread: Spread) -> np.ndarray:
 
 
 def step_response(fit: Fit, steps: int | None = None) -> Response:
-    """The response to a step of each input, at times `at` in seconds, and its uncertainty, to first order.
+    """The response of a fitted model to a unit step of each input, and its uncertainty to first order.
+
+    `steps`: the number of samples after the step. None: until the response has settled. Returns a `Response`.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -215,7 +240,10 @@ def _length(spread: Spread) -> int:
 
 
 def simulation_sigma(fit: Fit, u: Numbers, state: Numbers) -> np.ndarray:
-    """Standard deviations (T, p), from the covariance of the fit, of the outputs that u (T, m) causes from a given state."""
+    """The standard deviations (T, p) of simulated outputs that come from the uncertainty of a fitted model.
+
+    `u` (T, m): the inputs. The initial state is given and counts as known.
+    """
     spread = spread_of(fit)
     faults = checks.Faults()
     inputs, start = (

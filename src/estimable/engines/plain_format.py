@@ -33,7 +33,7 @@ def loads(text: bytes) -> Any:
     try:
         return _read(json.loads(text))
     except (ValueError, TypeError, AttributeError, LookupError, ImportError, RecursionError) as reason:
-        raise ValueError("the text is not a lowered step") from reason
+        raise ValueError("the text is not a record of the operations of a step") from reason
 
 
 def _written(value: Any) -> Any:

@@ -38,15 +38,20 @@ def estimate(
     engine: str = "auto",
     keep: str = "all",
 ) -> Estimate:
-    """Run a state estimator over a record. T rows in, T rows out; row k uses the samples 0..k.
+    """Run a state estimator over a record. The result has one row for each row of the record, and row k uses the samples 0 to
+    k.
 
-    `algorithm`: `Kalman`, `UnknownGain`, or any other with init, correct and predict. `record`: outputs and inputs are
-    matched to the model's channels by name. `prior`: of the state x[0], before y[0]; None for an algorithm that does not
-    estimate the state of a plant. `on_failure`: "raise" a `RunError` where a run fails, or "keep" its result, with the outcome.
-    `engine`: "auto", "native" (machine code, for small models) or "xla". `keep`: "all"; "means" (no covariances); "last" (one
-    row); "likelihood" (no row).
+    - `algorithm`: the estimator, such as `Kalman(model)` or `UnknownGain(model, gain)`.
+    - `record`: the `Record`. Its outputs and inputs are matched to the channels of the model by name.
+    - `prior`: the `Prior` of the state x[0], before the sample y[0]. None for an algorithm that estimates no state of a
+      plant.
+    - `on_failure`: "raise": a `RunError` where a run fails; "keep": the result, whose `outcome` says where and why it failed.
+    - `engine`: "native" (machine code, for small models), "xla" (JAX), or "auto", the first that can run the algorithm.
+    - `keep`: which rows and arrays the result holds. "all": all; "means": no covariances; "last": only the last row;
+      "likelihood": no rows.
 
-    Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
+    Returns an `Estimate`. Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the
+    sample.
 
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
     >>> result = estimate(Kalman(model), Record([[2.0], [4.0]], dt=1), prior=Prior([0.0], [[1.0]]))
@@ -66,9 +71,11 @@ def estimate(
 
 
 def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior) -> Any:
-    """The log-likelihood of a record, differentiable by JAX with respect to the algorithm's numbers.
+    """The log-likelihood of a record under an algorithm. JAX can differentiate it with respect to the numbers of the
+    algorithm.
 
-    A variance that is exactly zero has no derivative (its square root has none): the gradient is 0 there.
+    `algorithm`, `record` and `prior` are as in `estimate`. With respect to a variance that is exactly zero the gradient is 0:
+    the filter uses the square root of the variance, which has no derivative at 0.
 
     >>> import jax
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.5]], R=[[1.0]], dt=1)

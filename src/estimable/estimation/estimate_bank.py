@@ -30,12 +30,14 @@ def estimate_bank(
     engine: str = "auto",
     keep: str = "all",
 ) -> EstimateBank:
-    """Run a bank of estimators: each of `algorithms`, `records` and `prior` is one (shared) or several (`stack`, or a list).
+    """Run many estimators at once.
 
-    All stacked arguments have the same size B, the leading axis of the result. Records of a bank have equal times. Options as
-    in `estimate`; run i of a bank equals a single run to rounding.
+    Each of `algorithms`, `records` and `prior` is either one object, which all runs share, or several: a list, or a stack
+    made by `stack`. All stacks have the same length B. Run i uses entry i of each stack. The records must have equal times.
+    The other arguments are as in `estimate`. Run i equals a single run to rounding.
 
-    Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
+    Returns an `EstimateBank`, whose arrays have a leading axis of length B. Raises `InputError` with every fault of the call;
+    `RunError` for the first run that failed, naming it.
 
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=1)
     >>> records = stack([Record([[2.0]], dt=1), Record([[4.0]], dt=1)])

@@ -40,22 +40,24 @@ def fit_noise(
     free: Free = ("Q", "R"),
     progress: bool = True,
 ) -> NoiseFit:
-    """The noise covariances that maximise the likelihood of a record (or several), with their standard errors.
+    """Find the noise covariances that maximise the likelihood of a record, or of several, with their standard errors.
 
-    `algorithm`: any filter of a model with Q and R, such as `Kalman`, `UnknownGain` or `ExtendedKalman`; its covariances are the
-    start of the search, and those not free are fixed. `record`: one, or a list. `free`: the free covariances of "Q", "R" and
-    "walk" (of gains or parameters), and "S", the cross noise, with both (it can be known only where few noises drive many
-    states); or a mapping from them to "diagonal" (each variance by itself, with fixed correlations; the default for a diagonal
-    matrix), "full" (every entry; the default otherwise), "scale" (one factor), or bools, one per variance. Variances are found
-    as logarithms and full matrices by their Cholesky factor, so that every trial is positive semidefinite; a continuous Q
-    remains a density.
+    - `algorithm`: any filter of a model with Q and R, such as `Kalman`, `UnknownGain` or `ExtendedKalman`. Its covariances are
+      the start of the search; those that are not free are fixed.
+    - `record`: one record, or a list. `prior` is as in `estimate`.
+    - `free`: the free covariances: names from "Q", "R" and "walk" (of gains or parameters), or a mapping from these names to
+      what is free in the matrix. "diagonal": each variance by itself, with fixed correlations (the default for a diagonal
+      matrix); "full": every entry (the default otherwise); "scale": one factor of the whole matrix; or a list of bools, one for
+      each variance. "S", the cross noise, can be free together with both Q and R; the record determines it only where few
+      noises drive many states.
+    - `progress`: whether a bar appears on stderr after a second of work, if stderr is a terminal.
 
-    `progress`: a bar on stderr after a second of work, if stderr is a terminal.
+    The search uses the logarithms of variances and the Cholesky factors of full matrices, so that every trial is positive
+    semidefinite. Q of a continuous model remains a density. The covariance of the found numbers is the inverse of Fisher's
+    information of the innovations.
 
-    The covariance is the inverse of Fisher's information of the innovations.
-
-    Raises `InputError` with every fault of the call; `AssumptionError` where the records do not distinguish the free entries:
-    it names the direction and the eigenvalue of the information.
+    Returns a `NoiseFit`. Raises `InputError` with every fault of the call. Raises `AssumptionError` where the records do not
+    distinguish the free entries; the message names the direction and the eigenvalue of the information.
 
     Cost: some ten passes, each that of `score` for as many numbers: 15 ms for 6 variances of n = 4, p = 2 and 1,200 rows.
 
@@ -175,5 +177,6 @@ def _check_distinct(information: np.ndarray, names: tuple[str, ...], free: np.nd
     words = " ".join(f"{x:+.2f} log {names[i]}" for x, i in zip(v, free, strict=True) if abs(x) > 0.01).lstrip("+")
     raise AssumptionError(
         f"the records do not distinguish the free entries: along {words} the likelihood does not change (smallest "
-        f"eigenvalue of the scaled information {values[0]:.2g}, {DISTINCT:.0e} needed). Fix one of them, or use a scale."
+        f"eigenvalue of the scaled information {values[0]:.2g}, {DISTINCT:.0e} needed). Fix one of them, or "
+        'fit one factor of a matrix ("scale").'
     )

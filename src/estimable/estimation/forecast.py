@@ -16,17 +16,17 @@ from .estimate import estimate
 
 
 def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = None) -> Forecast:
-    """The states and outputs of the `steps` samples after a record, given all of it, with their covariances.
+    """Predict the states and outputs of the samples after a record, with their covariances.
 
-    `result`: of `estimate`, by `Kalman`, `UnknownGain` or another with a linear Gaussian model. `u` (steps, m): the
-    inputs from the first row after the record on, in the order of the record's inputs; None for a model without inputs,
-    with `steps` as the number of samples. The last row of `u` acts only on the outputs of its own sample.
+    - `result`: the result of `estimate` with `Kalman`, `UnknownGain` or another algorithm with a linear Gaussian model.
+    - `u` (steps, m): the inputs from the first row after the record on, in the order of the record's inputs. The last row
+      acts only on the outputs of its own sample. None for a model without inputs; `steps` is then the number of samples.
 
-    Returns a `Forecast`: `mean` (steps, n), `covariance`, `output` (steps, p), `output_covariance` with the measurement
-    noise, the gains if there are any, and `t`, which continues with the record's last step. Undetermined directions are in
-    `diffuse_covariance`, and output covariances that are infinite because of them are NaN.
+    Returns a `Forecast`. Its times `t` continue with the last step of the record. Where the record leaves directions of the
+    state undetermined, they are in `diffuse_covariance`, and the output covariances that are infinite because of them are
+    NaN.
 
-    Cost: the record is run once more, with the future rows as missing samples.
+    Cost: one run over the record, with the future rows as missing samples.
 
     Raises `InputError` with every fault of the call.
 

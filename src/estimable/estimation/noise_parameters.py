@@ -141,13 +141,14 @@ def _joint(model: StateSpace, noises: tuple[str, ...], words: Mapping[str, Any],
         faults.add('`free`: the cross noise S is fitted together with Q and R: free=("Q", "R", "S").')
         return None
     if model.varying and {"Q", "R", "S"} & set(model.varying):
-        faults.add("`S` must be a single matrix to be fitted, as Q and R: they vary in time.")
+        faults.add("`Q`, `R` and `S` must be constant to be fitted together. In this model one of them varies in time.")
         return None
     S = np.zeros((len(noises), model.p)) if model.S is None else np.asarray(model.S)
     start = np.block([[np.asarray(model.Q), S], [S.T, np.asarray(model.R)]])
     if np.linalg.eigvalsh(start)[0] <= 1e-12 * np.abs(start).max():
         faults.add(
-            "`Q`, `S` and `R` must be positive definite together to be fitted with S: start from larger variances."
+            "The joint covariance of `Q`, `S` and `R` must be positive definite to be fitted. "
+            "Start from larger variances in Q and R."
         )
         return None
     channels = (*noises, *model.outputs)

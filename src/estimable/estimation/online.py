@@ -62,7 +62,9 @@ class Progress:
 
 
 class Online:
-    """A running algorithm, one sample at a time; made by `online`. The only mutable object of estimable.
+    """An algorithm that runs sample by sample, made by `online`. It is the only mutable object of estimable.
+
+    For each sample call `correct` with the outputs, then `predict` with the input.
 
     Calls from several threads run one after another. `copy.copy`, `copy.deepcopy` and `pickle` make an independent run.
 
@@ -136,9 +138,10 @@ class Online:
         return self._now.info
 
     def correct(self, y: Numbers, u: Numbers | None = None, *, arrived: Numbers | None = None) -> Info:
-        """Update with the sample y (p,), NaN where not seen. `u` is needed where the input enters y directly (D).
+        """Update the estimate with the outputs y (p,) of this sample, NaN where missing, and return the report (an `Info`).
 
-        Sensors that report one after the other at the same instant may be passed in several calls, with NaN for the others.
+        `u` (m,) is needed only where the input enters y directly (D is not zero). Sensors that report one after the other at
+        the same instant may be passed in several calls, with NaN for the others.
         """
         turn = self._turn
         try:
@@ -202,9 +205,10 @@ class Online:
         arrived: Numbers | None = None,
         dt: float | None = None,
     ) -> None:
-        """Move to the next sample, `dt` seconds later, under the input u (m,), which reaches `u_end` at a first-order hold.
+        """Move to the next sample, `dt` seconds later, under the input u (m,).
 
-        The default `dt` is that of a discrete model, and for a continuous one that of the last call.
+        `u_end` (m,): the input at the next sample, for an input that moves linearly between samples (hold "first_order").
+        `dt`: by default the step of a discrete model; for a continuous one the step of the last call.
         """
         turn = self._turn
         try:
@@ -254,7 +258,7 @@ class Online:
             return None
         try:
             if progress.algorithm.takes_unknown_arrivals:
-                raise UnsupportedError("inputs of unknown arrival")
+                raise UnsupportedError("inputs of unknown arrival are not supported")
             return Quick(progress)
         except EstimableError:
             raise
@@ -288,7 +292,7 @@ class Online:
             raise RunError(outcome)
 
     def save(self, path: str | Path) -> None:
-        """Write the algorithm and its state to a file, which `load` reads and resumes."""
+        """Write the algorithm and its state to a file. `load` reads the file, and the run resumes."""
         from ..store.save import save
 
         save(path, self)
@@ -362,15 +366,18 @@ def online(
     hold: str = "zero_order",
     lost: str = "zero",
 ) -> Online:
-    """Run an algorithm one sample at a time, with the same results as `estimate` to rounding.
+    """Start an algorithm that runs one sample at a time. Its results equal those of `estimate` to rounding.
 
-    `prior`: of the state at the first sample. `engine`: "native" (machine code, for small models on a CPU: some two
-    microseconds per sample where y and u are float64 arrays, or lists of floats), "xla" (some hundreds), or "auto", the first
-    that can run it. `hold`: how the input moves between samples. `lost`: what the actuator does when a packet is lost, "zero" or
-    "hold". Then, for each sample, call `.correct(y)` and `.predict(u)`; `.info` is the last report, `.save(path)` stores the run,
-    and `load(path)` resumes it. `.engine` is the engine that runs it.
+    Then, for each sample, call `.correct(y)` and `.predict(u)`. `.info` is the last report and `.engine` the engine that
+    runs. `.save(path)` stores the run, and `load(path)` resumes it.
 
-    Raises `InputError` for a wrong call, `RunError` where the numbers fail.
+    - `prior`: the `Prior` of the state at the first sample.
+    - `engine`: "native", machine code for small models on a CPU: about two microseconds per sample where y and u are float64
+      arrays, or lists of floats; "xla": some hundreds of microseconds; "auto": the first of these that can run the algorithm.
+    - `hold`: how the input moves between samples, "zero_order" or "first_order".
+    - `lost`: what the actuator does when a packet is lost, "zero" or "hold".
+
+    Returns an `Online`. Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
     faults = checks.Faults()
     choice.check(engine, faults)

@@ -25,18 +25,22 @@ def score(
     with_respect_to: Sequence[str],
     engine: str = "auto",
 ) -> Score:
-    """The log-likelihood of a record, its derivatives with respect to named numbers, and Fisher's information about them.
+    """Differentiate the log-likelihood of a record with respect to named numbers, and give Fisher's information about them.
 
-    `with_respect_to`: entries by the names of their channels. "A[q, alpha]": row q, column alpha, of the model's A, B, C, D, Q,
-    R, S or G, continuous or discrete; "Q[q]" and "R[y1]" are variances, and an entry of a covariance off the diagonal moves in
-    both places. "gain[gain]": the prior mean of a gain, "walk[gain]" the variance of its walk; "x0[q]": the prior mean of a
-    state; a parameter of a `NonlinearModel` by its name alone. Other arguments as in `estimate`.
+    - `algorithm`, `record`, `prior` and `engine` are as in `estimate`.
+    - `with_respect_to`: the names of the numbers, a list. "A[q, alpha]" is the entry in row q and column alpha of the matrix
+      A of the model; B, C, D, Q, R, S and G are named in the same way, for continuous and discrete models. "Q[q]" and "R[y1]"
+      are variances. A covariance off the diagonal appears twice in its matrix, and changes in both places. "x0[q]" is the
+      prior mean of the state q, "gain[gain]" is the prior mean of a gain, and "walk[gain]" is the variance of its walk. A
+      parameter of a `NonlinearModel` has its own name, without brackets.
 
-    The score is exact, the derivative of each step, and the information is that of the innovations and their covariances.
+    The derivatives are exact: each step of the filter is differentiated. The information is that of the innovations and of
+    their covariances.
 
-    Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
+    Returns a `Score`. Raises `InputError` with every fault of the call. Raises `RunError` where the calculation failed; the
+    message names the sample.
 
-    Cost: for each 8 numbers about 15 runs of the filter (n = 4, p = 2), all at once as machine code.
+    Cost: for each 8 numbers about 15 runs of the filter (n = 4, p = 2), calculated together in machine code.
 
     Reference: K. J. Åström, Automatica 16 (1980) 551-574; N. K. Gupta, R. K. Mehra, IEEE TAC 19 (1974) 774-783.
 

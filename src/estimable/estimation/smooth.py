@@ -36,17 +36,18 @@ def smooth(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> SmoothedEstimate:
-    """The states (and gains) of a record given samples before and after them. T rows in, T rows out.
+    """Estimate the states (and gains) of a record from samples before and after them.
 
-    `lag=None`: row k uses every sample (fixed interval). `lag=L`: row k uses the samples 0..k+L (fixed lag), and is the
-    estimate available L samples later; `lag=0` is `estimate`. `result.used[k]` is the last sample that row k uses.
+    `lag=None`: row k uses every sample (fixed interval). `lag=L`: row k uses the samples 0 to k + L (fixed lag), so its
+    estimate is available L samples later; `lag=0` equals `estimate`.
 
-    `algorithm`: `Kalman`, `UnknownGain`, `UnknownInput` (the input of row k is then in row k), or any other that offers
-    `instant` (a row of its linear Gaussian model) and `tell` (the report of a belief). The data may be all that `estimate`
-    supports: known inputs, outputs missing channel by channel, irregular time, cross noise, singular covariances, diffuse
-    priors. Directions that the whole record leaves undetermined are in `diffuse_covariance`. Other arguments as in `estimate`.
+    `algorithm`: `Kalman`, `UnknownGain`, `UnknownInput`, or your own class derived from `Smoothable`. With `UnknownInput` row
+    k holds the input of row k. The data may be all that `estimate` supports: known inputs, outputs missing channel by
+    channel, irregular time, cross noise, singular covariances, diffuse priors. The other arguments are as in `estimate`.
 
-    Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the sample.
+    Returns a `SmoothedEstimate`; `used[k]` is the last sample that row k uses. Directions that the whole record leaves
+    undetermined are in `diffuse_covariance`. Raises `InputError` with every fault of the call; `RunError` where the numbers
+    failed, naming the sample.
 
     Cost: a fixed interval about 4 times that of `estimate`; a fixed lag L times that of `estimate`.
 

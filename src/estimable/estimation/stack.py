@@ -14,15 +14,16 @@ from ..results import Stacked
 
 
 def stack(items: Sequence[Any]) -> Stacked:
-    """Stack several algorithms, records or priors of the same kind, shapes and names into one.
+    """Stack several algorithms, records or priors into one object, for `estimate_bank`.
 
-    Raises `InputError` where they differ in kind, shape, names or another fixed setting, naming the first that does.
+    They must have the same kind, shapes, names and other fixed settings. Raises `InputError` that names the first one that
+    differs.
 
     >>> len(stack([Prior([0.0], [[1.0]]), Prior([1.0], [[2.0]])]))
     2
     """
     if not isinstance(items, Sequence) or isinstance(items, str):
-        checks.refuse(f"`items` must be a list of things of one kind. Got {checks.short(items)}.")
+        checks.refuse(f"`items` must be a list of objects of one kind. Got {checks.short(items)}.")
     things = list(items)
     if not things:
         checks.refuse("`items` must hold at least one thing to stack.")
@@ -33,7 +34,8 @@ def stack(items: Sequence[Any]) -> Stacked:
     for i, thing in enumerate(things[1:], start=1):
         if type(thing) is not type(things[0]):
             checks.refuse(
-                f"only things of one kind stack: item 0 is a {type(things[0]).__name__}, item {i} a {type(thing).__name__}."
+                f"only objects of one kind can be stacked: item 0 is a {type(things[0]).__name__}, "
+                f"item {i} a {type(thing).__name__}."
             )
         if jax.tree_util.tree_structure(thing) != first:
             checks.refuse(f"item {i} differs from item 0 in {_first_fixed_difference(things[0], thing)}.")

@@ -34,23 +34,33 @@ class Track:
 
 @frozen
 class AlphaBeta(Algorithm[Track]):
-    """A tracker of a position with two or three constant gains, over steps of any length, with the true covariance of its error.
+    """A tracker of a position with two or three constant gains. It reports the true covariance of its error, for steps of any
+    length.
 
-    Model: r' = v, v' = a white noise of density σ_a² (with `gamma`: v' = a, a' that noise); y[k] = r + noise. After a step of T
-    seconds since the last seen sample, r moves by α e, v by (β / T) e and the acceleration by (γ / T²) e, e = y - r.
+    Model: the target has the position r and the velocity v, dr/dt = v, and its acceleration dv/dt is white noise of density
+    σ_a². With `gamma` the acceleration a is a state, and da/dt is that noise. The sensor gives y[k] = r + noise. Let T be the
+    seconds since the last seen sample, and e the innovation, y minus the predicted r. At a sample r moves by α e, v by
+    (β / T) e, and a by (γ / T²) e.
 
-    Assumes that the target moves like this; the gains need no variances. At a constant T the error's poles do not depend on T.
-    Where T changes by large factors from sample to sample, constant gains may be unstable (Bass's are at 1, 10, 1, 10, .. s):
-    then use alpha="kalata". The covariance needs σ_a² and the sensor noise, and is that of these gains.
+    Assumes that the target moves like this. The gains need no variances. At a constant T the poles of the error do not depend
+    on T. Where T changes by large factors from sample to sample, constant gains may be unstable: the gains of Bass are at
+    T = 1, 10, 1, 10, .. s. Then use alpha="kalata". The covariance holds for the given gains; it needs σ_a² and the noise of
+    the sensor.
 
-    Settings: `alpha`, `beta`, `gamma` (others divide it by 2), as from `alpha_beta_gains`; or alpha="kalata": α and β are
-    computed for each step from the index Λ = T² σ_w / σ_v, σ_w² = σ_a² / T, so that each sample is weighted by its T. `sigma_a2`;
-    `sigma_s2`: density of a sensor that averages over T, so that a sample has variance σ_s² / T (the first row, with no T before
-    it, is then not used). Without both, only the means are estimated. Or `model`: a `StateSpace` of a position and its
-    derivatives with the process noise Q; its R is the variance of every sample. `output`: the name of the measured channel.
+    Settings:
 
-    A missing sample has the effect of a missing row: the next T is longer. The first row, at the time of the prior, moves the
-    position only (with the index, T = 0, nothing). A diffuse prior is treated as in `Kalman`: two samples determine r and v.
+    - `alpha`, `beta`, `gamma`: the gains, such as `alpha_beta_gains` returns (other authors divide this γ by 2). Or
+      alpha="kalata": α and β are computed for each step from the index Λ = T² σ_w / σ_v with σ_w² = σ_a² / T and the sensor's
+      σ_v, so that each sample is weighted by its T.
+    - `sigma_a2`: the density σ_a². `sigma_s2`: the density σ_s² of a sensor that averages over T, so that a sample has the
+      variance σ_s² / T. The first row has no T before it and is then not used. Without both, only the means are estimated.
+    - `model`, instead of the densities: a `StateSpace` of a position and its derivatives with the process noise Q. Its R is
+      the variance of every sample.
+    - `output`: the name of the measured channel.
+
+    A missing sample has the effect of a missing row: the next T is longer. The first row, at the time of the prior, corrects
+    the position only; with alpha="kalata" it corrects nothing, because T = 0. A diffuse prior is treated as in `Kalman`: two
+    samples determine r and v.
 
     Cost: that of `Kalman` with 2 or 3 states. Reference: R. W. Bass (2005); P. R. Kalata, IEEE TAES 20 (1984) 174.
 

@@ -14,7 +14,7 @@ from . import wrapped
 
 @frozen
 class Bounded(Wrapper[Any]):
-    """An algorithm whose estimated gain is reported within bounds.
+    """A wrapper around another algorithm, which reports its estimated gain within bounds.
 
     Model: that of the algorithm. The reported gain is clipped to [lower, upper]. Nothing else changes: neither the covariance
     of the gain nor the internal belief of the algorithm.
@@ -24,7 +24,7 @@ class Bounded(Wrapper[Any]):
 
     Settings: `algorithm`, one that estimates a gain; `lower` and `upper`, (p,) or one number.
 
-    Cost: two comparisons per gain.
+    Cost: two comparisons per gain and sample.
 
     Reference: A. G. Sillence (1999) §5.5.
 

@@ -45,37 +45,44 @@ class Watch:
 class ChangeDetection(Wrapper[Watch]):
     """A gain estimator that detects jumps of a gain, with their time and size.
 
-    Model: that of the algorithm, with gains that are constant except for jumps: at any sample one of them may change by
-    N(0, jump). Given the input the model is linear. The response of every later innovation to every possible jump is therefore
-    a recursion, the size of the jump integrates out, and each onset in the last `length` samples has its exact likelihood
-    ratio against no jump.
+    Model: that of the algorithm, with gains that are constant except for jumps. At any sample one of them may change by a
+    Gaussian step with mean 0 and variance `jump`. For a known input the model is linear. The response of every later
+    innovation to every possible jump then follows from a recursion, and the size of the jump is integrated over. This gives
+    the exact likelihood ratio of a jump at each of the last `length` samples, against no jump.
 
-    Alarm: the sum of the ratios over the onsets, weighted by the seconds that each represents, exceeds
-    `seconds_between_false_alarms` (Shiryaev-Roberts). While no gain jumps, that sum minus the elapsed time has mean zero, so the
-    mean time to a false alarm is at least that number: a bound, not an approximation (measured: two to four times as long). At an
-    alarm the belief becomes the posterior given a jump, averaged over its onset, and the detector restarts: several jumps may
-    follow each other. Without an alarm nothing changes, and the estimate is as smooth as that of a constant gain.
+    Alarm: the likelihood ratios are summed over the possible times of the jump, each weighted by the seconds that it
+    represents. The detector raises an alarm when the sum exceeds `seconds_between_false_alarms` (the Shiryaev-Roberts test).
+    While no gain jumps, the sum minus the elapsed time has mean zero. The mean time to a false alarm is therefore at least
+    that number. (Measured: two to four times as long.) At an alarm the belief becomes the posterior given a jump, averaged
+    over its time, and the detector restarts, so that several jumps may follow each other. Without an alarm nothing changes,
+    and the estimate is as smooth as that of a constant gain.
 
-    Assumes what `UnknownGain` assumes. A wrong model looks like a jump: process noise Q that represents unmodelled dynamics is
-    correlated in time, unlike white noise, and `persistence` is its duration. Gains that jump together are found one after the
-    other; a jump between two samples is attributed to one of them. A drifting gain needs a `walk`; where it drifts fast, use
-    `UnknownGain` with that walk alone.
+    Assumes what `UnknownGain` assumes. A wrong model looks like a jump. In particular, process noise Q that represents
+    unmodelled dynamics is correlated in time, unlike white noise; `persistence` is the duration of this correlation. Gains
+    that jump together are found one after the other. A jump between two samples is attributed to one of them. A drifting gain
+    needs a `walk`; where it drifts fast, use `UnknownGain` with that walk alone.
 
-    Settings: `algorithm`, an `UnknownGain`, or an `ExtendedKalman` or `SecondOrderKalman` with parameters (then the responses
-    are those of its tangents, and ratios and bound approximate), whose own walk and forgetting are not used here; `jump`:
-    variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior); `length`: the number of
-    samples that an onset may lie back (default 60); `seconds_between_false_alarms` (default 3,600), in the unit of dt; `walk`:
-    variance per second between the jumps, as in `UnknownGain` (default 0); `persistence`: samples for which process noise lasts;
-    Q is multiplied by it (default 15; 1 where Q is white).
+    Settings:
 
-    Reports in `extra`: `statistic` (log of the sum divided by its threshold; NaN at the first sample), `alarm`, and of the last
-    jump `onset` (the likeliest row; -1 before the first), `onset_sigma` (root mean square distance of the onset from it, in
-    rows, as known at the alarm) and `jump` (p,). `diagnostics.changes` lists them.
+    - `algorithm`: an `UnknownGain`, or an `ExtendedKalman` or `SecondOrderKalman` with parameters. For the latter two the
+      model is linearised, and the ratios and the bound are approximate. The walk and the forgetting of the algorithm are not
+      used.
+    - `jump`: the variance of a jump of each gain, (p,) or one number (default None: that of the gain's prior).
+    - `length`: how many samples back a jump may lie (default 60).
+    - `seconds_between_false_alarms` (default 3,600), in the unit of dt.
+    - `walk`: the variance per second between the jumps, as in `UnknownGain` (default 0).
+    - `persistence`: the number of samples for which process noise lasts. Q is multiplied by it
+      (default 15; 1 where Q is white).
+
+    Reports in `extra`: `statistic`, the logarithm of the sum divided by its threshold (NaN at the first sample), and `alarm`.
+    Also of the last jump: `onset`, its likeliest row (-1 before the first jump), `onset_sigma`, the root mean square distance
+    of the onset from that row, in rows, as known at the alarm, and `jump` (p,), its size. `diagnostics.changes` lists all
+    jumps.
 
     Cost: three times that of `UnknownGain`, and about p length (2 (n + p)² + 40) multiplications.
 
-    Reference: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108-112, (14)-(22), for the responses;
-    M. Pollak, Annals of Statistics 13 (1985) 206-227, for the sum and its bound.
+    Reference: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108-112, (14)-(22), for the responses; M.
+    Pollak, Annals of Statistics 13 (1985) 206-227, for the sum and its bound.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0, length=10)

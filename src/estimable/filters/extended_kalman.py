@@ -15,21 +15,23 @@ from .belief import Belief
 
 @frozen
 class ExtendedKalman(JumpingGains[Belief]):
-    """The Kalman filter of a nonlinear model linearised at the estimate; it can also estimate parameters.
+    """The extended Kalman filter: it linearises a nonlinear model at the estimate. It can also estimate parameters of the
+    model.
 
-    Model: `NonlinearModel` (or `StateSpace`, where it equals `Kalman`): x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous
-    form between samples, y[k] = h(x[k], u[k], θ) + v[k]; outputs missing channel by channel; priors exact, proper or diffuse.
+    Model: `NonlinearModel`: x[k+1] = f(x[k], u[k], θ) + G w[k], or its continuous form between samples,
+    and y[k] = h(x[k], u[k], θ) + v[k]. Outputs may be missing channel by channel. The prior may be exact, proper or diffuse.
+    For a `StateSpace` the filter equals `Kalman`.
 
-    Assumes that f and h are nearly linear over one standard deviation of the estimate. Where they are not, the mean is
-    biased and the covariance too small, and the filter does not report it: `diagnostics.nonlinearity` measures it, and
+    Assumes that f and h are nearly linear over one standard deviation of the estimate. Where they are not, the mean is biased
+    and the covariance too small, and the filter does not report it: `diagnostics.nonlinearity` measures it, and
     `SecondOrderKalman` or `UnscentedKalman` correct it.
 
-    Settings: `model`; `parameters`: a `Prior` of the model's parameters θ, which are then estimated together with the state and
-    reported as `gain` (None: the model's own values); `walk`: variance per second of each, (k,) or one number, or covariance
-    (k, k); `iterations` of the linearisation of h at a sample. 1: no repetition. More: the iterated filter, for outputs that are
-    accurate compared with the curvature of h.
+    Settings: `model`; `parameters`: a `Prior` of the parameters θ (k,), which are then estimated together with the state and
+    reported as `gain` (None: the values in the model); `walk`: the variance per second of each parameter, (k,) or one number,
+    or a covariance (k, k) per second; `iterations`: how often h is linearised at a sample. With more than 1 this is the
+    iterated filter, for outputs that are accurate compared with the curvature of h.
 
-    Cost: that of `Kalman`, and n tangents of f and of h.
+    Cost: that of `Kalman`, and the n first derivatives of f and of h, one for each state.
 
     Reference: A. H. Jazwinski, Stochastic Processes and Filtering Theory (1970), §8.3 (8.43)-(8.47), iterated (8.47 ff.).
 

@@ -20,19 +20,21 @@ from .kalman_filter import Kalman
 
 @frozen
 class FixedGain(Algorithm[Belief]):
-    """A filter with a given gain, and the true covariance of its error, not that of the optimal filter.
+    """A filter with a given gain. It reports the true covariance of its error, not that of the optimal filter.
 
-    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. The mean moves by
-    K (y - C x - D u) at each sample, over the seen outputs; P = (I - K C) P (I - K C)' + K R K' at a sample.
+    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], as that of `Kalman`. At each sample the mean
+    moves by K (y - C x - D u), over the seen outputs, with the given gain K. The covariance becomes (I - K C) P
+    (I - K C)' + K R K'.
 
-    Assumes only A, B, C and D for the mean. The covariance also needs the right Q and R. It holds for any gain: for a gain that
-    was tuned for other noises, or made robust, it shows the accuracy here. Where the error grows, so does the covariance.
-    `log_likelihood` scores each sample by its prediction. It is the likelihood of the record for the Kalman gain only, since the
-    innovations of another gain are correlated in time. A diffuse prior is treated as in `Kalman` until nothing is diffuse any
-    more: two samples start a tracker of position and velocity.
+    Assumes that A, B, C and D are right. For the covariance Q and R must be right too. It then holds for any gain, also for
+    one that was tuned for other noises or made robust, and then shows its accuracy under the noises of this model. Where the
+    error grows, so does the covariance. `log_likelihood` is the sum for the one-step predictions. It is that of the record
+    only for the Kalman gain, since the innovations of another gain are correlated in time. While directions of the state are
+    diffuse, the filter works as `Kalman`: two samples start a tracker of position and velocity.
 
-    Settings: `model`, a `StateSpace` with R; `filter` (n, p), the gain K: `kalman_gain(model).filter`, that of `trans_kalman`, or
-    any other. It applies to a sample, so a continuous model must be discretised before its gain is computed.
+    Settings: `model`, a `StateSpace` with R; `filter` (n, p), the gain K: `kalman_gain(model).filter`, that of
+    `trans_kalman`, or any other. The gain applies to a sample, so a continuous model must be discretised before its gain is
+    computed.
 
     Cost: that of `Kalman`, which gives the innovations, and n p (2 n + p) multiplications.
 

@@ -17,24 +17,26 @@ from . import wrapped
 
 @frozen
 class Gated(Wrapper[Any]):
-    """An algorithm that treats an output as missing where its innovation is implausibly large.
+    """A wrapper around another algorithm, which treats an output as missing where its innovation is implausibly large.
 
-    Model: that of the algorithm. Output i is rejected where e_i² > q S_ii, with q the χ² quantile (one degree of freedom)
-    that a good sample stays below with `probability`. Each output has its own gate, and the others are still used. An output
-    without a prediction (a diffuse prior) passes.
+    Model: that of the algorithm. Output i is rejected where its innovation e_i has e_i² > q S_ii. Here S_ii is the variance
+    of e_i, and q is the quantile of the χ² distribution with one degree of freedom that a good sample stays below with
+    `probability`. Each output has its own gate; the other outputs of the sample are still used. An output that cannot be
+    predicted (under a diffuse prior) passes.
 
-    Assumes that the innovation covariance is right and good samples are Gaussian: then 1 - probability of them are lost. A
-    rejected sample carries no information, so a state that truly jumped is never found again where the covariance does not
-    grow (no process noise): to follow jumps use `ChangeDetection`, and give Q.
+    Assumes that the innovation covariance is right and good samples are Gaussian. Then a fraction 1 - probability of the good
+    samples is lost. A rejected sample carries no information. After a true jump of the state, all samples may be rejected,
+    unless process noise lets the covariance grow. To follow jumps use `ChangeDetection`, and give Q.
 
     Settings: `algorithm`; `probability`, in (0, 1), that a good sample of an output passes.
 
-    Reports in `extra`: `rejected` (outputs,), the seen outputs that were left out.
+    Reports in `extra`: `rejected` (outputs,), the seen outputs that were rejected.
 
-    Cost: the correction twice.
+    Cost: the correction of the algorithm is calculated twice per sample: to find the innovations, and
+    without the rejected outputs.
 
-    Reference: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation (2001)
-    §5.4 (the normalised innovation).
+    Reference: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation (2001) §5.4
+    (the normalised innovation).
 
     >>> model = StateSpace([[1.0]], C=[[1.0]], Q=[[0.1]], R=[[1.0]], dt=1)
     >>> gated = Gated(Kalman(model), 0.999)

@@ -27,7 +27,7 @@ def with_input_noise(W: Array, model: SampledModel, interval: Interval, gains: A
     if interval.u_diffusion is not None:
         if model.wandering is None:
             checks.refuse(
-                "`u_diffusion` needs a continuous model (dt = 0) sampled by a clock that `wanders`: a discrete model does not "
+                "`u_diffusion` needs a continuous model (dt = 0) and a clock made with wanders=True: a discrete model does not "
                 "describe its input between samples."
             )
         sd = jnp.sqrt(jnp.asarray(interval.u_diffusion))

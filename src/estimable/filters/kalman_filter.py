@@ -23,23 +23,25 @@ from .input_noise import with_input_noise
 
 @frozen
 class Kalman(Smoothable[Belief]):
-    """The exact posterior of the state of a known linear Gaussian model, sample by sample.
+    """The Kalman filter: the exact posterior of the state of a known linear Gaussian model, sample by sample.
 
-    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying, with cross noise S,
-    known inputs, outputs missing channel by channel, and priors that are exact (P0 = 0), proper or diffuse.
+    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying, with known inputs and
+    possibly with cross noise S. Outputs may be missing channel by channel. The prior may be exact (zero covariance), proper
+    or diffuse.
 
-    Assumes that A, B, C, D, G, Q, R, S are right and the noises white and Gaussian. Without normality it is the best
-    linear estimator; with wrong Q or R its covariance is wrong, which the innovations show (`estimable.diagnostics`).
-    If the effect of an input is unknown, use `UnknownGain`.
+    Assumes that A, B, C, D, G, Q, R, S are right and the noises white and Gaussian. For other noises it is the best linear
+    estimator. With a wrong Q or R its covariance is wrong; `diagnostics.check_innovations` detects this. If the effect of an
+    input is unknown, use `UnknownGain`.
 
-    Settings: `model`, a `StateSpace` with R, continuous or discrete; a continuous one is discretised for each distinct
-    step of the record.
+    Settings: `model`, a `StateSpace` with R, continuous or discrete. A continuous one is discretised for each distinct step
+    of the record.
 
-    Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications per sample; 0.15 us at n = 4, p = 2 as machine code.
+    Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications per sample, with q process noises;
+    0.15 us at n = 4, p = 2 as machine code.
 
-    Reference: T. Kailath, A. H. Sayed, B. Hassibi, Linear Estimation (2000), ch. 12; J. Durbin, S. J. Koopman, Time
-    Series Analysis by State Space Methods (2012), ch. 5 for the diffuse start. It is Sillence (1999) (31)-(37) with a
-    known gain, and Pachter (1999) Corollary 4.
+    Reference: T. Kailath, A. H. Sayed, B. Hassibi, Linear Estimation (2000), ch. 12; J. Durbin, S. J. Koopman, Time Series
+    Analysis by State Space Methods (2012), ch. 5 for the diffuse start. With a known gain Sillence (1999) (31)-(37) and
+    Pachter (1999) Corollary 4 are this filter.
 
     >>> model = StateSpace([[0.9]], C=[[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> state = Kalman(model).init(Prior([0.0], [[1.0]]))

@@ -25,21 +25,22 @@ class Copies:
 
 @frozen
 class MovingWindow(Wrapper[Copies]):
-    """An algorithm that restarts on the last `length` samples, at every sample.
+    """A wrapper around another algorithm, which estimates from the last `length` samples alone.
 
-    Model: that of the algorithm. Row k is the algorithm's result at k when started at row k - length + 1 from its own prior
-    of gains and from `state_prior`; before row length - 1, when started at row 0 from the prior of the run.
+    Model: that of the algorithm. Row k is the result at k of a run that begins at row k - length + 1, from `state_prior` and
+    the algorithm's own prior of gains. Before the first full window, the run begins at row 0 from the prior of the run.
 
-    Assumes that the gain is constant over a window. A window forgets a jump completely after `length` samples; in return its
-    noise is always that of so few samples. The state's prior is diffuse by default: a window that begins with the same wrong
-    state each time, as in the reference, is biased at a low signal-to-noise ratio. `ChangeDetection` reacts to a jump as fast,
+    Assumes that the gain is constant over a window. A window forgets a jump completely after `length` samples. In return its
+    noise is always that of so few samples. The prior of the state is diffuse by default. In the reference each window begins
+    with the same wrong state, which causes a bias at a low signal-to-noise ratio. `ChangeDetection` reacts to a jump as fast,
     with less noise before it.
 
     Settings: `algorithm`, any; `length`, in samples; `state_prior`, a `Prior` of the state at the first sample of a full
     window (default None: exactly diffuse).
 
-    Cost: that of the algorithm `length` times. Over a record it is about five filters for any length, for `Kalman` and
-    `UnknownGain` of a constant model with up to three states and gains, and outputs, uncorrelated noises and no forgetting.
+    Cost: `length` times that of the algorithm. In some cases it is about that of five filters for any length, over a record:
+    for `Kalman` and `UnknownGain` of a constant model with at most three states and gains together, at most three outputs,
+    uncorrelated noises and no forgetting.
 
     Reference: A. G. Sillence (1999) §5.4.
 

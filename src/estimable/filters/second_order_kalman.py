@@ -18,23 +18,29 @@ BETWEEN = ("moments", "map")
 
 @frozen
 class SecondOrderKalman(JumpingGains[Belief]):
-    """The Gaussian second-order filter: mean and covariance of f and h up to their second derivatives, found automatically.
+    """The Gaussian second-order filter: it uses f and h of a nonlinear model up to their second derivatives, found
+    automatically.
 
     Model: that of `ExtendedKalman`, discrete (Athans-Wishner-Bertolini, Sage-Melsa) or continuous between samples
-    (Bass-Norum-Schwartz, Jazwinski): ŷ_i = h_i + ½ tr(h_i'' P), S_ij = h_i' P h_j + ½ tr(h_i'' P h_j'' P) + R_ij, and the
-    same for f. The first two moments are exact where f and h are quadratic.
+    (Bass-Norum-Schwartz, Jazwinski). Let h_i' and h_i'' be the first and second derivatives of output i, and P the covariance
+    of the state. Then the mean of output i is h_i + ½ tr(h_i'' P), and the covariance of the outputs i and j is
+    h_i' P h_j' + ½ tr(h_i'' P h_j'' P) + R_ij. The same holds for f. Mean and covariance are exact where f and h are quadratic.
 
     Assumes that the belief is nearly Gaussian and that third derivatives are small over it. A belief with two peaks is
-    represented by one peak with the right variance. No diffuse prior: a nonlinear function of a quantity with infinite variance
-    has no mean.
+    represented by one peak with the right variance. The prior may not be diffuse: a nonlinear function of a quantity with
+    infinite variance has no mean.
 
-    Settings: `model`, `parameters`, `walk`, `iterations` as in `ExtendedKalman` (beyond 1: h is expanded about the posterior,
-    with its covariance); `moments`: "gaussian"; "bias_only" (the second-order mean with the first-order covariance);
-    "truncated" (fourth moments neglected: S = h' P h + R - b b', b the bias; S can become indefinite, and the run then ends
-    with outcome 4); `between` samples of a continuous model: "moments" (the equations of Bass, Norum & Schwartz, with the
-    covariance propagated by the tangents), or "map": the map from one sample to the next is expanded like that of a discrete
-    model, and the covariance includes its curvature. "map" is better where samples are sparse, at the cost of second
-    derivatives through all `substeps`.
+    Settings:
+
+    - `model`, `parameters`, `walk`, `iterations`: as in `ExtendedKalman`. With more than 1 iteration h is expanded about the
+      posterior mean, with the posterior covariance.
+    - `moments`: "gaussian", as above; "bias_only": the second-order mean with the first-order covariance; "truncated": fourth
+      moments are neglected, S = h' P h + R - b b' with b the second-order term of the mean. S can then become indefinite, and
+      the run ends with outcome 4.
+    - `between`: for a continuous model. "moments": the equations of Bass, Norum & Schwartz, with the covariance propagated by
+      first derivatives. "map": the map from one sample to the next is expanded like that of a discrete model, so that the
+      covariance includes its curvature. "map" is better where samples are sparse, at the cost of second derivatives through
+      all `substeps`.
 
     Cost: that of `ExtendedKalman`, and n (n + 1) / 2 second derivatives of f and of h, with n counting estimated parameters.
 

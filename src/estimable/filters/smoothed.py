@@ -22,18 +22,19 @@ class Average:
 
 @frozen
 class Smoothed(Wrapper[Average]):
-    """An algorithm whose estimated gain is averaged exponentially over time.
+    """A wrapper around another algorithm, which averages its estimated gain exponentially over time.
 
-    Model: that of the algorithm. The reported gain is K~[k] = a K~[k-1] + (1 - a) K^[k], a = `weight`, starting at the mean of
-    the gain's prior. Nothing else changes: neither the covariance of the gain nor the internal belief of the algorithm.
+    Model: that of the algorithm, which estimates the gain K^[k]. The reported gain is K~[k] = a K~[k-1] + (1 - a) K^[k] with
+    a = `weight`. It starts at the mean of the gain's prior. Nothing else changes: neither the covariance of the gain nor the
+    internal belief of the algorithm.
 
-    Assumes that the gain changes slowly compared with 1 / (1 - a) samples. The average lags behind a jump by as much: k samples
-    after it, a**k of the old value remains. For an estimate whose errors are already correlated over many samples, such as
-    that of a recursive filter, it adds the lag and removes little noise.
+    Assumes that the gain changes slowly compared with 1 / (1 - a) samples. The average lags behind a jump by as much: k
+    samples after it, the fraction a^k of the jump is still missing. If the errors of the estimate are already correlated over
+    many samples, as those of a recursive filter, averaging adds the lag and removes little noise.
 
     Settings: `algorithm`, one that estimates a gain; `weight` a in [0, 1), (p,) or one number; 0.9 in the reference.
 
-    Cost: two multiplications per gain.
+    Cost: two multiplications per gain and sample.
 
     Reference: A. G. Sillence (1999) (85).
 

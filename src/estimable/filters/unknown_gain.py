@@ -26,23 +26,29 @@ from .input_noise import refuse_unknown_input, with_input_noise
 
 @frozen
 class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
-    """The exact joint posterior of the state and of the gain of the measured input.
+    """The exact joint posterior of the state and of the unknown gain of a measured input.
 
-    Model: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with B(θ) = fixed + Σ θ_i directions_i
-    and D(θ) = D + Σ θ_i feedthrough_i. θ (p,) is constant, a random walk, or subject to forgetting.
+    Model: x[k+1] = A x[k] + B(θ) u[k] + G w[k], y[k] = C x[k] + D(θ) u[k] + v[k], with the gains θ (p,). B(θ) = fixed + Σ θ_i
+    directions_i and D(θ) = D + Σ θ_i feedthrough_i. The gains are constant, random walks, or subject to forgetting.
 
-    Assumes that the input is measured without error (it may come from feedback). Given the input the model is linear in
-    (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right, and both depend on the
-    input. Noise on u, or a gain on the process noise, violates this. Without excitation the variance of θ is constant, or
-    grows under a walk, and so shows that the gain is undetermined. A walk follows a gain that jumps; to find the time of the
-    jump, a window or a change detector is better.
+    Assumes that the input is measured without error (it may come from feedback). For a known input the model is linear in
+    (x, θ), so this is not an approximation: the estimate is unbiased and its covariance right. Both the
+    estimate and the covariance depend on the input. Noise on u, or a gain on the process noise, violates the assumption.
+    Without excitation the variance of θ stays constant, or grows under a walk, and so shows that the gain is undetermined.
+    A walk follows a gain that jumps; to find the time of the jump, `MovingWindow` or `ChangeDetection` is better.
 
-    Settings: `model`; `gain`, the `Prior` of θ; `directions`: None or "one" (one θ on all of B), "per_input" (one θ per
-    actuator), "every_entry" (θ is B, row by row), or (p, n, m); `fixed` (n, m), the additional known part of B
-    (default zero); `feedthrough`: None (D is known), "scaled" (θ acts on D as on B; for "one" and "per_input") or
-    (p, outputs, m); `walk`: variance per second of each θ, (p,) or one number, or covariance (p, p) per second: θ is
-    constant over a step and moves at its end;
-    `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D, D = diag(I, λ^-1/2 I).
+    Settings:
+
+    - `model`: a `StateSpace` with R. `gain`: the `Prior` of θ.
+    - `directions`: how θ acts on B. None or "one": one θ on all of B; "per_input": one θ per actuator; "every_entry": θ is B,
+      row by row; or the matrices, (p, n, m).
+    - `fixed` (n, m): the known part of B, which no θ multiplies (default zero).
+    - `feedthrough`: how θ acts on D. None: D is known; "scaled": as on B (for "one" and "per_input"); or the matrices,
+      (p, outputs, m).
+    - `walk`: the variance per second of each θ, (p,) or one number, or a covariance (p, p) per second. θ is constant over a
+      step and moves at its end.
+    - `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D with D = diag(I, λ^-1/2 I), so that
+      old information about θ loses weight.
 
     Cost: that of `Kalman` with n + p states.
 

@@ -29,30 +29,37 @@ from .unknown_layout import METHODS, Layout, lay_out, pick
 
 @frozen
 class UnknownInput(Smoothable[Any]):
-    """The state and the unmeasured inputs, as far as the outputs determine them.
+    """A filter that estimates the state and unmeasured inputs, as far as the outputs determine them.
 
-    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying. The inputs named in
-    `unknown` are not known; the others are in the record, by name. Cross noise S, outputs missing channel by channel, and
-    exact, proper or diffuse priors, as in `Kalman`.
+    Model: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k], constant or time-varying, possibly with cross
+    noise S. The d inputs named in `unknown` are unmeasured; the others are in the record, by name. Outputs may be missing
+    channel by channel. The prior may be exact, proper or diffuse, as in `Kalman`.
 
-    Assumes that the model is right except for those inputs, about which nothing is assumed: not their size, their spectrum, or
-    whether they depend on the state. With fewer outputs than unknown inputs, or an invariant zero not inside the unit
-    circle, the outputs do not determine them (`unknown_input_existence`), and a run is an error. If the input is partly known,
-    give `variance`, `walk` or `levels`: the errors are smaller, and no such condition is needed. A model error looks like input.
+    Assumes that the model is right except for those inputs. Nothing is assumed about them: not their size, their spectrum, or
+    whether they depend on the state. With fewer outputs than unknown inputs, or with an invariant zero that is not inside the
+    unit circle, the outputs do not determine them, and a run is an error (`unknown_input_existence` gives the reason). If
+    something is known about the input, give `variance`, `walk` or `levels`: the errors are smaller, and no such condition is
+    needed. An error of the model looks like an input.
 
-    Settings: `unknown`: names of inputs, or their columns. `method`: "auto" conditions exactly: it is Gillijns & De Moor's
-    filter with feedthrough (D of full column rank), without (D = 0), or a case between; the result reports which and why.
-    "feedthrough", "no_feedthrough", "partial" and "delayed" request one of these by name; "exact" the same without the
-    check that it exists; "fang" Fang's Algorithm 1, with almost optimal gains. `variance`: of each unknown input about the
-    operating point, white in time (a number, (d,) or (d, d)); None: infinite. `walk`: its variance per second as a random walk
-    (the same shapes); 0 is a constant. Both range from 0 (known) to infinity (unknown). `levels`: the values that the input
-    can take, (q,) or (q, d): after each sample the likeliest is decided, and then used as known. `delay`: the number of samples
-    after which an input is reported (None: as many as it takes where nothing is missing).
+    Settings:
 
-    Row k of a result uses the samples 0..k; its `unknown_input` is that of row k - `names.input_delay`. (Fang: row k of
-    `mean` is predicted from 0..k-1.) Undetermined directions are infinite in `diffuse_covariance` and in
-    `extra["unknown_input_diffuse_covariance"]`. `innovation` is of each output given those before it in the same sample, NaN
-    where the output only determined an unknown input: the others judge the model.
+    - `unknown`: names of inputs, or their columns.
+    - `method`: "auto" conditions exactly on the outputs. It equals Gillijns & De Moor's filter with feedthrough
+      (D of full column rank) or without (D = 0), or a case between; the result reports which and why. "feedthrough",
+      "no_feedthrough", "partial" and "delayed" request one of these. "exact" is "auto" without the check that the input can
+      be estimated. "fang" is Fang's Algorithm 1, with almost optimal gains.
+    - `variance`: the variance of each unknown input about the operating point, white in time (a number, (d,) or (d, d)).
+      None: infinite. `walk`: its variance per second as a random walk (the same shapes). Both range from 0
+      (known, or constant) to infinity (unknown).
+    - `levels`: the values that the input can take, (q,) or (q, d). After each sample the likeliest is decided, and then used
+      as known.
+    - `delay`: the number of samples after which an input is reported. None: as many as it takes where nothing is missing.
+
+    Row k of a result uses the samples 0 to k, and its `unknown_input` is the input of row k - `names.input_delay`. (With
+    "fang", row k of `mean` is predicted from the samples 0 to k - 1.) Undetermined directions are in `diffuse_covariance` and
+    in `extra["unknown_input_diffuse_covariance"]`. `innovation` is that of each output given the outputs before it in the
+    same sample. It is NaN where an output only determined an unknown input; the other innovations can be used to test the
+    model.
 
     Cost: measured as machine code, 1.1 to 1.7 times `Kalman` where every output is seen and the prior is proper. Otherwise
     n + d (delay + 1) undetermined directions are carried: 4 times with one unknown input, 5 times with two.

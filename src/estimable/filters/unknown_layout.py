@@ -142,8 +142,8 @@ def _check_exists(verdict: UnknownInputExistence, asked: str) -> None:
         )
     if asked not in ("auto", verdict.method):
         checks.refuse(
-            f"`method` = {asked!r} does not fit: rank D = {verdict.rank_D}, rank [C B N, D] = {verdict.rank_next}, and the "
-            f"inputs are known after {checks.counted(verdict.delay or 0, 'sample')}, which is {verdict.method!r}."
+            f"`method` = {asked!r} does not fit this model. Its unknown inputs are known after "
+            f"{checks.counted(verdict.delay or 0, 'sample')}, which is the case {verdict.method!r} (rank D = {verdict.rank_D})."
         )
 
 

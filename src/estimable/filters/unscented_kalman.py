@@ -25,19 +25,21 @@ from .input_noise import refuse_unknown_input
 
 @frozen
 class UnscentedKalman(GainAlgorithm[Belief]):
-    """Mean and covariance of f and h from 2 n + 1 points, without derivatives; κ = 0 is the cubature filter.
+    """The unscented Kalman filter: it finds mean and covariance of f and h from 2 n + 1 points, without derivatives.
 
-    Model: that of `ExtendedKalman`. For continuous models the differential equation moves each point, and its tangent along
-    the mean propagates the noise between samples.
+    Model: that of `ExtendedKalman`. For a continuous model the differential equation moves each point, and its derivatives
+    along the mean propagate the noise between samples.
 
-    Assumes that the belief is nearly Gaussian. The first two moments are exact where f and h are linear, and the mean where
-    they are quadratic. Covariances of quadratic functions of several correlated states are approximate; `SecondOrderKalman`
-    has them exactly. It needs no derivative, so f and h may have corners. No diffuse prior.
+    Assumes that the belief is nearly Gaussian. Mean and covariance are exact where f and h are linear, and the mean also
+    where they are quadratic. For quadratic functions of several correlated states the covariance is approximate;
+    `SecondOrderKalman` computes it exactly. The filter needs no derivatives, so f and h may have corners. The prior may not
+    be diffuse.
 
-    Settings: `model`, `parameters`, `walk` as in `ExtendedKalman`; `kappa` >= 0, which places the points at sqrt(n + κ)
-    standard deviations; None: max(0, 3 - n), where they match the fourth moments of a Gaussian for n <= 3; 0: cubature.
+    Settings: `model`, `parameters`, `walk` as in `ExtendedKalman`; `kappa` κ >= 0, which places the points at sqrt(n + κ)
+    standard deviations. None: max(0, 3 - n), with which they match the fourth moments of a Gaussian for n <= 3. 0: the
+    cubature filter.
 
-    Cost: 2 n + 1 evaluations of f and of h instead of the tangents of `ExtendedKalman`.
+    Cost: 2 n + 1 evaluations of f and of h instead of the derivatives of `ExtendedKalman`.
 
     Reference: S. J. Julier, J. K. Uhlmann, Proc. IEEE 92 (2004) 401-422, (12)-(15); I. Arasaratnam, S. Haykin, IEEE TAC 54
     (2009) 1254-1269, (38)-(49).

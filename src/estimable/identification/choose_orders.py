@@ -20,13 +20,16 @@ def choose_orders(
     record: Record | Sequence[Record], *, na: Iterable[int] = (1, 2, 3), nb: Iterable[int] = (0, 1, 2),
     delay: Iterable[int] = (0, 1), criterion: str = "bic", initial: str = "rest",
 ) -> OrderRanking:  # fmt: skip
-    """The orders of an output-error model by an information criterion, over every choice of `na`, `nb` and `delay`.
+    """Choose the orders of an output-error model by an information criterion.
 
-    Each choice is fitted by `OutputErrorML` to the seen outputs, and the criteria count only those. With N outputs seen and
-    k parameters (and a noise variance each), AIC = -2 log L + 2 k, AICC adds 2 k (k + 1) / (N - k - 1), BIC = -2 log L +
-    k log N. BIC finds the true orders for many data; AIC predicts best. Orders are degrees, as everywhere here.
+    Every combination of the given `na`, `nb` and `delay` is fitted by `OutputErrorML` to the N seen outputs. The orders are
+    degrees of the polynomials. For k parameters, one noise variance for each output included, the criteria are AIC = -2 log
+    L + 2 k, AICC = AIC + 2 k (k + 1) / (N - k - 1) and BIC = -2 log L + k log N, with L the likelihood. BIC finds the true
+    orders of long records; AIC chooses the model that predicts best.
 
-    Raises `InputError` with every fault of the call. Reference: H. Akaike (1974); G. Schwarz (1978).
+    Returns an `OrderRanking`. Raises `InputError` with every fault of the call.
+
+    Reference: H. Akaike (1974); G. Schwarz (1978).
 
     >>> plant = OutputError([-0.5], [1.0], delay=1, noise_variance=0.01, dt=1)
     >>> u = np.random.default_rng(1).normal(size=200)

@@ -36,20 +36,28 @@ def compare(
     methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = 0.5, level: str = "mean",
     order: int | None = None, progress: Callable[[str, int, int], None] | None = None,
 ) -> Comparison:  # fmt: skip
-    """Identify by several methods on the first part of a record (or of each of several), and rank them on the rest.
+    """Identify a model by several methods on the first part of a record, or of each of several, and rank the methods on the
+    rest.
 
-    `methods`: identifiers with their settings; None: one of each kind, with orders chosen by BIC on the first part. `split`: the
-    fraction they are fitted to. `level`: "mean": the model is about the means of the first part, which become its operating
-    point; "trend": about straight lines fitted to the first part and continued (the operating point is their value at its
-    end); "none": signals are already deviations, or methods fit an offset. `order`: of all methods, where they are chosen here.
-    `progress(name, done, total)` is called before each method runs. Ctrl-C ends the comparison: the methods that have run are
-    ranked, and the sentence begins with those that have not.
+    - `methods`: a list of identifiers with their settings. None: one of each kind, with orders chosen by BIC on the first
+      part.
+    - `split`: the fraction of each record that forms the first part.
+    - `level`: what is subtracted before the fit. "mean": the means of the first part; they become the operating point of the
+      model. "trend": straight lines fitted to the first part and continued; the operating point is their value at its end.
+      "none": nothing, for signals that are deviations, or methods that fit an offset.
+    - `order`: an order for all methods, where `methods` is None.
+    - `progress(name, done, total)`: a function that is called before each method runs.
 
-    Methods are ranked by the fit of a simulation from the inputs alone, which continues from the first part and uses no held-out
-    output. Differences of squared errors within two standard errors (with autocorrelation, Newey & West 1987) are noise:
-    `ranked[i].alike`. Where the best is not significantly better than the mean of the outputs, there is no `best`.
+    Ctrl-C ends the comparison. The methods that have run are then ranked, and the sentence of the result begins with those that
+    have not run.
 
-    Raises `InputError` with every fault of the call; a method that fails is ranked last, with its message.
+    The held-out part is simulated from the inputs alone, without its outputs; the simulation continues from the first part.
+    Methods are ranked by the fit of this simulation. Two methods count as equal (`alike`) if their squared errors differ by
+    less than two standard errors, which allow for autocorrelation (Newey & West 1987). If the best method is not
+    significantly better than the mean of the outputs, `best` is None.
+
+    Returns a `Comparison`. Raises `InputError` with every fault of the call. A method that fails is ranked last, with its
+    message.
 
     >>> u = np.random.default_rng(0).normal(size=400)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -97,7 +105,7 @@ def _read(
     if order is not None:
         faults.whole("order", order, 1)
         if methods is not None:
-            faults.add("`order` is for methods that are chosen here: give your methods their own orders.")
+            faults.add("`order` applies only where `methods` is None: give your methods their own orders.")
     faults.finish()
     assert fraction is not None
     for i, one in enumerate(records):

@@ -26,16 +26,18 @@ LONGEST = 100_000  # rows up to which every row is stored
 
 
 def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
-    """Identify a model from one record, or from a list of them (several experiments on one plant).
+    """Identify a model from one record, or from a list of records of several experiments on one plant.
 
-    `method`: `RecursiveOutputError`, `OutputErrorML`, or any other with `fit(records) -> Fit`, or with the steps of a
-    recursive algorithm and `fitted(parameters, dt)`. A recursive method processes several records one after the other, each
-    from rest. `engine`: as in `estimate`, for recursive methods.
+    `method`: an identifier with its settings, such as `OutputErrorML(2, 1)` or
+    `RecursiveOutputError(2, 1, noise_variance=0.1)`. Your own class must derive from `Identifier` or `RecursiveIdentifier`. A
+    recursive method processes several records one after the other, each from rest. `engine`: as in `estimate`, for recursive
+    methods.
 
-    The fit has the model, the parameters with their covariance, and `validation`: residuals, fit in per cent, and the checked
-    assumptions, each with a sentence. `fit.undetermined` spans the directions without information. A recursive method also
-    returns `fit.path`, the parameters after each sample (only the last one for records longer than 100,000). Where the arrival
-    of inputs is unknown, as for `JointOutputError(..., arrival=)`, only stability is checked.
+    Returns a `Fit`. It holds the model and the parameters with their covariance. `fit.undetermined` spans the directions of
+    the parameters about which the records carry no information. `fit.validation` holds residuals, the fit in per cent and the
+    checked assumptions, each with a sentence. For a recursive method `fit.path` holds the parameters after each sample (only
+    the last one for records longer than 100,000). Where the arrival of inputs is unknown, as for
+    `JointOutputError(..., arrival=)`, only stability is checked.
 
     Raises `InputError` with every fault of the call.
 
@@ -94,7 +96,7 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
 def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
     """Check that a record has inputs, a regular step, and the channels and step of the first."""
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
-        faults.add(f"{which} has other channels than record 0: all experiments need the same, in the same order.")
+        faults.add(f"{which} has other channels than record 0: all records need the same channels, in the same order.")
     if record.dt is None:
         irregular = (
             " Its steps are not equal: insert rows of NaN where samples are missing." if record.t is not None else ""

@@ -23,15 +23,16 @@ def select_order(
     record: Record | Sequence[Record], *, orders: Iterable[int] = range(1, 9), delays: Iterable[int] = range(6),
     criterion: str = "bic",
 ) -> OrderSelection:  # fmt: skip
-    """A recommended order of a linear model, with the criteria behind it, so that you can choose otherwise.
+    """Recommend an order for a linear model, and show the criteria behind the recommendation.
 
-    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N samples, k parameters per output
-    and residuals e, D = Σ N log(mean e²), AIC = D + 2 k, AICc = D + 2 k N / (N - k - 1) and BIC = D + k log N.
-    `cross_validation` is N log of the mean squared error of five blocks, each predicted by a fit to the other four. Singular
-    values are those of a subspace model (`Subspace`). BIC finds the true order for many data; AIC and cross-validation predict
-    best.
+    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N samples, k parameters per
+    output, residuals e, and D = Σ N log(mean e²) over the outputs, the criteria are AIC = D + 2 k, AICc = D + 2 k N / (N - k
+    - 1) and BIC = D + k log N. `cross_validation` is N log of the mean squared error over five blocks of data, each predicted
+      by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose gap also shows the order. BIC
+      finds the true order of long records; AIC and cross-validation choose the model that predicts best.
 
-    Raises `InputError` with every fault of the call, or where the records are too short for the smallest order.
+    Returns an `OrderSelection`. Raises `InputError` with every fault of the call, or where the records are too short for the
+    smallest order.
 
     Reference: H. Akaike (1974); C. Hurvich, C.-L. Tsai (1989) for AICc; G. Schwarz (1978).
 

@@ -25,29 +25,35 @@ REFINEMENTS = ("none", "likelihood")
 
 @frozen
 class AdaptiveIdentification(FilterIdentifier):
-    """The parameters of a nonlinear model by a second-order filter, started from a linear model of the record.
+    """The parameters of a nonlinear model, estimated by a second-order filter that starts from a linear model of the record.
 
-    Model: `NonlinearModel` with parameters θ. A linear model is realised from the record about its means. θ starts where the
-    model's tangent, at equilibrium under the mean input, responds as that linear model does. `SecondOrderKalman` then estimates
-    θ together with the state, sample by sample, with covariances. Parameters may walk, and jump where `jump` is given.
+    Model: `NonlinearModel` with parameters θ (k,). First, a linear model is identified from the deviations of the record from
+    its means. θ starts at the values for which the linearised model, at equilibrium under the mean input, responds as this
+    linear model does. `SecondOrderKalman` then estimates θ together with the state, sample by sample, with covariances. The
+    parameters may be random walks, and may jump where `jump` is given.
 
-    Assumes a right model, and a start from which the filter converges. The linear model gives one where the record stays near
-    one equilibrium; for other records set start = "none" and give `parameters`. Q and R must be right, as for any filter: with
-    too small a Q the covariance is too small.
+    Assumes a right model, and a start from which the filter converges. The linear model gives such a start where the record
+    stays near one equilibrium. For other records set start = "none" and give `parameters`. Q and R must be right, as for any
+    filter: with too small a Q the covariance is too small.
 
-    Settings: `model`; `state_prior` of x[0]; `parameters`: `Prior` of θ (None: θ starts from the linear model alone, which must
-    determine every parameter); `start`: the linear model, "ho-kalman", "subspace", or "none"; `length` of the impulse response
-    of the first (None: its own default; the response must have died out by then); `accuracy`: the assumed error of the linear
-    response, as a fraction of its largest entry, which sets the initial covariance of the filter; `walk`: variance per second of
-    each parameter; `moments` of `SecondOrderKalman`; `jump`: variance of a jump of each parameter, (k,) or one number (None:
-    no jumps), with `onsets` (its `length`), `seconds_between_false_alarms` and `persistence` as in `ChangeDetection`;
-    `refinement`: "likelihood" continues from the filter's estimate to the constant parameters of maximum likelihood.
+    Settings:
+
+    - `model`: the nonlinear model. `state_prior`: the `Prior` of x[0].
+    - `parameters`: the `Prior` of θ. None: θ starts from the linear model alone, which must determine every parameter.
+    - `start`: the identifier of the linear model, "ho-kalman" or "subspace"; or "none". `length`: the length of the impulse
+      response of "ho-kalman" (None: its own default); the response must have died out by then.
+    - `accuracy`: the assumed error of the linear response, as a fraction of its largest entry. It determines the initial
+      covariance of the filter.
+    - `walk`: the variance per second of each parameter. `moments`: as in `SecondOrderKalman`.
+    - `jump`: the variance of a jump of each parameter, (k,) or one number (None: no jumps). `onsets` is the `length` of
+      `ChangeDetection`; `seconds_between_false_alarms` and `persistence` are as there.
+    - `refinement`: "likelihood" continues from the filter's estimate to the constant parameters of maximum likelihood.
 
     `fit.path` is the filter's estimate, row by row (`diagnostics.changes(fit.path)` lists jumps). `fit.extra` holds the
     `start`, its covariance, and the `linear` model. The filter processes several records one after the other, each from
     `state_prior`.
 
-    Cost: the linear model and one run of the filter. The likelihood adds some tens of gradients.
+    Cost: one fit of a linear model and one run of the filter. The likelihood adds some tens of its gradients.
 
     Reference: R. W. Bass (2005), RANSID; B. L. Ho, R. E. Kálmán (1966); A. H. Jazwinski (1970), §9.3.
 

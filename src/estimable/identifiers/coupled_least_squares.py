@@ -30,19 +30,21 @@ class JointEquations(NamedTuple):
 class CoupledLeastSquares(Identifier):
     """The parameters of an ARX model with a full matrix polynomial A, by least squares, from one record or several with gaps.
 
-    Model: y[k] + Σ_{l=1..na} A_l y[k-l] = Σ_{l=0..nb} B_l u[k-delay-l] + c + e[k], A_l (p, p), e white with covariance Σ (p, p):
-    `fit.model`, a `StateSpace` in innovations form with p max(na, nb + delay) states.
+    Model: y[k] + Σ_{l=1..na} A_l y[k-l] = Σ_{l=0..nb} B_l u[k-delay-l] + c + e[k]. The A_l are (p, p), and e is white with
+    the covariance Σ (p, p). `fit.model` is a `StateSpace` in innovations form with p max(na, nb + delay) states.
 
-    Assumes right orders and white noise on the equations. `LeastSquares` gives each output its own polynomials (diagonal A_l):
-    it has fewer parameters, but no model of noise that the outputs share. Feedback does no harm.
+    Assumes right orders and white noise on the equations. `LeastSquares` gives each output its own polynomials
+    (diagonal A_l): it has fewer parameters, but cannot describe noise that several outputs share. Feedback from outputs to
+    inputs does no harm.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output.
 
-    An equation with a missing input, past output or own output is left out. `fit.parameters` are ordered output by output: a of
-    each output, then b input by input, then c. Their covariance is Σ ⊗ (Φ'Φ)^-1 where nothing is missing.
+    An equation with a missing input, past output or own output is left out. `fit.parameters` holds those of one output after
+    the other: a, then b input by input, then c. With Φ the matrix of regressors, their covariance is Σ ⊗ (Φ'Φ)^-1 where
+    nothing is missing.
 
-    Cost: O(T (p na + m nb)²).
+    Cost: O(T (p na + m nb)²) operations, with T samples, m inputs and p outputs.
 
     Reference: L. Ljung, System Identification (1999), (4.52)-(4.57).
 

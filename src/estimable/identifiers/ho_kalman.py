@@ -24,20 +24,21 @@ STEP = 1e-3  # of a standard deviation: step of the numerical derivative
 
 @frozen
 class HoKalman(Identifier):
-    """A state-space model of a given order from Markov parameters, estimated from a record or given.
+    """A state-space model of a given order from Markov parameters (the impulse response), which are estimated from a record
+    or given.
 
-    Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], balanced: `fit.model`, without process noise.
+    Model: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] + v[k], in balanced coordinates. `fit.model` has no process noise.
 
     Assumes what `MarkovParameters` assumes: a stable plant whose response dies out within `length` steps, and a long record.
-    `realise` needs only M_0 .. M_q, where q is at most 2 n. If these are exact, so is the model. `Subspace` is better on short
-    records.
+    For given Markov parameters, `realise` needs only M_0 to M_q with q at most 2 n. If these are exact, so is the model.
+    `Subspace` is better on short records.
 
-    Settings: `order` n; `length`: Markov parameters fitted to the record (None: 20 or 2 n + 2, the larger); `weighting` of
-    their fit: "ordinary", "best" or "observer" (OKID).
+    Settings: `order` n; `length`: the number of Markov parameters fitted to the record (None: 20 or 2 n + 2, the larger);
+    `weighting` of their fit, as in `MarkovParameters`: "ordinary", "best" or "observer" (OKID).
 
-    `fit.parameters` are the model's own M_0 .. M_2n. They determine the model whatever states are chosen. Their covariance
-    follows from that of the fitted parameters, to first order. A gap in `fit.extra["singular_values"]` of the Hankel matrix shows
-    the order.
+    `fit.parameters` are the Markov parameters M_0 to M_2n of the model. They determine the model up to a choice of states.
+    Their covariance follows from that of the fitted parameters, to first order. A gap in `fit.extra["singular_values"]` of
+    the Hankel matrix shows the order.
 
     Cost: that of `MarkovParameters`, and two singular value decompositions of a Hankel matrix with length / 2 block rows for
     each parameter.

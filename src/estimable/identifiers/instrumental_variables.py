@@ -37,7 +37,8 @@ class Weighed(NamedTuple):
 class InstrumentalVariables(Identifier):
     """The parameters of an ARX equation by instrumental variables: consistent for any noise, without a search.
 
-    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + v_i[k], v stationary, of any colour; each output has its own equation.
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + v_i[k]. The noise v is stationary and may have any colour. Each output
+    has its own equation.
 
     Assumes inputs that do not depend on the noise (no feedback), a stable plant, and right orders of A and B. The noise is
     arbitrary and not modelled: `fit.model` holds its variance on the equation. Where its kind is known, `OutputErrorML` or
@@ -46,12 +47,13 @@ class InstrumentalVariables(Identifier):
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output.
 
-    The instruments Z are the noise-free outputs of the last model. Z and the equations are weighted as for white noise on the
-    outputs, for which they are optimal (refined instrumental variables). An equation with a missing output is left out. The
-    covariance is (Z'Φ)^-1 S (Φ'Z)^-1, S = Σ_kl z_k r_|k-l| z_l' with the autocovariance r of the weighted residuals up to lag
-    20 + na + nb: asymptotically right for any colour of the noise.
+    The instruments Z are the noise-free outputs of the last model. Z and the regressors Φ of the equations are weighted as
+    for white noise on the outputs, for which these weights are optimal (refined instrumental variables). An equation with a
+    missing output is left out. The covariance is (Z'Φ)^-1 S (Φ'Z)^-1 with S = Σ_kl z_k r_|k-l| z_l'. Here z_k is row k of Z,
+    and r the autocovariance of the weighted residuals up to lag 20 + na + nb. For long records this is right for any colour
+    of the noise.
 
-    Cost: O(T d q), q = 20 + na + nb, four times.
+    Cost: four rounds of O(T d q) operations, with T samples, d parameters and q = 20 + na + nb lags.
 
     Reference: L. Ljung, System Identification (1999) §7.6, §15.3; T. Söderström, P. Stoica (1983).
 

@@ -40,30 +40,36 @@ class JointBelief:
 
 @frozen
 class JointOutputError(Anticipating[JointBelief]):
-    """The joint belief about parameters and outputs of an output-error model: for data with gaps, fast starts and jumps.
+    """A recursive identifier of an output-error model that estimates parameters and past outputs jointly. It copes with gaps
+    and jumps.
 
-    Model: `OutputError`, as in `RecursiveOutputError`. Past outputs x° and parameters θ are jointly Gaussian; the next output
-    is their product, whose mean and variance are exact. The uncertainty of a poor early estimate is therefore represented in
-    every direction, and the estimate cannot lock. It needs no fading and no change of gradient.
+    Model: `OutputError`, as in `RecursiveOutputError`. The parameters θ and the past noise-free outputs x° have a joint
+    Gaussian distribution. The next output is a sum of products of them, whose mean and variance are exact. The uncertainty of
+    a poor early estimate is therefore represented in every direction, and the estimate does not lock on a wrong value. No
+    fading of early data is needed.
 
-    Assumes a stable plant at rest before the first sample, right orders and noise variance, and white v. The belief is
-    taken as Gaussian after every sample. Too small a noise variance raises false alarms.
+    Assumes a stable plant at rest before the first sample, right orders and noise variance, and white v. The belief is taken
+    as Gaussian after every sample. Too small a noise variance raises false alarms.
 
-    Settings: `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs` as in `RecursiveOutputError`. `alarm`: an
-    innovation of more than this many standard deviations (default 5) means that the plant jumped: then `jump` times the
-    prior's covariance is added to that of θ (default .1), and the variance of past outputs is raised by the innovation squared.
-    For inputs of unknown arrival (UDP-like): `arrival`, the rate at which they arrive, one number or (m,) (default None:
-    every arrival is known). Then u is the sent input, the applied input is estimated, and `lost` says what the actuator does
-    without an input ("zero" or "hold"). A known arrival (`arrived` 0 or 1) is used as it is.
+    Settings:
 
-    `Info.mean` is θ, `Info.extra["output"]` estimates x°[k] from y[0..k], `extra["completed"]` is y where it was seen, else
-    its prediction; `extra["alarm"]` (p,). With `arrival`, `extra["applied"]` (p, m) is the estimate of the applied inputs from
+    - `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs`: as in `RecursiveOutputError`.
+    - `alarm`: an innovation of more than this many standard deviations (default 5) means that the plant jumped. `jump` times
+      the prior's covariance is then added to that of θ (default .1), and the variance of past outputs is raised by the
+      innovation squared.
+    - `arrival`: for inputs of unknown arrival (UDP-like), the rate at which they arrive, one number or (m,)
+      (default None: every arrival is known). u is then the sent input, and the applied input is estimated. A known arrival
+      (`arrived` 0 or 1) is used as it is. `lost`: what the actuator does without an input, "zero" or "hold".
+
+    Reports: `Info.mean` is θ. In `Info.extra`: "output" (p,) estimates x°[k] from y[0..k]; "completed" (p,) is y where it was
+    seen, otherwise its prediction; "alarm" (p,); with `arrival`, "applied" (p, m), the estimate of the applied inputs from
     each output.
 
-    Cost: about n² (2 n + d) multiplications per sample and output, n = na + d (+ m (nb + delay + 1) with `arrival`).
+    Cost: about n² (2 n + d) multiplications per sample and output, for d parameters of an output; n = na + d, or
+    n = na + d + m (nb + delay + 1) with `arrival`.
 
-    Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses:
-    H. Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
+    Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses: H.
+    Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
     >>> record = simulate(plant, np.random.default_rng(1).normal(size=300), seed=1, output_link=BernoulliLink(0.5)).record
@@ -131,7 +137,7 @@ class JointOutputError(Anticipating[JointBelief]):
         )  # fmt: skip
 
     def rested(self, state: JointBelief) -> JointBelief:
-        """The belief when another record begins: the same about θ, and a plant at rest."""
+        """The belief when another record begins: θ as before, and a plant at rest."""
         nx, nv = self._sizes
         Θ = state.factor[:, nx + nv :]
         factors = jax.vmap(lambda one: triangularise(jnp.concatenate([jnp.zeros((nx + nv, one.shape[1])), one])))(Θ)

@@ -35,17 +35,19 @@ class LeastSquares(Identifier):
     Model: `ARX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k], e white; each output has its own polynomials.
 
     Assumes right orders and white noise on the equation. With white noise on the outputs instead (the usual case of a sensor)
-    the estimate is biased even for long records: then `OutputErrorML` is better. It is linear, needs no start, and handles
-    plants in motion, unstable plants and process noise, which `OutputErrorML` does not.
+    the estimate is biased even for long records: then `OutputErrorML` is better. Least squares needs no search and no start.
+    The plant may be unstable, may have process noise, and need not be at rest when a record begins; with `OutputErrorML` it
+    must be stable and without process noise.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `offset`: whether a constant c is fitted to each output (signals in absolute units need it; nothing is subtracted).
 
     An equation with a missing output or input is left out, for that output only; so are the first max(na, nb + delay) of each
-    record. The covariance is σ² (Φ'Φ)^-1, σ² = e'e / (N - d). Directions without information are in `fit.undetermined`, and
-    the covariance is of the rest. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
+    record. The covariance is σ² (Φ'Φ)^-1 with Φ the matrix of regressors and σ² = e'e / (N - d), for N equations and d
+    parameters. Directions of the parameters without information are in `fit.undetermined`, and the covariance is that of the
+    other directions. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
 
-    Cost: O(T d²): 2 ms at T = 1000, d = 4.
+    Cost: O(T d²) operations, with T samples and d parameters: 2 ms at T = 1000, d = 4.
 
     Reference: L. Ljung, System Identification (1999), §4.2, §7.3; J. Sillence (1999), (22)-(23).
 
@@ -116,7 +118,7 @@ class LeastSquares(Identifier):
                 needed = max(self.na, self.nb + self.delay) + 1
                 faults.add(
                     f"output {name} has no equation without missing values: it needs {needed} rows without a gap in {name} "
-                    "and the inputs. Lower the orders, or use OutputErrorML, which needs none."
+                    "and the inputs. Lower the orders, or use OutputErrorML, which allows gaps."
                 )
         faults.finish()
 

@@ -30,24 +30,31 @@ ROUNDS = 3  # alternating the noise, from the residuals, and the response
 class MarkovParameters(Identifier):
     """The Markov parameters (impulse response) of a stable system by least squares, from one record or several with gaps.
 
-    Model: y[k] = Σ_{j=0..length} M_j u[k-j] + c + v[k]: `fit.model` is an `ARX` with na = 0. M_0 = D, M_j = C A^(j-1) B.
+    Model: y[k] = Σ_{j=0..length} M_j u[k-j] + c + v[k]. `fit.model` is an `ARX` with na = 0. For a state-space model M_0 = D
+    and M_j = C A^(j-1) B.
 
     Assumes a response that dies out within `length` steps (the rest is taken as noise), an input that excites as many
-    frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). The order may be any. `HoKalman`
-    reduces it to a small model; where an order is known, `Subspace` and `OutputErrorML` need far fewer data.
+    frequencies as there are parameters, and v white ("ordinary") or stationary ("best"). The order of the system need not be
+    known. `HoKalman` reduces the result to a small model. Where an order is known, `Subspace` and `OutputErrorML` need far
+    fewer data.
 
-    Settings: `length`; `weighting`: "ordinary"; "best": generalised least squares with the covariance of stationary noise
-    (BLUE), banded; `noise_covariance` of v for it: its autocovariance r_0, r_1, .. in squared units, (q+1,), or (p, q+1), as
-    implied by process and output noise (None: estimated from the residuals up to lag `length`, in three rounds); `offset`:
-    whether a constant c is fitted. "observer" (OKID): the impulse response of an ARX model with full matrices
-    (`CoupledLeastSquares`) of `observer` terms (None: half of `length`), the Markov parameters of a deadbeat observer. The
-    response need not die out: lightly damped and unstable plants with process noise are possible. Its covariance follows to
-    first order.
+    Settings:
 
-    Rows with a missing value are left out, for that output only; so are the first `length` of each record. The covariance is
-    σ² (Φ'Φ)^-1, or (Φ' R^-1 Φ)^-1; the ordinary one is too small or too large where the noise is not white.
+    - `length`: the number of steps of the response. `offset`: whether a constant c is fitted.
+    - `weighting`: "ordinary": ordinary least squares. "best": generalised least squares with the (banded) covariance of
+      stationary noise, the best linear unbiased estimate. "observer": the method OKID. It fits an ARX model with full
+      matrices (`CoupledLeastSquares`), whose response is the result; the Markov parameters of this ARX model are those of a
+      deadbeat observer. The response need not die out, so lightly damped and unstable plants with process noise are possible.
+      The covariance follows to first order.
+    - `noise_covariance`: for "best", the autocovariance r_0, r_1, .. of v in squared units, (q+1,) or (p, q+1). None: it is
+      estimated from the residuals up to lag `length`, in three rounds.
+    - `observer`: for "observer", the number of terms of the ARX model. None: half of `length`.
 
-    Cost: O(T d²), d = m (length + 1); "best" O(T q²) more.
+    Rows with a missing value are left out, for that output only; so are the first `length` of each record. With Φ the matrix
+    of regressors and R the covariance of the noise, the covariance is σ² (Φ'Φ)^-1 ("ordinary") or (Φ' R^-1 Φ)^-1 ("best").
+    The ordinary one is too small or too large where the noise is not white.
+
+    Cost: O(T d²) operations, with T samples, m inputs and d = m (length + 1); "best" adds O(T q²), with q lags.
 
     Reference: R. W. Bass (2005); A. C. Aitken (1935) for the best weights; J.-N. Juang et al. (1993) for OKID.
 

@@ -32,21 +32,23 @@ class Weighted(NamedTuple):
 
 @frozen
 class MinimumVariance(Identifier):
-    """The parameters of an output-error model by least squares, weighted with the covariance of its coloured noise, iterated.
+    """The parameters of an output-error model by least squares, with weights that are iterated
+    (the method of Steiglitz and McBride).
 
-    Model: `OutputError`: A(z) y = B(z) u + A(z) v, so that the equation's noise has the banded covariance σ² T(a) T(a)'.
+    Model: `OutputError`, as the equation A(z) y = B(z) u + A(z) v. The noise of this equation, A(z) v, has a banded
+    covariance, with which the equation is weighted.
 
-    Assumes right orders, a stable plant, and white v. The weights need the unknown a: iterating them is the method of
-    Steiglitz and McBride, consistent for white v only. One round is biased because the regressors are noisy. With
-    another noise, or many gaps, `OutputErrorML` is better: it is consistent, and efficient where v is white.
+    Assumes right orders, a stable plant, and white v. The weights need the unknown A, hence the iteration. The result is
+    consistent for white v only. A single round is biased, because the regressors are noisy. With another noise, or many gaps,
+    `OutputErrorML` is better: it is consistent, and efficient where v is white.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps.
 
-    An equation with a missing output is left out, and the covariance of the others is exact. The covariance of θ is
-    σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, Φ the weighted regressors and Ψ the same without noise, asymptotically exact. (Φ'Φ)^-1, that of
-    weighted least squares with known regressors, is too small.
+    An equation with a missing output is left out, and the covariance of the noise of the others is exact. The covariance of
+    the estimate is σ² (Ψ'Ψ)^-1 Φ'Φ (Ψ'Ψ)^-1, with Φ the weighted regressors and Ψ the same without noise. It is exact for
+    long records. The covariance of weighted least squares with known regressors, σ² (Φ'Φ)^-1, would be too small.
 
-    Cost: O(T d²) per round, some 10 rounds; banded, never T x T.
+    Cost: some 10 rounds of O(T d²) operations, with T samples and d parameters. No (T, T) matrix is formed.
 
     Reference: J. Sillence (1999) ch. 2; K. Steiglitz, L. McBride (1965); P. Stoica, T. Söderström (1981).
 

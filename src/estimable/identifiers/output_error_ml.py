@@ -31,24 +31,25 @@ LEAST_NOISE = 1e-10  # of the mean square of an output: noise variance that the 
 class OutputErrorML(StartedIdentifier):
     """The parameters of an output-error model by maximum likelihood, from one record or several with gaps.
 
-    Model: `OutputError`, each output with its own polynomials; outputs may be missing, inputs are those applied. Unknown
-    inputs, not logged or of unknown arrival (UDP-like), enter with their means and variances.
+    Model: `OutputError`; each output has its own polynomials. Outputs may be missing, and inputs are those that the actuator
+    applied. Unknown inputs (not logged, or of unknown arrival as with UDP) enter with their means and variances.
 
-    Assumes right orders and white Gaussian v (otherwise it is nonlinear least squares: still consistent, and its covariance
-    right to first order if v is white). The plant may be in motion when a record begins (`initial="free"`). For on-line data,
-    `RecursiveOutputError` is nearly as good.
+    Assumes right orders and white Gaussian v. For other white noise the method is nonlinear least squares: still consistent,
+    with the covariance right to first order. The plant need not be at rest when a record begins (`initial="free"`). For
+    on-line data, `RecursiveOutputError` is nearly as good.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
-    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest", or "free": the past before row 0 is
-    estimated too, max(na, nb + delay) numbers per output and record. `arrival`: the rate at which inputs of unknown arrival
-    arrive (default None: every arrival is known); inputs not logged (NaN) are assumed to be like the logged ones.
+    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest": the plant is at rest before row 0; "free":
+    the past before row 0 is estimated too, max(na, nb + delay) numbers per output and record. `arrival`: the rate at which
+    inputs of unknown arrival arrive (default None: every arrival is known). Inputs that were not logged (NaN) are assumed to
+    be like the logged ones.
 
-    The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with exact
-    derivatives, from several starts: a linearly fitted long impulse response, and, in `identify`, the estimate of the recursion.
-    The covariance is the inverse of the information. Directions without information are in `fit.undetermined`, and the
-    covariance is of the rest.
+    The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with
+    exact derivatives, from several starts: a long impulse response fitted linearly and, in `identify`, the estimate of
+    `RecursiveOutputError`. The covariance is the inverse of the information. Directions of the parameters without information
+    are in `fit.undetermined`, and the covariance is that of the other directions.
 
-    Cost: about 20 passes over the record, O(T d) each: 10 ms at T = 1000.
+    Cost: about 20 passes over the T samples, each of O(T d) operations for d parameters: 10 ms at T = 1000.
 
     Reference: L. Ljung, System Identification (1999), §7.4 and §10.2; H. Fang (2009), (3.1)-(3.4) for the losses.
 
@@ -128,7 +129,7 @@ class OutputErrorML(StartedIdentifier):
         check_lags(self, records, faults)
         if self.noise_variance is not None and len(self.noise_variance) != len(first.outputs):
             outputs = checks.counted(len(first.outputs), "output")
-            faults.add(f"`noise_variance` must hold one for each of {outputs}. Got {len(self.noise_variance)}.")
+            faults.add(f"`noise_variance` must hold one value for each of {outputs}. Got {len(self.noise_variance)}.")
         seen = np.concatenate([record.seen for record in records])
         never = [name for i, name in enumerate(first.outputs) if not seen[:, i].any()]
         if never:

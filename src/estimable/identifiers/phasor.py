@@ -47,22 +47,27 @@ class _Seen(NamedTuple):
 class Phasor(Identifier):
     """A transfer function of a given order from the response to sinusoids, one or several at a time, from records with gaps.
 
-    Model: y = H u + c + v. The in-phase and quadrature parts A_k, B_k of y at each frequency, over those of u, are H(jω_k) = A_k
-    + j B_k; each gives two real equations that are linear in the coefficients of H. `domain`: "discrete", H = Σ b_i z^-i / (1
-    + Σ a_i z^-i) at z = exp(jω dt), exact for inputs held over each sample; or "continuous", H = Σ b_i s^(n-i) / (s^n + Σ a_i
-    s^(n-i)), for inputs that are sinusoids between the samples too. (Sillence's a_i are minus ours.)
+    Model: y = H u + c + v. The response of y to a sinusoid in u of frequency ω_k and amplitude 1 has an in-phase part A_k and a
+    quadrature part B_k. Together they are the value H(jω_k) = A_k + j B_k. Each frequency gives two real equations that are
+    linear in the coefficients a_i, b_i of H.
 
     Assumes a linear plant in steady state (see `settle`), one input, white v, and the right order. With too low an order the
     model fits the given frequencies only; with too high an order the surplus poles and zeros are noise.
 
-    Settings: `order` n; `frequencies` in hertz, at least n, between 0 and half the sampling rate; `settle`: seconds cut off the
-    start of each record.
+    Settings:
 
-    Rows with a missing output are left out. More than n frequencies are weighted by their covariances. `fit.extra` holds
-    "frequencies", "in_phase" and "quadrature" (K, p) and "coherence" (p,): the part of the output's variation at these
-    frequencies. The rest is noise, a transient, or a nonlinearity of the plant.
+    - `order` n.
+    - `frequencies` in hertz: at least n, between 0 and half the sampling rate. More than n are weighted by their covariances.
+    - `settle`: the seconds that are cut off the start of each record.
+    - `domain`: "discrete": H = Σ b_i z^-i / (1 + Σ a_i z^-i) at z = exp(jω dt), exact for inputs that are held over each
+      sample. "continuous": H = Σ b_i s^(n-i) / (s^n + Σ a_i s^(n-i)), for inputs that are sinusoids between the samples too.
+      (Sillence's a_i have the opposite sign.)
 
-    Cost: O(T K²).
+    Rows with a missing output are left out. `fit.extra` holds "frequencies", "in_phase" and "quadrature" (K, p) and
+    "coherence" (p,). The coherence is the part of the output's variation at these frequencies. The rest is noise, a
+    transient, or a nonlinearity of the plant.
+
+    Cost: O(T K²) operations, with T samples and K frequencies.
 
     Reference: J. Sillence (1999) §2.2, (7)-(14), §2.2.1.
 
@@ -95,9 +100,10 @@ class Phasor(Identifier):
 
     @staticmethod
     def second_order(in_phase: float, quadrature: float, frequency: float) -> SecondOrder:
-        """The second-order lag with unit gain whose phasor at a frequency in hertz is `in_phase` + j `quadrature`.
+        """The second-order lag with unit gain whose response at one frequency in hertz is `in_phase` + j `quadrature`.
 
-        Raises `InputError` where there is none: the phasor must lie below the real axis, outside the circle |H - 1/2| = 1/2.
+        Raises `InputError` where there is none: the response must lie below the real axis, outside the circle
+        |H - 1/2| = 1/2.
 
         >>> Phasor.second_order(0.0, -1.0, 0.5)
         SecondOrder(natural_frequency=0.5, damping=0.5)
@@ -109,7 +115,7 @@ class Phasor(Identifier):
         faults.finish()
         if in_phase**2 + quadrature**2 <= in_phase or quadrature >= 0:
             checks.refuse(
-                f"no stable second-order lag with unit gain has the phasor {in_phase:g} {quadrature:+g}j: the phasor must lie "
+                f"no stable second-order lag with unit gain has the response {in_phase:g} {quadrature:+g}j: it must lie "
                 "below the real axis, outside the circle with centre 1/2 and radius 1/2."
             )
         ω_n, ζ = kernel.second_order(in_phase, quadrature, 2 * np.pi * frequency)

@@ -48,18 +48,21 @@ class PredictionError(StartedIdentifier):
 
     Model: `ARMAX`: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], e white; each output has its own polynomials.
 
-    Assumes right orders and white e (Gaussian for the likelihood; otherwise still consistent where nothing is missing). The
-    plant may be in motion: the past before row 0 of each record is fitted too. Feedback does no harm. `OutputErrorML` is
-    better for white noise on the outputs; nc = 0 is `LeastSquares` without the loss of its start-up rows.
+    Assumes right orders and white Gaussian e. For other white noise it is still consistent where nothing is missing. The
+    plant need not be at rest when a record begins: the past before row 0 is fitted too. Feedback from outputs to inputs does
+    no harm. `OutputErrorML` is better for white noise on the outputs. With nc = 0 the method is `LeastSquares` without the
+    loss of its first rows.
 
-    Settings: `na`, `nb`, `nc`: degrees of A, B and C (Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here); `delay` in
-    steps.
+    Settings: `na`, `nb`, `nc`: degrees of A, B and C (Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here); `delay`
+    in steps.
 
-    The sum of squares is minimised by the Levenberg-Marquardt method (MINPACK, in SciPy), from C = 1 and from the residuals of
-    a long ARX model (Hannan and Rissanen). Where outputs are missing, the likelihood of the seen ones is maximised instead, by
-    Fisher scoring. The covariance is σ² (ψ'ψ)^-1, or the inverse of the information, with the past before row 0 marginalised.
+    Where all outputs were seen, the sum of squared prediction errors is minimised by the Levenberg-Marquardt method (MINPACK,
+    in SciPy). It starts from C = 1, and from the residuals of a long ARX model (Hannan and Rissanen). The covariance is
+    σ² (ψ'ψ)^-1, with ψ the derivatives of the errors. Where outputs are missing, the likelihood of the seen ones is maximised
+    by Fisher scoring, and the covariance is the inverse of the information. Both allow for the fitted past before row 0.
 
-    Cost: about 15 passes, O(T d) each: 20 ms at T = 1000, with gaps or without, after a second of compilation for gaps.
+    Cost: about 15 passes over the T samples, each of O(T d) operations for d parameters: 20 ms at T = 1000, with gaps or
+    without. Gaps need a second of compilation before.
 
     Reference: L. Ljung, System Identification (1999), §7.2, §10.2, §10.3; E. Hannan, J. Rissanen (1982).
 

@@ -52,7 +52,7 @@ def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:
     size = np.linalg.svd(u / np.linalg.norm(u, axis=0), compute_uv=False)
     if size[-1] < 1e-8 * size[0]:
         faults.add(
-            f"inputs {checks.listed(records[0].inputs)} are linearly dependent: one is a sum of others. Leave it out."
+            f"inputs {checks.listed(records[0].inputs)} are linearly dependent: one is a combination of the others. Leave it out."
         )
 
 

@@ -49,28 +49,36 @@ class Recursion:
 
 @frozen
 class RecursiveOutputError(Anticipating[Recursion]):
-    """The parameters of an output-error model, sample by sample, where inputs and outputs are lost.
+    """A recursive identifier of an output-error model: it estimates the parameters sample by sample, where inputs and outputs
+    are lost.
 
-    Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k], each output with its own polynomials. A lost output
-    leaves the estimate unchanged. For a lost input the actuator's substitute is used; the acknowledgement reports the loss.
+    Model: `OutputError`: x°[k] = B(z)/A(z) u°[k], y[k] = x°[k] + v[k]; each output has its own polynomials. A lost output
+    leaves the estimate unchanged. A lost input is replaced by what the actuator applied instead; an acknowledgement reports
+    the loss.
 
-    Assumes a stable plant at rest before the first sample, right orders and noise variance, white v, and an exciting input
-    (with a constant one the covariance stays large in the unexcited directions). With too small a noise variance the estimate
-    is good but its covariance too small; with one far too small it never stops forgetting.
+    Assumes a stable plant at rest before the first sample, right orders and noise variance, white v, and an exciting input.
+    With a constant input the covariance stays large in the unexcited directions. With too small a noise variance the estimate
+    is good but its covariance too small. With one far too small, the identifier never stops forgetting.
 
-    Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
-    `noise_variance` of v, one number or (p,), greater than 0; `prior` of θ (output by output, a then b, input by input;
-    None: zero, and vague). The prior of a is limited by the stability of A, so that a variance of 1e6 is as good as 1.
-    `forgetting` λ in (0, 1], per arrival, for plants that change; `alarm`: when the mean squared innovation lies this many
-    standard deviations above its variance, past data are forgotten until the innovations fit again (which also follows a plant
-    that jumped). `method`: "refined", or "printed": the recursion as printed in its source, which locks on a wrong estimate
-    from vague priors. `inputs`, `outputs` name the channels (`identify` takes those of the record).
+    Settings:
 
-    Differences from the source: past auxiliary outputs are corrected when θ changes; the gradient is that of the model
-    (ψ) once the estimate is near; A is stabilised; early samples, with poor estimates, fade as a power of their age; the prior
-    replaces forgotten information. `Info.mean` is θ. `Info.covariance` is that of its error at the gain in use, unlike the P
-    of the recursion. `Info.extra["output"]` estimates x°[k], `extra["completed"]` is z[k]: y where it was seen, else its
-    prediction (3.12).
+    - `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps.
+    - `noise_variance` of v, one number or (p,), greater than 0.
+    - `prior` of θ, the parameters of one output after the other: first a, then b input by input. None: zero, and vague. The
+      stability of A limits the prior of a, so that a variance of 1e6 is as good as 1.
+    - `forgetting` λ in (0, 1], per arrival, for plants that change.
+    - `alarm`: when the mean squared innovation exceeds its expected value by this many standard deviations, past data are
+      forgotten until the innovations fit again. This also follows a plant that jumped.
+    - `method`: "refined"; or "printed", the recursion as printed in its source, which from vague priors locks on a wrong
+      estimate.
+    - `inputs`, `outputs`: names of the channels (`identify` takes those of the record).
+
+    The refined method differs from the source. When θ changes, the past outputs that the recursion calculated from it (the
+    auxiliary outputs) are corrected. The gradient is that of the model once the estimate is near. A is stabilised. Early
+    samples, with poor estimates, get a smaller weight. The prior replaces forgotten information.
+
+    Reports: `Info.mean` is θ. `Info.covariance` is that of its error at the gain in use, unlike the P of the recursion. In
+    `Info.extra`: "output" estimates x°[k]; "completed" is y where it was seen, otherwise its prediction, the z[k] of (3.12).
 
     Cost: about 4 d³ multiplications per sample and output, d = na + m (nb + 1); 0.6 us at d = 4 as machine code.
 
@@ -136,7 +144,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
         )
 
     def rested(self, state: Recursion) -> Recursion:
-        """The belief when another record begins: the same about θ, and a plant at rest."""
+        """The belief when another record begins: θ as before, and a plant at rest."""
         return replace(
             state, outputs=jnp.zeros_like(state.outputs), slopes=jnp.zeros_like(state.slopes),
             lags=jnp.zeros_like(state.lags),

@@ -49,9 +49,8 @@ def _tried(name: str, test: Callable[[], Any]) -> list[Check]:
         found: Correlations = test()
     except InputError:
         return []
-    verdict = found.sentence.split(": ")[0]
-    sentence = f"Residuals one step ahead: {found.sentence}."
+    sentence = f"Residuals of one-step predictions: {found.sentence}."
     if not found.passed:
-        size = f"{found.statistic:.1f}, limit {found.limit:.1f}, most of it at lag {found.lag}"
-        sentence = f"Residuals one step ahead: {verdict}: {size}. {ADVICE[name]}"
+        verdict = found.sentence.split(": ")[0]
+        sentence = f"Residuals of one-step predictions: {verdict}. {ADVICE[name]}"
     return [Check(name, bool(found.passed), found.statistic, found.limit, sentence)]

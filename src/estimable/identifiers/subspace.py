@@ -39,26 +39,28 @@ Data = list[tuple[np.ndarray, np.ndarray]]
 class Subspace(Identifier):
     """A state-space model of a given order by subspace identification, from one record or several.
 
-    Model: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k], e white: `fit.model`, in innovations form.
+    Model: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k], e white. `fit.model` has this innovations form.
 
     Assumes an input that moves and does not depend on the outputs (no feedback: in closed loop the estimate is biased), and a
-    record much longer than 2 (m + p) horizon rows. It needs no start and no search; `OutputErrorML` is usually a little better.
+    record much longer than 2 (m + p) `horizon` rows. It needs no start and no search; `OutputErrorML` is usually a little
+    better.
 
     Settings: `order` n; `weighting`: "moesp", "n4sid" or "cva" (similar for white inputs; CVA weights by the noise);
     `horizon` s in block rows (None: 15, or order + 2, or less for a short record); `feedthrough`: whether D is fitted;
     `draws`: the number of records drawn to compute the covariance (0: no covariance).
 
-    A and C come from the shift of the observability matrix, B and D from a regression of the outputs on the simulation
-    (of the predictions, where A is not stable), K from the stationary Kalman filter of the residuals. Missing outputs are
-    filled in by an impulse response and then by the model's own simulation, three times, for A, C and K; they are left out
-    for B and D. Inputs must be known.
+    A and C come from the shift of the observability matrix. B and D come from a regression of the outputs on the simulation,
+    or on the predictions where A is not stable. K is that of the stationary Kalman filter for the residuals. Missing outputs
+    are filled in for A, C and K: by an impulse response and then by the model's own simulation, three times. For B and D they
+    are left out. Inputs must be known.
 
-    `fit.parameters` are the Markov parameters M_0 .. M_2n, which determine the model for any choice of states. Their covariance
-    is the spread of the same estimate on `draws` records that the fitted model draws under the same inputs (a parametric
-    bootstrap, B and D to first order; the same numbers in every call). Standard deviations are accurate to 1 / sqrt(2 draws),
-    11 %. The covariance is None for an unstable model. A gap in `fit.extra["singular_values"]` shows the order.
+    `fit.parameters` are the Markov parameters M_0 to M_2n, which determine the model up to a choice of states. To find their
+    covariance, the fitted model draws `draws` records under the same inputs, and the same estimate is made on each: the
+    spread of these estimates is the covariance (a parametric bootstrap, B and D to first order; the same numbers in every
+    call). Standard deviations are accurate to 1 / sqrt(2 draws), 11 %. The covariance is None for an unstable model. A gap in
+    `fit.extra["singular_values"]` shows the order.
 
-    Cost: 2 T (2 s (m + p))² operations, and the draws.
+    Cost: 2 T (2 s (m + p))² operations, with T samples, and about as many for each draw.
 
     Reference: P. Van Overschee, B. De Moor (1996), Table 4.1, Figs 4.6-4.8; M. Verhaegen, P. Dewilde (1992).
 
@@ -147,7 +149,7 @@ class Subspace(Identifier):
         columns, needed = sum(max(len(r) - 2 * s + 1, 0) for r in records), 2 * s * (m + p)
         if columns < needed:
             faults.add(
-                f"the record is too short for order {self.order} with horizon {s}: it has {columns} columns of {2 * s} rows, but "
+                f"the record is too short for order {self.order} with horizon {s}: its data matrix has {columns} columns, but "
                 f"{needed} are needed. Lower the order or the horizon, or use LeastSquares."
             )
         faults.finish()

@@ -112,5 +112,5 @@ def noise_of_innovations(standardised: Sequence[np.ndarray]) -> Check:
     ratio = float(np.nansum(e**2) / degrees)
     lower, upper = chi_squared.quantile([(1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2], degrees) / degrees
     found = f"Noise: the innovations' variance is {ratio:.3g} times the filter's ({lower:.2f} to {upper:.2f} expected)"
-    advice = "" if lower <= ratio <= upper else ": raise Q or R" if ratio > upper else ": lower Q or R"
+    advice = "" if lower <= ratio <= upper else ": Q or R is too small" if ratio > upper else ": Q or R is too large"
     return Check("noise", lower <= ratio <= upper, ratio, float(upper), f"{found}{advice}.")

@@ -25,8 +25,9 @@ RESIDUAL = 1e-13      # of the size of the equation's terms, above which the sec
 SINGULAR = 1e13       # condition number from which R + B'X B counts as singular
 EPS = np.finfo(float).eps
 UNSETTLED = (
-    "the Riccati equation has no stabilising solution: a mode on or beyond the limit of stability is not reached, or is neither "
-    "seen nor excited."
+    "the Riccati equation has no stabilising solution. A filter needs outputs that show every unstable mode, and noise that "
+    "excites every mode on the limit of stability. A regulator needs inputs that move every unstable mode, and a cost of every "
+    "mode on that limit."
 )
 
 Real = np.ndarray

@@ -17,9 +17,10 @@ from .state_space import StateSpace
 class ARMAX(EquationNoise):
     """A linear system in polynomial form, with coloured noise that passes through the poles of the plant.
 
-    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k]; A_i = 1 + a_i1 z^-1 + .., C_i = 1 + c_i1 z^-1 + ..,
-    B_ij = z^-delay (b_ij0 + ..); e white, independent between outputs. Each output has its own polynomials.
-    The orders are degrees: Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here.
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + C_i(z) e_i[k], for each output i and input j. The polynomials are
+    A_i = 1 + a_i1 z^-1 + .., C_i = 1 + c_i1 z^-1 + .. and B_ij = z^-delay (b_ij0 + ..). The noise e is white, and that of one
+    output is independent of that of another. The orders na, nb and nc are degrees: Ljung's (na, nb, nc, nk) is
+    (na, nb - 1, nc, delay = nk) here.
 
     Settings: `a` (p, na), `b` (p, m, nb+1), `c` (p, nc), or (na,), (nb+1,), (nc,) for one output and input; `delay` in steps;
     `noise_variance` of e: one number or (p,); `dt` in seconds, greater than 0; `inputs` and `outputs` name the channels.
@@ -69,7 +70,7 @@ class ARMAX(EquationNoise):
         return tuple(rows)
 
     def to_state_space(self) -> StateSpace:
-        """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e.
+        """The same system in innovations form: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k].
 
         >>> ARMAX([-0.5], [1.0], [0.3], noise_variance=0.1, dt=1).to_state_space().G.tolist()
         [[0.8]]

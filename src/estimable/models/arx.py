@@ -17,9 +17,10 @@ from .state_space import StateSpace
 class ARX(EquationNoise):
     """A linear system in polynomial form, with noise that passes through the poles of the plant.
 
-    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, B_ij = z^-delay (b_ij0 +
-    .. + b_ij,nb z^-nb); e white, independent between outputs. Each output has its own polynomials.
-    The orders are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
+    Model: A_i(z) y_i[k] = Σ_j B_ij(z) u_j[k] + c_i + e_i[k], for each output i and input j. The polynomials are
+    A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na and B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb). The noise e is white, and that
+    of one output is independent of that of another. c is a constant offset. The orders na and nb are degrees: Ljung's
+    (na, nb, nk) is (na, nb - 1, delay = nk) here.
 
     Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
     steps; `noise_variance` of e: one number or (p,), in squared units of the outputs; `dt` in seconds, greater than 0;
@@ -60,7 +61,8 @@ class ARX(EquationNoise):
         return arx_names(self.na, self.nb, self.inputs, self.outputs, self.offset is not None)
 
     def to_state_space(self) -> StateSpace:
-        """The same system in innovations form: x+ = A x + B u + K e, y = C x + D u + e, in absolute units.
+        """The same system in innovations form, in absolute units: x[k+1] = A x[k] + B u[k] + K e[k],
+        y[k] = C x[k] + D u[k] + e[k].
 
         Raises `InputError` if there is an offset and A has a root at 1: the outputs then have no level.
 

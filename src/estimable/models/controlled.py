@@ -15,7 +15,7 @@ from .state_space import StateSpace
 
 @frozen
 class Failure:
-    """From `time` [s] on the effect of the inputs is `gain`, one number or (m,), times that in the plant's model.
+    """An event of a run: from `time` [s] on, the effect of the inputs is multiplied by `gain`, one number or (m,).
 
     >>> Failure(4.5, 0.2).gain.tolist()
     [0.2]
@@ -38,10 +38,10 @@ class Failure:
 
 @frozen
 class Change:
-    """From `time` [s] on the plant follows `model`, starting from its current state.
+    """An event of a run: from `time` [s] on, the plant follows another `model`. Its state does not jump.
 
-    `model` is a `StateSpace`. If the plant is an `OutputError`, give an `OutputError`: the parameters change, and the past
-    outputs and inputs stay.
+    `model` is a `StateSpace`. If the plant is an `OutputError`, give an `OutputError`: its parameters change, and the past
+    outputs and inputs remain.
 
     >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
     [[0.5]]
@@ -65,16 +65,22 @@ class Change:
 
 @frozen
 class ControlledPlant:
-    """A model, its actuators, and the events of a run.
+    """A plant for `close_loop`: a model, its actuators, and events during the run, such as failures.
 
-    Model: that of `model`, whose inputs are the actuator positions. Without `actuator` they equal the commands. With it, input
-    i follows its command by di/dt = `actuator` (command - i) and is measured without error. It moves between samples
-    (`held`: i is constant over each sample and jumps at the next).
+    The inputs of `model` are the positions of the actuators. Without `actuator` they equal the commands of the controller.
+    With it, the position i of an actuator follows its command by di/dt = `actuator` (command - i). The position is measured
+    without error. It moves between samples; with `held` it is constant over each sample and jumps at the next.
 
-    Settings: `model`, a `StateSpace` (or an `OutputError`, whose states are past outputs and inputs); `actuator`: 1/s, None or
-    one number; `held`; `limits` (2,) or (2, m): smallest and largest input; `rate`: largest change per second, one number; both
-    act on the command, and so limit the input as well; `quantum`: commands are rounded to multiples of it, (m,) or one
-    number; `resolution`: the same for outputs, (p,) or one number; `events`: `Failure`s and `Change`s, in any order.
+    Settings:
+
+    - `model`: a `StateSpace`, or an `OutputError`, whose states are past outputs and inputs.
+    - `actuator`: the bandwidth in 1/s, one number. None: no actuator.
+    - `held`: True if the position is constant over each sample.
+    - `limits` (2,) or (2, m): the smallest and the largest command. `rate`: the largest change of a command per second, one
+      number. Both limit the position as well, which follows the command.
+    - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
+      outputs.
+    - `events`: a list of `Failure`s and `Change`s, in any order.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
     >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
@@ -110,7 +116,7 @@ class ControlledPlant:
 
     @property
     def hold(self) -> str:
-        """How the input varies between samples."""
+        """How the input varies between samples: "zero_order" or "first_order"."""
         return "zero_order" if self.actuator is None or self.held else "first_order"
 
     def phases(self) -> list[StateSpace]:

@@ -37,7 +37,7 @@ LOST = ("zero", "hold")
 
 @saved
 class GainSection(NamedTuple):
-    """The section [gain] of a model file: the prior of an unknown gain, and the settings of `UnknownGain`."""
+    """The section [gain] of a model file: the prior of an unknown gain, and other settings of `UnknownGain`."""
 
     prior: Prior
     settings: dict[str, Any] = {}  # noqa: RUF012  never changed
@@ -45,7 +45,13 @@ class GainSection(NamedTuple):
 
 @saved
 class ModelFile(NamedTuple):
-    """The contents of a model file. `gain`: None without a section [gain]; `record`: arguments of `read_record`."""
+    """The contents of a model file, as read by `read_model`.
+
+    - `model` and `prior`: the model and the prior of its state.
+    - `gain`: the section [gain]. None: the file has no such section.
+    - `unknown`: the names of the unknown inputs.
+    - `record`: arguments of `read_record`.
+    """
 
     model: StateSpace
     prior: Prior
@@ -55,15 +61,16 @@ class ModelFile(NamedTuple):
 
 
 def read_model(path: str | Path) -> ModelFile:
-    """The model, prior, gain, unknown inputs and record options in a model file.
+    """Read a model file: the model, its prior, and optionally an unknown gain, unknown inputs and options of records.
 
-    TOML: sections [model] (dt, states, outputs, A, C, R; also inputs, B, D, Q, G, S) and [prior] (mean, covariance;
-    also diffuse) are required; [operating_point], [gain], [record] and [unknown] are optional. A `.py` file defines
-    `model` (a `StateSpace` or a `NonlinearModel`) and `prior`, and may define `gain` (a `GainSection`; for a nonlinear
-    model it describes the parameters), `unknown` and `record`. The file is executed.
+    A TOML file has the sections [model] (keys dt, states, outputs, A, C, R, and optionally inputs, B, D, Q, G, S) and [prior]
+    (mean, covariance, and optionally diffuse). The sections [operating_point], [gain], [record] and [unknown] are optional.
 
-    Raises `InputError` if the file does not exist or is not TOML, if a key is missing, unknown or of a wrong shape, or if
-    its Python fails.
+    A Python file (.py) is executed. It defines `model` (a `StateSpace` or a `NonlinearModel`) and `prior`. It may define
+    `gain` (a `GainSection`; for a nonlinear model it describes the parameters), `unknown` and `record`.
+
+    Returns a `ModelFile`. Raises `InputError` if the file does not exist or is not TOML, if a key is missing, unknown or of a
+    wrong shape, or if its Python code fails.
     """
     found = checks.existing_file(path)
     try:
@@ -83,7 +90,7 @@ def _from_python(path: Path) -> ModelFile:
     except checks.InputError:
         raise
     except (Exception, SystemExit) as error:  # any exception of the user's code
-        raise checks.InputError(f"the Python code in it failed: {type(error).__name__}: {error}.") from error
+        raise checks.InputError(f"its Python code failed: {type(error).__name__}: {error}.") from error
     faults = checks.Faults()
     for name, kinds, words in (
         ("model", (StateSpace, NonlinearModel), "a StateSpace or a NonlinearModel"),
@@ -189,7 +196,9 @@ def _check_record(record: Any, faults: checks.Faults) -> None:
         faults.array("[record] na_values", record["na_values"], "marks")
     units = record.get("units", {})
     if not (isinstance(units, dict) and all(isinstance(unit, str) for unit in units.values())):
-        faults.add(f'`[record] units` must hold name = "unit" of channels. Got {checks.short(units)}.')
+        faults.add(
+            f'`[record] units` must be a table of channels and units, such as level = "m". Got {checks.short(units)}.'
+        )
 
 
 def write_model(

@@ -18,16 +18,20 @@ from .state_space import StateSpace
 class NonlinearModel:
     """A nonlinear model with noise, discrete (dt > 0) or continuous (dt = 0).
 
-    Discrete: x[k+1] = f(x[k], u[k], θ) + G w[k], y[k] = h(x[k], u[k], θ) + v[k]; cov w = Q, cov v = R.
-    Continuous: dx/dt = f(x, u, θ) + G w with Q a density (per second); y[k] is a sample, and R its covariance.
+    Discrete: x[k+1] = f(x[k], u[k], θ) + G w[k], y[k] = h(x[k], u[k], θ) + v[k]. Q is the covariance of w, and R that of v.
+    Continuous: dx/dt = f(x, u, θ) + G w, where Q is a density (per second). y[k] is a sample as before, and R its covariance.
 
-    `f` and `h` are plain functions, written with `jax.numpy`, of three arrays x (n,), u (m,), θ (k,); they return (n,) and (p,).
-    `Q` (q, q), `R` (p, p). `G`: (n, q), a function G(x, u, θ) of that shape, or None: noise on every state. `parameters`:
-    {name: value} of θ, in its order; a filter can estimate them together with the state. `dt` in seconds. `states` and `inputs`
-    name the channels (`states` is required if `G` is given; `inputs`: default none), `outputs` default y1...
+    Settings:
 
-    `substeps`: the number of classical Runge-Kutta steps from one sample to the next of a continuous model (they can run as
-    machine code); None: an adaptive method of diffrax (the extra `ode`), with a relative tolerance of 1e-9.
+    - `f` and `h`: functions of three arrays x (n,), u (m,), θ (k,), written with `jax.numpy`. They return (n,) and (p,).
+    - `Q` (q, q) and `R` (p, p): the noise covariances.
+    - `G`: a matrix (n, q), or a function G(x, u, θ) of that shape. None: noise enters every state.
+    - `dt`: the step in seconds, 0 for a continuous model.
+    - `parameters`: {name: value} of θ, in its order. A filter can estimate them together with the state.
+    - `states`, `inputs`, `outputs`: names of the channels. `states` is required if `G` is given; by default there are no
+      inputs, and the outputs are y1...
+    - `substeps`: the number of Runge-Kutta steps (of order 4) from one sample to the next of a continuous model, which can
+      run as machine code. None: an adaptive method of diffrax (the extra `ode`) with a relative tolerance of 1e-9.
 
     Raises `InputError` with all faults at once: functions with wrong arguments or shapes, or that JAX cannot trace.
 
@@ -95,15 +99,16 @@ class NonlinearModel:
         return len(self.outputs)
 
     def feeds_through(self, inputs: list[int]) -> bool:
-        """Whether an input enters an output directly: whether h uses u, for any columns `inputs`."""
+        """Whether an input enters an output directly, that is, whether h uses u. `inputs` selects columns of u."""
         arguments = [jax.ShapeDtypeStruct((size,), np.float64) for size in (self.n, self.m, self.parameters.shape[-1])]
         jaxpr = jax.make_jaxpr(self.h)(*arguments).jaxpr
         return any(jaxpr.invars[1] is atom for equation in jaxpr.eqns for atom in equation.invars)
 
     def linearised(self, x: Numbers, u: Numbers = (), *, parameters: Numbers | None = None) -> StateSpace:
-        """The linear model about the operating point x (n,), u (m,), from the derivatives there.
+        """The linear model about the operating point x (n,), u (m,), from the derivatives of f and h there.
 
-        `parameters` (k,): θ; None: those of the model. Exact at an equilibrium. At any other state the constant drift is omitted.
+        `parameters` (k,): θ; None: those of the model. The linear model is meant for an equilibrium. At any other state the
+        constant drift f(x, u, θ) is omitted.
 
         >>> slow = NonlinearModel(lambda x, u, θ: -θ * x**2 + u, lambda x, u, θ: x, Q=[[0.1]], R=[[1.0]], dt=0, inputs=["u"],
         ...                       parameters={"θ": 3.0}, substeps=1)

@@ -13,7 +13,7 @@ PARTS = ("states", "inputs", "outputs")
 
 @frozen
 class OperatingPoint:
-    """States (n,), inputs (m,) and outputs (p,) about which a model is linear, in the user's absolute units."""
+    """The point about which a model is linear: `states` (n,), `inputs` (m,) and `outputs` (p,), in the user's absolute units."""
 
     states: Annotated[Any, "n"]
     inputs: Annotated[Any, "m"]
@@ -21,14 +21,18 @@ class OperatingPoint:
 
     @staticmethod
     def of(given: Any, C: np.ndarray, D: np.ndarray, faults: checks.Faults) -> "OperatingPoint | None":
-        """The point from a mapping or an `OperatingPoint`; defaults: zero states and inputs, outputs C states + D inputs."""
+        """The operating point from a mapping or an `OperatingPoint`. By default states and inputs are zero, and outputs C
+        states + D inputs.
+        """
         if given is None:
             return None
         if isinstance(given, Mapping):
             unknown = [key for key in given if key not in PARTS]
             if unknown:
                 near = checks.suggestion(unknown[0], PARTS)
-                faults.add(f"`operating_point` has states, inputs and outputs. Got {checks.listed(unknown)}.{near}")
+                faults.add(
+                    f"`operating_point` may have the keys states, inputs and outputs. Got {checks.listed(unknown)}.{near}"
+                )
             parts = given
         elif isinstance(given, OperatingPoint):
             parts = {"states": given.states, "inputs": given.inputs, "outputs": given.outputs}

@@ -18,12 +18,13 @@ from .state_space import StateSpace
 class OutputError(polynomials.Polynomials):
     """A linear system in polynomial form, with noise on the measured outputs only.
 
-    Model: x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], y[k] = x°[k] + v[k]; A_i = 1 + a_i1 z^-1 + .. + a_i,na z^-na, and
-    B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb); v white, independent between outputs. u° is what the actuator applied.
-    The orders are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
+    Model: y_i[k] = x°_i[k] + v_i[k] with x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], for each output i and input j. x° is the
+    output without noise, and u° the input that the actuator applied. The polynomials are A_i = 1 + a_i1 z^-1 + .. + a_i,na
+    z^-na and B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb). The noise v is white, and that of one output is independent of
+    that of another. The orders na and nb are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
 
     Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
-    steps, the same for all; `noise_variance`: of v, one number or (p,), in squared units of the outputs; `dt` in seconds,
+    steps, the same for all; `noise_variance` of v: one number or (p,), in squared units of the outputs; `dt` in seconds,
     greater than 0; `inputs` and `outputs` name the channels (default u1.., y1..).
 
     Reference: H. Fang (2009), (3.1), (3.2), (3.5).
@@ -71,7 +72,9 @@ class OutputError(polynomials.Polynomials):
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
     ) -> "OutputError":
-        """The model of a parameter vector (p (na + m (nb+1)),): output by output, a then b, input by input.
+        """The model with a given vector of parameters, (p (na + m (nb+1)),).
+
+        The vector holds the parameters of one output after the other: first its a, then its b for each input.
 
         >>> OutputError.of_parameters([0.5, 1.0, 2.0], na=1, nb=1, noise_variance=1.0, dt=1).b.tolist()
         [[[1.0, 2.0]]]

@@ -12,11 +12,12 @@ from ..frozen import frozen, set_field
 
 @frozen
 class Prior:
-    """A Gaussian belief about a state, a gain or a parameter, with diffuse directions.
+    """A Gaussian belief about a state, a gain or a parameter. Some directions may be diffuse: nothing is known about them.
 
-    `mean` (n,) and `covariance` (n, n), in the units of what they describe; the covariance is positive semidefinite and
-    may be zero (known exactly). `diffuse` (n, r) spans the unknown directions: the prior variance along its columns
-    is exactly infinite, not a large number. The finite `covariance` adds to it.
+    - `mean` (n,) and `covariance` (n, n): in the units of the quantities. The covariance is positive semidefinite. It may be
+      zero, for a known value.
+    - `diffuse` (n, r): its columns span the diffuse directions. The prior variance along them is exactly infinite, not a
+      large number. The finite `covariance` is added to it.
 
     Raises `InputError` if a shape is wrong, the covariance is not symmetric or is indefinite, or `diffuse` is rank deficient.
 
@@ -50,11 +51,11 @@ class Prior:
 
     @property
     def size(self) -> int:
-        """Number of quantities it describes."""
+        """The number n of quantities."""
         return self.mean.shape[-1]
 
     def in_basis(self, T: Numbers) -> "Prior":
-        """The same belief about T x, T (k, n). Raises `InputError` for a T of another shape.
+        """The same belief about the combinations T x, with T (k, n). Raises `InputError` for a T of another shape.
 
         >>> Prior([1.0], [[2.0]]).in_basis([[3.0]]).covariance
         array([[18.]])

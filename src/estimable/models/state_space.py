@@ -20,16 +20,20 @@ SINGULAR = 1e14  # condition number above which a change of basis loses all digi
 class StateSpace:
     """A linear model with noise, discrete (dt > 0) or continuous (dt = 0), constant or varying in time.
 
-    Discrete: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k]; cov w = Q, cov v = R, cov(w, v) = S.
-    Continuous: dx/dt = A x + B u + G w with Q a density (per second); y[k] is a sample, and R its covariance (a density
-    in the continuous Riccati and estimability functions).
+    Discrete: x[k+1] = A x[k] + B u[k] + G w[k], y[k] = C x[k] + D u[k] + v[k]. The covariances are cov w = Q, cov v = R,
+    cov(w, v) = S. Continuous: dx/dt = A x + B u + G w, where Q is a density (per second). y[k] is a sample as before, and R
+    its covariance. (In the functions that solve continuous Riccati equations, and in `estimability`, R is a density.)
 
-    Shapes: A (n, n), B (n, m), C (p, n), D (p, m), G (n, q), Q (q, q), R (p, p), S (q, p). Not given: B and D are zero,
-    C and G the identity, Q and S zero. R has no default; functions that need it raise an error. Any matrix may have a
-    leading time axis: row k holds from t[k] to t[k+1]. `dt` is in seconds. `states`, `inputs`, `outputs` name the
-    channels (default x1.., u1.., y1..); records are matched to them by name. `operating_point` = {"states", "inputs", "outputs"}:
-    the point about which the model is linear, in absolute units; records, priors and results are then in absolute units
-    too. `B_end` (n, m): the effect of u[k+1] on x[k+1], if the input moves linearly between samples (first-order hold).
+    Settings:
+
+    - A (n, n), B (n, m), C (p, n), D (p, m), G (n, q), Q (q, q), R (p, p), S (q, p). By default B and D are zero, C and G the
+      identity, Q and S zero. R has no default; functions that need it raise an error without it. Any matrix may have a
+      leading time axis: its row k holds from t[k] to t[k+1].
+    - `dt`: the step in seconds, 0 for a continuous model.
+    - `states`, `inputs`, `outputs`: names of the channels (default x1.., u1.., y1..). The names match a record to the model.
+    - `operating_point`: {"states", "inputs", "outputs"}, the point about which the model is linear, in absolute units. With
+      it records, priors and results are in absolute units too.
+    - `B_end` (n, m): the effect of u[k+1] on x[k+1], for an input that moves linearly between samples (first-order hold).
 
     Raises `InputError` with all faults at once: wrong shapes, covariances not symmetric or indefinite, wrong names.
 
@@ -95,7 +99,7 @@ class StateSpace:
         return self.C.shape[-2]
 
     def feeds_through(self, inputs: list[int]) -> bool:
-        """Whether one of these columns of u enters an output directly."""
+        """Whether an input enters an output directly. `inputs` selects columns of u."""
         return bool(np.any(self.D[..., inputs]))
 
     @property
@@ -105,7 +109,7 @@ class StateSpace:
 
     @property
     def steps(self) -> int | None:
-        """Number of rows in time of the varying matrices; None for a model that does not vary."""
+        """The number of rows in time of the matrices that vary; None for a constant model."""
         return getattr(self, self.varying[0]).shape[0] if self.varying else None
 
     def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
@@ -133,7 +137,7 @@ class StateSpace:
         )  # fmt: skip
 
     def in_basis(self, T: Numbers) -> "StateSpace":
-        """The same model in the states T x; their names are x1.. again. Raises `InputError` if T (n, n) is singular.
+        """The same model in the states T x, named x1... Raises `InputError` if T (n, n) is singular.
 
         >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
         array([[0.5]])

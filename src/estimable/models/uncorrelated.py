@@ -7,10 +7,13 @@ from .state_space import StateSpace
 
 
 def uncorrelated(model: StateSpace) -> StateSpace:
-    """`model` in deviations, with S = None, as a loop (`ControlledPlant`) needs it.
+    """A model with the same outputs as `model` but without cross noise S and without operating point, as `ControlledPlant`
+    needs it.
 
-    With cross noise, w = S R^+ v + (a part uncorrelated with v), so v becomes a state: n + p states, the last p named after
-    the outputs' noises, and R = 0. The outputs have the same distribution. For discrete, constant models.
+    The process noise is split: w = S R^+ v + a part that is uncorrelated with v, with R^+ the pseudo-inverse. The measurement
+    noise v becomes part of the state. The new model has n + p states, the last p named after the noises of the outputs, and
+    R = 0. Its signals are deviations from the operating point, and its outputs have the same distribution. For discrete,
+    constant models.
 
     Raises `InputError` for a model that varies, or is continuous with cross noise.
 

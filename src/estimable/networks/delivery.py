@@ -13,10 +13,12 @@ LATE = ("drop", "use")  # what happens to packets that arrive late
 
 @saved
 class Delivery(NamedTuple):
-    """What the receiver gets at one instant, for each channel (c,).
+    """The output of a link at one instant, for each of its c channels.
 
-    `value`: the newest packet that arrives at this instant, NaN if none arrives that is newer than the earlier ones; `age`:
-    how many steps ago it was sent, infinite without one; `delay`: of the packet sent now, 0 if in time, infinite if lost.
+    - `value` (c,): the packet that arrives now. Among several it is the newest. NaN: none arrives, or only packets older than
+      one that arrived before.
+    - `age` (c,): how many steps ago that packet was sent. Infinite: none arrives.
+    - `delay` (c,): the delay of the packet that is sent now, in steps. 0: it arrives in time. Infinite: it is lost.
     """
 
     value: Annotated[Any, "c"]

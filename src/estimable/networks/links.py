@@ -14,7 +14,7 @@ from .delivery import LATE, flight, fly, in_time
 
 @frozen
 class PerfectLink:
-    """Every packet arrives in time.
+    """A link in which every packet arrives in time.
 
     >>> PerfectLink().send((), np.array([1.0]))[1].arrived.tolist()
     [True]
@@ -35,10 +35,14 @@ class PerfectLink:
 
 @frozen
 class BernoulliLink:
-    """Each packet arrives in time with probability `arrival`, independently; otherwise it is lost.
+    """A link in which each packet arrives in time with probability `arrival`, independently of the others, and is lost
+    otherwise.
 
-    Settings: `arrival`, one number (all channels in one packet) or (c,) (a packet for each); `acknowledged`: True is
-    TCP-like (the sender is notified one step later), False is UDP-like (never). Reference: H. Fang (2009), (3.3), (3.4).
+    Settings: `arrival`, one number (one packet carries all channels) or (c,) (each channel has its own packets);
+    `acknowledged`: True if the sender is notified one step later which packets arrived (as in TCP), False if it is never
+    notified (as in UDP).
+
+    Reference: H. Fang (2009), (3.3), (3.4).
 
     >>> BernoulliLink(0.8).send((), np.array([1.0]), np.array([0.7]))[1].value.tolist()
     [1.0]
@@ -59,7 +63,7 @@ class BernoulliLink:
 
     @property
     def draws(self) -> int:
-        """Number of uniform random numbers for one instant."""
+        """The number of uniform random numbers for one instant."""
         return np.shape(self.arrival)[-1]
 
     def init(self):
@@ -67,17 +71,21 @@ class BernoulliLink:
         return ()
 
     def send(self, state: Tree, packet: Array, draw: Array):
-        """The packet (c,), or nothing; `draw` uniform on [0, 1), one for each packet."""
+        """Send the packet (c,). `draw` holds a uniform random number on [0, 1) for each packet, which decides whether it
+        arrives.
+        """
         return state, in_time(packet, jnp.broadcast_to(draw < self.arrival, jnp.shape(packet)))
 
 
 @frozen
 class GilbertElliottLink:
-    """Losses come in bursts: the channel is a Markov chain, good or bad, and packets arrive with the rate of its state.
+    """A link whose losses come in bursts: its channel is a Markov chain with a good and a bad state, each with its own
+    arrival rate.
 
-    Settings: `to_bad`, `to_good`: probabilities of a change from one packet to the next; `good`, `bad`: arrival rates in the
-    two states; `acknowledged` as in `BernoulliLink`. It starts in its stationary distribution. `of_rate` makes one
-    from an arrival rate and a mean length of a burst. All channels travel in one packet.
+    Settings: `to_bad` and `to_good`: the probabilities of a change of state from one packet to the next; `good` and `bad`:
+    the arrival rates in the two states; `acknowledged` as in `BernoulliLink`. `GilbertElliottLink.of_rate` makes a link from
+    an arrival rate and the mean length of a burst. The chain starts in its stationary distribution. One packet carries all
+    channels.
 
     Reference: E. N. Gilbert (1960); E. O. Elliott (1963).
 
@@ -111,7 +119,9 @@ class GilbertElliottLink:
 
     @staticmethod
     def of_rate(arrival: float, *, burst: float, acknowledged: bool = True) -> "GilbertElliottLink":
-        """The link that loses all packets in its bad state and none in its good one, from its arrival rate and mean burst."""
+        """A link with a given arrival rate and mean length of a burst. It loses all packets in its bad state and none in its
+        good one.
+        """
         faults = checks.Faults()
         rate = faults.number("arrival", arrival, above=0.0, upper=1.0)
         length = faults.number("burst", burst, lower=1.0, unit="packets")
@@ -137,7 +147,7 @@ class GilbertElliottLink:
         return jnp.asarray(self.to_bad / (self.to_bad + self.to_good))
 
     def send(self, state: Array, packet: Array, draw: Array):
-        """The packet (c,), or nothing; `draw` (2,) uniform: for the state of the channel, and for the packet."""
+        """Send the packet (c,). `draw` (2,) holds uniform random numbers: for the state of the channel, and for the packet."""
         is_bad = draw[0] < state
         arrived = draw[1] < jnp.where(is_bad, self.bad, self.good)
         after = jnp.where(is_bad, 1 - self.to_good, self.to_bad)
@@ -146,11 +156,11 @@ class GilbertElliottLink:
 
 @frozen
 class DelayLink:
-    """Packets arrive late, and may overtake each other; each has a time stamp.
+    """A link whose packets arrive late and may overtake each other. Each packet has a time stamp.
 
-    Settings: `delays`: probabilities of 0, 1, 2, .. steps of delay; the remainder to 1 is lost. `late`: "drop" packets that
-    arrive late, or "use" them unless a newer one arrived before; `acknowledged` as in `BernoulliLink`. All channels
-    travel in one packet.
+    Settings: `delays`: the probabilities of 0, 1, 2, .. steps of delay; if their sum is below 1, the rest is the probability
+    of a loss. `late`: "drop" discards packets that arrive late; "use" delivers them unless a newer one arrived before.
+    `acknowledged` as in `BernoulliLink`. One packet carries all channels.
 
     >>> link = DelayLink([0.5, 0.3], late="use")
     >>> state, first = link.send(link.init(), np.array([1.0]), np.array([0.6]))
@@ -188,7 +198,9 @@ class DelayLink:
         return flight(len(self.delays) - 1)
 
     def send(self, state: tuple[Array, Array, Array], packet: Array, draw: Array):
-        """The newest packet (c,) that arrives at this instant; `draw` (1,) uniform."""
+        """Send the packet (c,), and deliver the newest packet that arrives at this instant. `draw` (1,) is a uniform random
+        number.
+        """
         steps = jnp.sum(jnp.where(draw[0] >= jnp.cumsum(jnp.asarray(self.delays)), 1.0, 0.0))
         delay = jnp.where(steps < len(self.delays), steps, jnp.inf)
         return fly(state, packet, jnp.broadcast_to(delay, jnp.shape(packet)), self.late)

@@ -13,10 +13,13 @@ from .delivery import LATE, flight, fly
 
 @frozen
 class Trace:
-    """The delay of each packet of a run: `delay` (T, c) in steps, 0 if in time, infinite if lost.
+    """The recorded delays of all packets of a run, and a link that repeats them.
 
-    A trace is a link: `send` replays the record and does not use the draws. `late`: "drop" or "use" packets that arrive
-    late; `acknowledged`: whether the sender is notified one step later.
+    - `delay` (T, c): the delay of each packet in steps. 0: it arrived in time. Infinite: it was lost.
+    - `late`: what the receiver does with packets that arrive late, "drop" or "use".
+    - `acknowledged`: whether the sender is notified one step later.
+
+    As a link, a trace uses no random numbers.
 
     >>> Trace([[0.0], [np.inf]]).arrival_rate
     0.5
@@ -55,7 +58,7 @@ class Trace:
         return jnp.zeros((), int), flight(self.longest)
 
     def send(self, state: tuple[Array, tuple[Array, Array, Array]], packet: Array, draw: Array | None = None):
-        """Delay the packet as in this row; after the last row, deliver in time."""
+        """Send the packet with the delay of this row. After the last row, packets arrive in time."""
         row, flying = state
         rows = jnp.asarray(self.delay)
         delay = jnp.where(row < len(rows), rows[jnp.minimum(row, len(rows) - 1)], 0.0)

@@ -1,4 +1,4 @@
-"""The example flight and its model file."""
+"""The files of an example: a recorded flight and the model file of its aircraft. `path(name)` gives their paths."""
 
 from importlib.resources import as_file, files
 from pathlib import Path

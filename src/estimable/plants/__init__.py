@@ -1,4 +1,4 @@
-"""Plants for examples and tests."""
+"""Simulated aircraft for examples and tests: an F-16 as a linear model, and the same aircraft in the simulator JSBSim."""
 
 from . import f16, f16_failure, f16_in_jsbsim
 from .jsbsim_f16 import JsbsimF16

@@ -34,7 +34,11 @@ SIMULATIONS = ("continuous_actuator", "held_elevator")
 
 
 def short_period(*, sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q, Q: Numbers | None = None) -> StateSpace:
-    """The continuous short period, both states measured. `Q`: density of process noise, per second (default none).
+    """The short-period motion of the F-16 as a continuous model: states alpha [deg] and pitch rate [deg/s], input the
+    elevator [deg].
+
+    Both states are measured, with sensor noise of the standard deviations `sigma_alpha` and `sigma_q`. `Q`: the density of
+    process noise, per second (default none).
 
     >>> sorted(round(float(z), 4) for z in np.linalg.eigvals(short_period().A))
     [-3.0691, 0.6737]
@@ -53,7 +57,10 @@ def _sigmas(sigma_alpha: float, sigma_q: float) -> tuple[Any, Any]:
 
 
 def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
-    """State matrix of the loop under (alpha, q, deflection, z): `integral=False` drops z (the P law).
+    """The system matrix of the loop of aircraft, actuator and PI law, where the loop gain is `gain`.
+
+    Its states are alpha, the pitch rate, the deflection of the elevator, and z, the integral of the error of the pitch rate.
+    With `integral=False` the law has no integral (P), and z is omitted.
 
     >>> [round(float(abs(z)), 4) for z in np.sort_complex(np.linalg.eigvals(closed_loop(0.08)))][:2]
     [26.6776, 3.721]
@@ -70,7 +77,10 @@ def closed_loop(gain: float, *, integral: bool = True) -> np.ndarray:
 
 
 def pitch_command(t: np.ndarray) -> np.ndarray:
-    """Three pitch-rate doublets of ±10 deg/s, period 4.5 s, then zero, through 3 / (s + 3): exact at the times t [s]."""
+    """The pitch-rate command [deg/s] at the times t [s]: three doublets, then zero.
+
+    A doublet is +10 and then -10 deg/s, and lasts 4.5 s. The command is filtered by 3 / (s + 3), exactly at the times t.
+    """
     edges = np.arange(0.0, 13.5 + 1e-9, 2.25)
     steps = np.array([10.0, -20.0, 20.0, -20.0, 20.0, -20.0, 10.0])
     faults = checks.Faults()
@@ -84,7 +94,8 @@ def controlled(
     gain_after: float = 1.0, *, failure_time: float = 4.5, simulation: str = "continuous_actuator",
     sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
 ) -> ControlledPlant:  # fmt: skip
-    """The short period with its actuator, for `close_loop`; at `failure_time` [s] the gain drops to `gain_after`.
+    """The short period with its actuator, as a plant for `close_loop`. At `failure_time` [s] the loop gain drops from 1 to
+    `gain_after`.
 
     >>> controlled(0.4).hold
     'first_order'
@@ -99,7 +110,8 @@ def controlled(
 
 
 def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
-    """The pitch-rate law of the healthy aircraft, for `close_loop`: P, or PI with `integral=True`.
+    """The control law of the pitch rate for the healthy aircraft, for `close_loop`: a P law, or a PI law with
+    `integral=True`.
 
     >>> law().feedback.tolist()
     [[-0.283, -0.876]]
@@ -117,7 +129,7 @@ def law(*, integral: bool = False) -> StateFeedback | ProportionalIntegral:
 
 @saved
 class Flight(NamedTuple):
-    """A record of one flight, with its true states (T, 2) and gain (T,), and the pitch-rate command (T,)."""
+    """One simulated flight: its `record`, the true `state` (T, 2) and loop `gain` (T,), and the pitch-rate `command` (T,)."""
 
     record: Record
     state: np.ndarray
@@ -129,11 +141,11 @@ def flight(
     gain_after: float, *, seed: int, failure_time: float = 4.5, simulation: str = "continuous_actuator",
     sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
 ) -> Flight:  # fmt: skip
-    """Fly the doublets under the PI law; at `failure_time` [s] the loop gain drops from 1 to `gain_after`.
+    """Simulate a flight under the PI law. At `failure_time` [s] the loop gain drops from 1 to `gain_after`.
 
-    `simulation`: "continuous_actuator" (the command is held over a sample and the actuator moves between samples; the
-    hold of the record is "first_order") or "held_elevator" (the deflection is held, as simulated in the thesis). The true
-    states are fed back; the sensor noise is only in the record.
+    The command is that of `pitch_command`. `simulation`: "continuous_actuator": the command is held over a sample, and the
+    actuator moves between samples (the record then has the hold "first_order"); "held_elevator": the deflection itself is
+    held, as in the thesis. The law feeds back the true states; the sensor noise is only in the record.
 
     >>> flown = flight(0.5, seed=1)
     >>> flown.record.y.shape, float(flown.gain[-1])
@@ -152,7 +164,7 @@ def drawn_flight(
     gain_after: float, *, failure_time: float = 4.5, simulation: str = "continuous_actuator",
     sigma_alpha: float = SIGMA_ALPHA, sigma_q: float = SIGMA_Q,
 ) -> Callable[[Any], Flight]:  # fmt: skip
-    """A function of a random key that draws one `Flight`, for `monte_carlo`. Arguments as in `flight`.
+    """Make a function that draws one `Flight` with a random key, for `monte_carlo`. The arguments are as in `flight`.
 
     >>> import jax
     >>> drawn_flight(0.5)(jax.random.key(1)).record.y.shape

@@ -26,10 +26,11 @@ EXACT = 1e-9  # sigmas [deg], [deg/s] of a nearly noise-free flight
 
 @saved
 class Failed(NamedTuple):
-    """Many flights in which the elevator fails, with the fixed law and with the reconfigured law.
+    """The result of `fly`: many flights in which the elevator fails, under the fixed law and under the reconfigured law.
 
-    `healthy` (T,): the pitch rate [deg/s] of the flight without a failure and without noise. RMS values are of the difference
-    from it, medians over the runs. A run whose failure is never detected has an infinite delay.
+    - `t` (T,): the times in seconds.
+    - `healthy` (T,): the pitch rate [deg/s] of a flight without a failure and without noise.
+    - `fixed` and `adaptive`: the flights under the fixed and under the reconfigured law.
     """
 
     t: np.ndarray
@@ -38,19 +39,25 @@ class Failed(NamedTuple):
     adaptive: ClosedLoopBank
 
     def rms(self, bank: ClosedLoopBank, start: float, end: float = np.inf) -> np.ndarray:
-        """The RMS of each run from `start` to `end` [s], in deg/s."""
+        """For each run of `bank`, the RMS difference of the pitch rate from `healthy` between `start` and `end` [s], in
+        deg/s.
+        """
         rows = (self.t >= start - 1e-9) & (self.t < end - 1e-9)
         return np.sqrt(np.mean((bank.runs.state[:, rows, 1] - self.healthy[rows]) ** 2, axis=1))
 
     @property
     def detection_delay(self) -> np.ndarray:
-        """Time from the failure to its detection in each reconfigured run [s]."""
+        """The time from the failure to its detection in each run under the reconfigured law [s]; infinite where it is not
+        detected.
+        """
         seen = np.asarray(self.adaptive.runs.extra["alarm"])[:, self.t >= FAILURE - 1e-9]
         return np.where(seen.any(axis=1), np.argmax(seen, axis=1) / f16.RATE, np.inf)
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Medians over the runs: RMS [deg/s] after 6 s and in the transient before, and the delay [s]."""
+        """Medians over the runs: the RMS [deg/s] from the failure to 6 s (`transient`) and later (`after`), and the detection
+        delay [s].
+        """
         return {
             "fixed_rms_after": float(np.median(self.rms(self.fixed, SETTLED))),
             "fixed_rms_transient": float(np.median(self.rms(self.fixed, FAILURE, SETTLED))),
@@ -63,11 +70,15 @@ class Failed(NamedTuple):
 def fly(
     gain_after: float, *, runs: int, seed: int, input_link: Link | None = None, output_link: Link | None = None
 ) -> Failed:
-    """Fly the doublets with a gain that drops to `gain_after` at 4.5 s, on the continuous actuator.
+    """Simulate many flights in which the loop gain drops to `gain_after` at 4.5 s, under a fixed and under a reconfigured
+    law.
 
-    Both loops use `f16.law()` and the same estimator: a change detector that assumes a gain of 1 until it detects a change.
-    The reconfigured law is wrapped in `GainReconfiguration`. Links as in `close_loop`: to the actuator (which holds the last
-    command that arrived), and from the sensors. Reference: A. G. Sillence (1999), §5.6.
+    The command is that of `f16.pitch_command`, and the actuator moves between samples. Both loops use the same estimator, a
+    change detector that assumes a gain of 1 until it detects a change. The fixed law is `f16.law()`; the reconfigured law is
+    the same in `GainReconfiguration`. `input_link` leads to the actuator, which holds the last command that arrived;
+    `output_link` leads from the sensors. Both are as in `close_loop`.
+
+    Reference: A. G. Sillence (1999), §5.6.
 
     >>> numbers = fly(0.5, runs=8, seed=1).numbers
     >>> numbers["adaptive_rms_after"] < 0.05 < 1 < numbers["fixed_rms_after"]
@@ -79,7 +90,7 @@ def fly(
 
 
 def cases(gain_after: float, *, input_link: Link | None = None, output_link: Link | None = None) -> dict[str, LoopCase]:
-    """The loops of `fly`, "fixed" and "adaptive", for `monte_carlo_loops`."""
+    """The two loops of `fly`, {"fixed": LoopCase, "adaptive": LoopCase}, for `monte_carlo_loops`."""
     watched = detector(f16.short_period())
     plant = f16.controlled(gain_after, failure_time=FAILURE)
     return {
@@ -106,7 +117,7 @@ def case(
     input_link: Link | None = None,
     output_link: Link | None = None,
 ) -> LoopCase:
-    """A loop that flies the doublets from rest; when a command is lost, the actuator holds the last one."""
+    """A loop that starts at rest and follows `f16.pitch_command`. When a command is lost, the actuator holds the last one."""
     return LoopCase(plant, law, estimator, input_link=input_link, output_link=output_link, lost="hold", **_given())
 
 
@@ -121,7 +132,9 @@ def study(
     scheduler: str | None = None,
     progress: bool = True,
 ) -> dict[str, float]:
-    """`Failed.numbers` of any number of flights; `folder` and `scheduler` as in `monte_carlo_loops`.
+    """The numbers of `Failed.numbers` for any number of flights. Only a summary of each flight is stored.
+
+    `folder` and `scheduler` are as in `monte_carlo_loops`; the other arguments are as in `fly`.
 
     >>> study(0.5, runs=8, seed=1)["detection_delay_s"] == fly(0.5, runs=8, seed=1).numbers["detection_delay_s"]
     True

@@ -33,20 +33,26 @@ FALSE_ALARMS = 300.0  # [s]
 
 @saved
 class Flown(NamedTuple):
-    """Three flights: without a failure, failed with the fixed law, failed with the reconfigured law."""
+    """The result of `fly`: three flights of the aircraft of JSBSim, without a failure (`healthy`), and with it under two
+    laws.
+
+    `fixed` is the flight under the fixed law, and `adaptive` the flight under the reconfigured law.
+    """
 
     healthy: ClosedLoop
     fixed: ClosedLoop
     adaptive: ClosedLoop
 
     def rms(self, closed: ClosedLoop, start: float, end: float = np.inf) -> float:
-        """RMS difference of the pitch rate [deg/s] from the flight without a failure, from `start` to `end` [s]."""
+        """The RMS difference of the pitch rate of `closed` from that of `healthy` between `start` and `end` [s], in deg/s."""
         rows = (closed.t >= start - 1e-9) & (closed.t < end - 1e-9)
         return float(np.sqrt(np.mean((closed.state[rows, 1] - self.healthy.state[rows, 1]) ** 2)))
 
     @property
     def numbers(self) -> dict[str, float]:
-        """As `f16_failure.Failed.numbers`, for these flights."""
+        """The RMS [deg/s] from the failure to 6 s (`transient`) and later (`after`) of both failed flights, and the detection
+        delay [s].
+        """
         seen = np.flatnonzero(np.asarray(self.adaptive.extra["alarm"]) & (self.adaptive.t >= FAILURE - 1e-9))
         rms = {
             f"{name}_rms_{part}": self.rms(closed, *span)
@@ -57,9 +63,11 @@ class Flown(NamedTuple):
 
 
 def fly(gain_after: float, *, seed: int, about: str = "trim", seconds: float = f16.SECONDS, **links: Any) -> Flown:
-    """Fly the doublets three times: without a failure, and with a gain that drops at 4.5 s under each law.
+    """Simulate three flights in JSBSim: without a failure, and with a loop gain that drops to `gain_after` at 4.5 s, under
+    two laws.
 
-    `about`: "trim" or "zero", see `JsbsimF16`. Links as in `close_loop`. Needs the extra `flight`.
+    The laws are a fixed one and a reconfigured one. The command is that of `doublets`. `about`: "trim" or "zero", as in
+    `JsbsimF16`. `links`: `input_link` and `output_link` as in `close_loop`. Needs the extra `flight`.
     """
     faults = checks.Faults()
     seconds = faults.number("seconds", seconds, lower=0.0, unit="seconds")
@@ -78,7 +86,10 @@ def fly(gain_after: float, *, seed: int, about: str = "trim", seconds: float = f
 
 
 def doublets(t: np.ndarray) -> np.ndarray:
-    """Three pitch-rate doublets [deg/s], period 4.5 s, then zero, each step through 10 / (s + 10): exact at the times t [s]."""
+    """The pitch-rate command [deg/s] at the times t [s]: three doublets, then zero.
+
+    A doublet is +2.5 and then -2.5 deg/s, and lasts 4.5 s. The command is filtered by 10 / (s + 10), exactly at the times t.
+    """
     edges = np.arange(0.0, 13.5 + 1e-9, 2.25)
     steps = COMMAND * np.array([1.0, -2.0, 2.0, -2.0, 2.0, -2.0, 1.0])
     faults = checks.Faults()
@@ -89,7 +100,7 @@ def doublets(t: np.ndarray) -> np.ndarray:
 
 
 def with_upset(model: StateSpace) -> StateSpace:
-    """The model with the upset as a third state, a random walk."""
+    """The model with a third state, the upset: a random walk that acts like an additional deflection of the elevator."""
     A = np.block([[model.A, model.B], [np.zeros((1, 3))]])
     Q = np.block([[model.Q, np.zeros((2, 1))], [np.zeros((1, 2)), np.array([[UPSET]])]])
     names = {"states": (*f16.STATES, "upset_deg"), "inputs": f16.INPUTS, "outputs": f16.OUTPUTS}
@@ -97,7 +108,11 @@ def with_upset(model: StateSpace) -> StateSpace:
 
 
 def watched(model: StateSpace) -> ChangeDetection:
-    """The change detector, which assumes a gain of 1; the upset models lasting disturbances, so the noise need not."""
+    """A change detector for `with_upset(model)`, which assumes a gain of 1 until it detects a change.
+
+    The additional state of that model, the upset, represents lasting disturbances. The process noise is therefore taken as
+    white (`persistence` = 1).
+    """
     return ChangeDetection(
         UnknownGain(with_upset(model), Prior([1.0], [[0.0]])), jump=JUMP, length=LENGTH, persistence=1.0,
         seconds_between_false_alarms=FALSE_ALARMS,
@@ -105,7 +120,7 @@ def watched(model: StateSpace) -> ChangeDetection:
 
 
 def law(model: StateSpace) -> StateFeedback:
-    """The LQR law by which the pitch rate follows its command; the upset is compensated for."""
+    """An LQR law for the pitch rate, which follows its command. The law also cancels the estimated upset."""
     plain = StateSpace(model.A, model.B, dt=0)
     F = lqr_gain(plain, np.diag([0.0, 1.0]), np.eye(1)).feedback
     still = np.linalg.solve(-(model.A - model.B @ F), model.B)  # steady state (alpha, q) for an input of 1

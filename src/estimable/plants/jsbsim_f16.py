@@ -38,17 +38,21 @@ PROPERTIES = {"estimable/effect": 1.0, "estimable/about-rad": 0.0, "estimable/nu
 
 
 class JsbsimF16(Plant):
-    """The F-16 of JSBSim in trimmed, level flight, for `close_loop`, with all six degrees of freedom.
+    """The F-16 of the flight simulator JSBSim in trimmed, level flight, with six degrees of freedom, as a plant for
+    `close_loop`.
 
-    Model: states (alpha [deg], pitch rate [deg/s]), input the elevator [deg], all as deviations from the trim. The elevator
-    follows its command by 20 / (s + 20); the flight control computer is overridden. `model` is linearised at the trim;
-    `linear` is that model with its actuator. At `failure_time` [s] the elevator's effect drops from 1 to `gain_after`: about
-    its trimmed position (`about="trim"`), or for the whole deflection (`about="zero"`), so that the loss also changes the trim.
+    The states are alpha [deg] and the pitch rate [deg/s], and the input is the elevator [deg]. All are deviations from the
+    trim. The elevator follows its command by 20 / (s + 20), without the flight control computer of the aircraft. `model` is
+    the linear model at the trim, and `linear` that model with its actuator.
+
+    At `failure_time` [s] the effect of the elevator drops from 1 to `gain_after`. `about="trim"`: the effect of its
+    deflection from the trim drops. `about="zero"`: the effect of its whole deflection drops, so that the failure also changes
+    the trim.
+
+    Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: the standard deviations of the sensors; `Q` (2, 2): a density
+    of process noise that represents the error of the linear model (default 1e-3, .1: measured on this aircraft).
 
     Needs the extra `flight`. The numbers change slightly with the version of JSBSim.
-
-    Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: of the sensors; `Q` (2, 2): the process noise density that
-    represents the error of the linear model (default 1e-3, .1: measured on this aircraft).
     """
 
     def __init__(
@@ -87,7 +91,7 @@ class JsbsimF16(Plant):
         return f"JsbsimF16(gain_after={self.gain_after:g}, about={self.about!r}, mach={self.mach:g})"
 
     def begin(self, dt: float) -> "_Flight":
-        """A flight from the trim, in samples of dt seconds."""
+        """Begin a flight from the trim, with samples `dt` seconds apart."""
         return _Flight(self, dt)
 
 

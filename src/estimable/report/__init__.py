@@ -1,4 +1,4 @@
-"""A result as one self-contained page: `write_report(report_of(result, ...), path)`."""
+"""A result as one HTML page that needs no other file: `write_report(report_of(result, ...), path)`."""
 
 from .contents import Chart, Fact, Finding, Key, Report, Section
 from .estimate_page import report_of

@@ -37,9 +37,9 @@ def _algorithm(algorithm: Algorithm[Any]) -> Any:
     detects, one = False, algorithm
     while one is not None:
         entry = next((entry for entry in ENTRIES if type(one) is entry.cls), None)
-        assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}."
+        assumes = "" if entry is None else f"Assumes that {entry.assumes}. Reference: {entry.reference}."
         settings = _settings(one)
-        settings += " (walk and forgetting apply only without detection)" if detects else ""
+        settings += " (inside ChangeDetection its walk and forgetting are not used)" if detects else ""
         detects = isinstance(one, ChangeDetection)
         yield type(one).__name__, " ".join(filter(None, (assumes, settings and f"Settings: {settings}.")))
         one = one.algorithm if isinstance(one, Wrapper) else None

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 
 class Fact(NamedTuple):
-    """One of the main numbers of a report: its label, its value, and a detail."""
+    """One of the main numbers of a report, with a `label`, a `value`, and a `detail`."""
 
     label: str
     value: str
@@ -12,8 +12,10 @@ class Fact(NamedTuple):
 
 
 class Key(NamedTuple):
-    """One entry of a legend: its label, its colour, and how it is drawn: "line" or "solid", "dash", "dot", "dashdot",
-    "longdash", "band" or "dots"."""
+    """One entry of a legend: a label, a colour, and how the line is drawn.
+
+    The kinds of line are "line" or "solid", "dash", "dot", "dashdot", "longdash", "band" and "dots".
+    """
 
     label: str
     colour: str
@@ -21,9 +23,10 @@ class Key(NamedTuple):
 
 
 class Chart(NamedTuple):
-    """One diagram: heading, legend, and the traces and layout of plotly.js.
+    """One diagram of a report: its heading, its legend, and its traces and layout for plotly.js.
 
-    Its times are those of the report, unless the layout has its own axis `xaxis`. `part`: the heading above it.
+    The horizontal axis is that of the report, unless the layout has its own axis `xaxis`. `part`: the heading above the
+    diagram.
     """
 
     heading: str
@@ -45,7 +48,7 @@ class Chart(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """One consistency check: its name, its sentence, and whether it is met (None: no verdict)."""
+    """One consistency check of a report: its `name`, its `sentence`, and whether it is `met` (None: no verdict)."""
 
     name: str
     sentence: str
@@ -60,10 +63,12 @@ class Section(NamedTuple):
 
 
 class Report(NamedTuple):
-    """A page: title, findings as sentences, facts, charts over `times`, verdicts, and the assumptions.
+    """The contents of a report: a title, sentences, main numbers, charts, checks, and the assumptions.
 
-    `commands`: (what it does, what to type) that reproduce it; `found`: sections before the charts. `times` may be another
-    quantity, which `time_axis` names; with `log_axis` its axis is logarithmic.
+    - `commands`: pairs of what a command does and the command itself, which reproduce the report.
+    - `found`: sections before the charts.
+    - `times`: the values of the horizontal axis of the charts. They may be another quantity, which `time_axis` names. With
+      `log_axis` the axis is logarithmic.
     """
 
     title: str

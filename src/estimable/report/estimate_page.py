@@ -38,13 +38,15 @@ def report_of(
     files: Sequence[Path] = (),
     judged: Estimate | None = None,
 ) -> Report:
-    """A report of one `Estimate`, with its record, algorithm and prior.
+    """Make a report of one `Estimate`, with its record, algorithm and prior.
 
-    `lead`: sentences at its head; `facts`: numbers under them; `commands`: (what it does, what to type) that reproduce it;
-    `files`: the report lists their SHA-256; `judged`: a second `Estimate` whose innovations are checked (of the algorithm
-    inside a change detector, which counts process noise many times). Equal arguments give equal reports, byte for byte.
+    - `lead`: sentences at the head of the report. `facts`: numbers below them.
+    - `commands`: pairs of what a command does and the command itself.
+    - `files`: paths of files whose SHA-256 the report lists.
+    - `judged`: another `Estimate` of the record, whose innovations are checked instead. For a change detector this is the
+      estimate of the algorithm inside it, because the detector assumes more process noise than the model has.
 
-    Raises `InputError` if the result has no rows over time.
+    Equal arguments give equal reports, byte for byte. Raises `InputError` if the result has no rows over time.
     """
     if result.mean is None or len(result.mean) != len(record):
         checks.refuse('a report needs every row: make the result by `estimate` with keep = "all".')
@@ -118,7 +120,7 @@ def _correlations(result: Estimate, record: Record) -> Iterator[Finding]:
     for name, check in found.whiteness.items():
         yield Finding(f"Whiteness of {name}", check.sentence, check.passed)
     for (name, input_name), check in found.cross_correlation.items():
-        yield Finding(f"{input_name} left in {name}", check.sentence, check.passed)
+        yield Finding(f"Effect of {input_name} left in {name}", check.sentence, check.passed)
 
 
 def versions(engine: str, files: Sequence[Path]) -> Section:

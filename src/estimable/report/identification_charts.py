@@ -106,7 +106,7 @@ def _singular_values(found: OrderSelection, taken: int) -> Chart:
         "xaxis": {"title": {"text": "number"}, "nticks": 8},
         "yaxis": {"title": {"text": ""}, "type": "log", "dtick": 1}, "shapes": [_at(taken + 0.5)],
     }  # fmt: skip
-    keys = (Key("singular values", STATE, "dots"), Key(f"after order {taken}, chosen", MARK, "dash"))
+    keys = (Key("singular values", STATE, "dots"), Key(f"the chosen order, {taken}", MARK, "dash"))
     caption = (
         f"Singular values of the plant are larger than those of the noise. The largest gap is after number {found.gap}."
     )

@@ -28,12 +28,14 @@ def report_of_comparison(
     found: Comparison, record: Record, *, chosen: Ranked | None = None, selection: OrderSelection | None = None,
     title: str = "Identification", lead: Sequence[str] = (), commands: Sequence[tuple[str, str]] = (), files: Sequence[Path] = (),
 ) -> Report:  # fmt: skip
-    """A report of one method in a `Comparison` of one `record`: held-out data, orders, residuals, poles, responses.
+    """Make a report of one method in a `Comparison` of one `record`: held-out data, orders, residuals, poles and responses.
 
-    `chosen`: the method (None: `found.predictor`, or the first); `selection`: the choice of the order; `lead`, `commands` and
-    `files` as in `report_of`. Equal arguments give equal reports, byte for byte.
+    - `chosen`: the method, one of `found.ranked`. None: `found.predictor`, or the first method.
+    - `selection`: an `OrderSelection`, whose criteria the report shows.
+    - `lead`, `commands` and `files`: as in `report_of`.
 
-    Raises `InputError` if no method could be fitted, or if several records were compared.
+    Equal arguments give equal reports, byte for byte. Raises `InputError` if no method could be fitted, or if several records
+    were compared.
 
     >>> u = np.random.default_rng(0).normal(size=200)
     >>> record = simulate(OutputError([-0.5], [1.0], noise_variance=0.01, dt=1), u, seed=0).record
@@ -140,7 +142,7 @@ def _sections(chosen: Ranked, record: Record) -> tuple[Section, ...]:
     assert chosen.fit is not None
     assert chosen.model is not None
     entry = next((entry for entry in IDENTIFIERS if type(chosen.method) is entry.cls), None)
-    assumes = "" if entry is None else f"Assumes that {entry.assumes}. After {entry.reference}. "
+    assumes = "" if entry is None else f"Assumes that {entry.assumes}. Reference: {entry.reference}. "
     fields = {name: getattr(chosen.method, name) for name in type(chosen.method).__dataclass_fields__ if name != "_"}
     settings = ", ".join(f"{name} = {value}" for name, value in fields.items() if isinstance(value, bool | int | str))
     method = Section("Method", ((chosen.name, f"{assumes}Settings: {settings}."),))

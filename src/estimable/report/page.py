@@ -19,13 +19,15 @@ DASHES = {"dash": "6 4", "dot": "2.5 3", "dashdot": "8 3 2.5 3", "longdash": "11
 
 
 def write_report(report: Report, path: str | Path) -> None:
-    """Write a report to a self-contained HTML file. Raises `InputError` on failure; an older file then stays unchanged."""
+    """Write a report to an HTML file that needs no other file. If this fails, it raises `InputError`, and an older file stays
+    unchanged.
+    """
     page = page_of(report).encode()
     write(path, lambda stream: stream.write(page))
 
 
 def page_of(report: Report) -> str:
-    """The HTML of a report."""
+    """The HTML text of a report."""
     data = {
         "times": base64.b64encode(np.asarray(report.times, "<f8").tobytes()).decode(),
         "timeAxis": report.time_axis,

@@ -24,7 +24,9 @@ def tuning_report(
     lead: Sequence[str] = (),
     commands: Sequence[tuple[str, str]] = (),
 ) -> Report:
-    """A report of a `RhoSynthesis`. `lead`: sentences at its head; `commands`: (what it does, what to type)."""
+    """Make a report of a `RhoSynthesis`. `lead`: sentences at its head. `commands`: pairs of what a command does and the
+    command itself.
+    """
     finite = np.isfinite(found.bandwidth)
     rows = np.flatnonzero(finite)[np.argsort(found.bandwidth[finite], kind="stable")]
     return Report(

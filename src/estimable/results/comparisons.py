@@ -16,10 +16,15 @@ LEAD = 1.0  # points of one-step fit: below this lead the best simulation is als
 
 @saved
 class Ranked(NamedTuple):
-    """One method: its `fit` to the first part, and its `model` (in absolute units) compared with the held-out part.
+    """One method of a comparison, with its fit to the first part of the records and its results on the held-out part.
 
-    `fits` (p,) per cent, by simulation, and `one_step_fits` (p,); `fit_percent` is the mean of the first. `behind`: by how many
-    standard errors its squared errors exceed those of the best. `failure`: why there is no fit, else empty.
+    - `method`: the identifier.
+    - `fit`: its `Fit` to the first part. None: the method failed.
+    - `model`: the fitted model, in absolute units.
+    - `fits` (p,): for each output, how well a simulation by the model fits the held-out part, in per cent.
+    - `one_step_fits` (p,): the same for predictions from the previous sample.
+    - `behind`: by how many standard errors the squared errors of this method exceed those of the best method.
+    - `failure`: the reason why there is no fit, otherwise empty.
     """
 
     method: Any
@@ -57,18 +62,24 @@ class Ranked(NamedTuple):
 
     @property
     def fit_percent(self) -> float:
-        """Mean over the outputs of the fit by simulation."""
+        """The mean of `fits` over the outputs, in per cent."""
         return float(np.mean(self.fits))
 
     @property
     def alike(self) -> bool:
-        """Whether its difference from the best is within noise."""
+        """Whether the difference from the best method is within the noise: `behind` is less than 2."""
         return not self.failure and bool(self.behind < NOISE)
 
 
 @saved
 class Divided(NamedTuple):
-    """The `records`; without their `trend`: whole, and the first part of each."""
+    """The records of a comparison, and what the methods were fitted to.
+
+    - `records`: the given records.
+    - `trend`: the levels or straight lines that were subtracted from them.
+    - `whole`: the records without that trend.
+    - `first`: the first part of each of these, to which the methods were fitted.
+    """
 
     records: Sequence[Record]
     whole: list[Record]
@@ -78,9 +89,12 @@ class Divided(NamedTuple):
 
 @saved
 class Comparison(NamedTuple):
-    """The result of `compare`: the methods, the best first, failed ones last; the `best`, None where none explains the record.
+    """The result of `compare`: the methods, ranked by how well they simulate held-out data.
 
-    `task`: the records given to the methods, without their levels.
+    - `ranked`: a `Ranked` for each method, the best first and the failed ones last.
+    - `best`: the best of them. None where no method explains the records better than the mean of the outputs.
+    - `sentence`: the verdict as a sentence.
+    - `task`: the records, and the trend that was subtracted from them before the fit.
     """
 
     ranked: tuple[Ranked, ...]
@@ -90,7 +104,10 @@ class Comparison(NamedTuple):
 
     @property
     def predictor(self) -> Ranked | None:
-        """The best for a filter: of the methods not significantly worse than `best`, the best one-step predictor."""
+        """The method whose model is best for a filter.
+
+        It is the best one-step predictor among the methods that are not significantly worse than `best`.
+        """
         if self.best is None:
             return None
         ahead = max((one for one in self.ranked if one.alike), key=lambda one: float(np.mean(one.one_step_fits)))

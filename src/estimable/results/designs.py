@@ -30,12 +30,18 @@ BEST = {
 
 @frozen
 class DisturbanceAccommodation:
-    """The result of `disturbance_accommodation`.
+    """The result of `disturbance_accommodation`: the estimator and the control law of a loop that accommodates a disturbance.
 
-    `model`: the composite of plant and waveform, states (x, z), for `Kalman`. `feedback` (m, n + q), for `StateFeedback`:
-    u = -feedback (x^, z^); the part for x is that of `lqr_gain`. `filter`: the stationary gains of the composite, as from
-    `kalman_gain`. `steady` (n, q): in steady state x = steady z. `left` (r, q): the remaining effect of z on the freed outputs.
-    `poles` (n,) of A - B K.
+    Here x is the state of the plant (n states), and z the state of the waveform of the disturbance (q states).
+
+    - `model`: a model of plant and waveform together, with the states (x, z). Use it in `Kalman`.
+    - `feedback` (m, n + q): the gain of the law u = -feedback (x^, z^), for `StateFeedback`. Its first n columns are those of
+      `lqr_gain`.
+    - `filter`: the stationary Kalman gains of `model`, as from `kalman_gain`.
+    - `steady` (n, q): in steady state the disturbance leaves the state at x = steady z.
+    - `left` (r, q): the remaining effect of z on the outputs that should be free of it. Zero: no effect remains.
+    - `poles` (n,): the eigenvalues of A - B K, with K the first n columns of `feedback`.
+    - `mode`: the chosen mode.
     """
 
     model: StateSpace
@@ -52,9 +58,9 @@ class DisturbanceAccommodation:
         return self.steady.shape[1]
 
     def prior(self, of_state: Prior, covariance: Numbers | None = None) -> Prior:
-        """The prior of the composite: that of the state, and z with mean zero and this `covariance` (q, q), or one variance.
+        """The prior of (x, z) for `model`: the given prior of x, and z with mean zero and this `covariance`.
 
-        None: z is diffuse.
+        `covariance` is (q, q), or one variance for all of z. None: nothing is known about z (it is diffuse).
         """
         faults, q = checks.Faults(), self.order
         n = self.model.n - q
@@ -83,15 +89,25 @@ class DisturbanceAccommodation:
 
 @frozen
 class TransKalman:
-    """The result of `trans_kalman`. The set of noises has V corners; the cost of a gain K at a corner is tr W P(K).
+    """The result of `trans_kalman`: a gain for a set of possible noise covariances, and the proof that no gain is better.
 
-    `filter` (n, p): x[k|k] = x[k|k-1] + filter e, for `FixedGain(model, design.filter)`. `covariance` (V, n, n) of its error, and
-    `cost` (V,), at each corner; `optimal` (V,): the cost of the Kalman filter that knows the corner; `guessed` (V, V): at [i, j]
-    that of the Kalman filter tuned for corner i where corner j is true.
+    The set has V corners, which are pairs (Q, R). The cost of a gain K at a corner is tr W P(K), with W the given weight and
+    P(K) the covariance of its error there. The criterion is the cost, or the regret: the excess over the cost of
+    the Kalman filter that knows the corner.
 
-    The certificate: `worst` is the largest value of the criterion over the whole set; `bound`: no constant gain has less (for a
-    sparse one: no gain, sparse or not). `shares` (V,) of the least favourable mixture of the corners, and `least_favourable`, the
-    model with that noise, whose Kalman gain is `filter`; None for a sparse gain. `poles` (n,) of the error.
+    - `filter` (n, p): the gain, x[k|k] = x[k|k-1] + filter e with e the innovation. Use it in
+      `FixedGain(model, design.filter)`.
+    - `covariance` (V, n, n) and `cost` (V,): the covariance of its error and its cost, at each corner.
+    - `optimal` (V,): the cost of the Kalman filter that knows the corner.
+    - `guessed` (V, V): entry [i, j] is the cost of the Kalman filter for corner i if corner j is true.
+    - `worst`: the largest value of the criterion over the whole set.
+    - `bound`: no constant gain has a smaller `worst` than this number. Where they are equal, the gain is proven to be the
+      best. For a sparse gain the bound holds for sparse and full gains alike.
+    - `least_favourable`: the model with the least favourable noise, a mixture of the corners. Its Kalman gain is `filter`.
+      None for a sparse gain.
+    - `shares` (V,): the share of each corner in that mixture.
+    - `poles` (n,): the poles of the error.
+    - `model` and `criterion`: those of the design.
     """
 
     filter: Annotated[Any, "n p"]
@@ -109,24 +125,27 @@ class TransKalman:
 
     @property
     def regret(self) -> Any:
-        """The excess cost over the Kalman filter that knows the noise, (V,); never below 0."""
+        """The excess of the cost over that of the Kalman filter that knows the corner, (V,); never below 0."""
         return self.cost - self.optimal
 
     @property
     def relative_regret(self) -> Any:
-        """The same relative to the cost of that filter, (V,)."""
+        """The regret divided by the cost of the Kalman filter that knows the corner, (V,)."""
         return self.regret / self.optimal
 
     def margin(self, scaling: Numbers | None = None) -> RhoMargin:
-        """How much unmodelled coupling the error tolerates; `scaling` as in `rho_margin`."""
+        """The margin of the error of this filter against unmodelled coupling, as from `rho_margin`; `scaling` as there."""
         from ..analysis.rho import rho_margin
 
         A, C = self.model.A, self.model.C
         return rho_margin(A - self.filter @ C @ A, dt=self.model.dt, scaling=scaling)
 
     def to_pandas(self):
-        """A DataFrame: a row for each filter (this one, and the Kalman filter of each corner), a column for each true corner:
-        cost relative to that of the filter that knows the noise; the last column is the worst of the row."""
+        """A DataFrame of relative costs, with a row for each filter and a column for each true corner.
+
+        The filters are this one and the Kalman filter of each corner. An entry is the cost divided by that of the filter that
+        knows the corner. The last column is the largest of its row.
+        """
         import pandas as pd
 
         rows = np.vstack([self.cost, self.guessed]) / self.optimal
@@ -143,7 +162,9 @@ class TransKalman:
 
 @saved
 class Optimum(NamedTuple):
-    """The optimum of a criterion: the number of the design, its bandwidth, and the criterion's value there."""
+    """The best design by one criterion: its number `design`, its `bandwidth` in rad/s, and the `value` of the criterion
+    there.
+    """
 
     design: int
     bandwidth: float
@@ -152,13 +173,23 @@ class Optimum(NamedTuple):
 
 @frozen
 class RhoSynthesis:
-    """The result of `rho_synthesis`: N designs, and the chosen one.
+    """The result of `rho_synthesis`: N designs with their criteria, and the chosen design.
 
-    `eta` (N,); `bandwidth` (N,) rad/s, infinite where a sampled loop has none; `criteria`: each criterion's name and its values
-    (N,); `composite` (N,): the weighted geometric mean of the ratios of each criterion to its best value, 1 at least; `weights`
-    of the criteria; `chosen`: the number of the chosen design, with its `feedback` (m, n), `filter` (n, p), `closed_loop`
-    (2n, 2n) of (x, x - x^), and `margin`. `scaling` (n,): the units of the states in the norms; `noise`: the noise to which
-    `dispersion` and `control` refer.
+    Each design is a feedback and a filter, made from one value η of the parameter.
+
+    - `eta` (N,): the values of η, per second.
+    - `bandwidth` (N,): the bandwidth of each loop in rad/s, infinite where a sampled loop has none.
+    - `criteria`: a mapping from the name of each criterion to its values (N,).
+    - `composite` (N,): the weighted geometric mean of the ratios of each criterion to its best value. It is 1 at least; the
+      design with the smallest is chosen.
+    - `weights`: the weights of the criteria in the composite.
+    - `chosen`: the number of the chosen design.
+    - `feedback` (m, n) and `filter` (n, p): its gains.
+    - `closed_loop` (2n, 2n): its system matrix, for the state x and the error x - x^ of the estimate.
+    - `margin`: its margins, a `RhoMargin`.
+    - `scaling` (n,): the size of one unit of each state, in the norms.
+    - `noise`: the noise for which the criteria `dispersion` and `control` are computed.
+    - `model`: the model.
     """
 
     eta: Annotated[Any, "N"]
@@ -184,13 +215,15 @@ class RhoSynthesis:
         return {name: Optimum(i, float(self.bandwidth[i]), float(series[name][i])) for name, i in found.items()}
 
     def times_worse(self, name: str) -> Any:
-        """The ratio of a criterion to its best value at each design, (N,): 1 at its optimum."""
+        """The values (N,) of a criterion, divided by its best value: 1 at the best design, and greater elsewhere."""
         return times_worse(name, self.criteria[name])
 
     def filter_of_sample(self, dt: float) -> Any:
-        """For a continuous design, the gain (n, p) of a sample of `dt` seconds, for `FixedGain(model.discretise(dt), ..)`.
+        """The gain (n, p) of a continuous design for samples `dt` seconds apart. Use it in
+        `FixedGain(model.discretise(dt), ...)`.
 
-        The innovation then acts through `filter` until the next sample: it is the integral of e^(-As) filter over a step.
+        It is the integral of e^(-As) filter over one step: the innovation of a sample acts through `filter` until the next
+        sample.
         """
         if not self.model.is_continuous:
             checks.refuse("this design is discrete: `filter` already applies to a sample.")

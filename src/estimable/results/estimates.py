@@ -113,7 +113,7 @@ class Shown(Kept):
 
 @frozen
 class Origin:
-    """The arguments behind an estimate."""
+    """The arguments from which an estimate was made: the algorithm, the record and the prior."""
 
     algorithm: Any
     record: Any
@@ -122,12 +122,19 @@ class Origin:
 
 @frozen
 class Estimate(Shown):
-    """The result of `estimate`: row k of every array uses the samples 0..k. Fields that do not apply, or were not selected by
-    `keep`, are None.
+    """The result of `estimate`: T rows, one for each sample of the record.
 
-    `t` (T,) in seconds (None for a record without time), `log_likelihood` with the 2 pi constant, `outcome`, `engine`
-    (the one that ran), `names` of the columns; with `keep="last"` the arrays have one row, the last. `origin`: the algorithm,
-    record and prior behind it.
+    Row k of each array uses the samples 0 to k. The arrays are the properties `mean`, `covariance`, `gain`, `innovation` and
+    others. An array is None where the algorithm does not estimate it, or where `keep` did not select it. With `keep="last"`
+    the arrays have one row: the last.
+
+    - `t` (T,): the times of the samples in seconds. It is None for a record without time.
+    - `log_likelihood`: the log-likelihood of the whole record, with its constant (the term in 2 pi).
+    - `outcome`: whether the run failed, at which sample, and why.
+    - `engine`: the engine that ran, "native" or "xla".
+    - `names`: the names of the columns of each array.
+    - `origin`: the algorithm, the record and the prior of the run.
+    - `info`: the record that holds the arrays.
     """
 
     info: Annotated[Info, "T"]
@@ -142,9 +149,14 @@ class Estimate(Shown):
 
 @frozen
 class SmoothedEstimate(Shown):
-    """The result of `smooth`: row k uses the samples 0..`used[k]`. It has no innovations, as it has no predictions.
+    """The result of `smooth`: T rows, one for each sample of the record.
 
-    Otherwise like `Estimate`; `log_likelihood` is that of the record, and `diffuse_covariance` spans the undetermined directions.
+    Row k of each array uses the samples 0 to `used[k]`, hence also later samples than k. The arrays and the other fields are
+    those of `Estimate`, with three differences:
+
+    - The arrays of innovations are None, because a smoother does not predict outputs.
+    - `log_likelihood` is that of the record, as in `estimate`.
+    - `diffuse_covariance` spans the directions of the state that the used samples do not determine.
     """
 
     info: Annotated[Info, "T"]
@@ -159,10 +171,14 @@ class SmoothedEstimate(Shown):
 
 @frozen
 class Forecast(Kept):
-    """The result of `forecast`: row i is the i-th sample after the record.
+    """The result of `forecast`: the predicted rows after the end of a record. Row i is the i-th sample after the record.
 
-    `output` (steps, p): the predicted outputs. `output_covariance` includes the measurement noise. States and gains are as in
-    `Estimate`.
+    - `mean`, `covariance`, `gain`: the predicted states and gains with their covariances, as in `Estimate`.
+    - `output` (steps, p): the predicted outputs.
+    - `output_covariance` (steps, p, p): the covariance of a future measurement about its prediction. It includes the
+      measurement noise.
+    - `t` (steps,): the times of the rows in seconds.
+    - `names`: the names of the columns.
     """
 
     info: Annotated[Info, "T"]
@@ -177,7 +193,11 @@ class Forecast(Kept):
 
 @frozen
 class EstimateBank(Kept):
-    """The result of `estimate_bank`: the arrays of `Estimate` with a leading batch axis; `bank[i]` is one `Estimate`."""
+    """The result of `estimate_bank`: B runs of an estimator.
+
+    The arrays are those of `Estimate` with a leading axis of length B, one entry for each run. `bank[i]` is the `Estimate` of
+    run i. `log_likelihood` (B,) and `outcomes` hold one entry for each run.
+    """
 
     info: Annotated[Info, "B T"]
     t: Any

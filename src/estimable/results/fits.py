@@ -13,7 +13,13 @@ FREE = 1e-6  # component along an undetermined direction, above which a paramete
 
 @saved
 class Check(NamedTuple):
-    """One checked assumption: whether it holds, the number that shows it, its limit, and a sentence that says what to do."""
+    """One checked assumption of a fit.
+
+    - `name`: the name of the assumption.
+    - `passed`: whether it holds.
+    - `value` and `limit`: the number that decides, and its limit.
+    - `sentence`: the verdict, and what to do where the assumption does not hold.
+    """
 
     name: str
     passed: bool
@@ -24,10 +30,15 @@ class Check(NamedTuple):
 
 @saved
 class Validation(NamedTuple):
-    """How well a fitted model explains the records it was fitted to.
+    """How well a fitted model explains the records to which it was fitted.
 
-    `residuals`: one (T, p) per record, NaN where not seen. `fit` (p,): per cent, 100 (1 - |y - model| / |y - mean|) over the seen
-    samples. `checks`: the checked assumptions. `one_step_fit`, `one_step_residuals`: of predictions from the previous sample.
+    - `residuals`: an array (T, p) for each record, the outputs minus the outputs of the model, NaN where an output is
+      missing.
+    - `fit` (p,): for each output, the percentage 100 (1 - |y - model| / |y - mean|) over the seen samples: 100 for a perfect
+      model, 0 for one no better than the mean.
+    - `one_step_fit` and `one_step_residuals`: the same for predictions from the previous sample. They are None where a method
+      has none.
+    - `checks`: the checked assumptions.
     """
 
     residuals: tuple[Any, ...]
@@ -49,11 +60,19 @@ class Validation(NamedTuple):
 
 @frozen
 class Fit:
-    """The result of `identify`: the `model`, its `parameters` (d,) with their `names`, and their `covariance` (d, d).
+    """The result of `identify`: a fitted model with its parameters and their uncertainty.
 
-    `validation`: how well the model explains its records, None where that does not apply. `path` is the `Estimate` of a
-    recursive method (row k: the parameters after sample k), `log_likelihood` that of the records under the model,
-    `undetermined` (d, r) a basis of the directions without information (None: there are none), `extra` results of this method.
+    - `model`: the fitted model.
+    - `parameters` (d,) and `names` (d,): the estimated parameters and their names.
+    - `covariance` (d, d): the covariance of the errors of the parameters.
+    - `undetermined` (d, r): a basis of the directions of the parameters about which the records carry no information. None:
+      there is no such direction.
+    - `validation`: how well the model explains its records. None where that cannot be judged.
+    - `path`: for a recursive method, an `Estimate` whose row k holds the parameters after sample k.
+    - `log_likelihood`: the log-likelihood of the records under the model.
+    - `outcome`: whether the run of a recursive method failed.
+    - `method` and `engine`: the name of the method, and the engine that ran.
+    - `extra`: results that only this method has, by name.
     """
 
     model: Any
@@ -71,7 +90,9 @@ class Fit:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviations (d,); infinite for undetermined parameters, NaN where the method gives none."""
+        """The standard deviations of the parameters, (d,). They are infinite for undetermined parameters, and NaN where the
+        method gives none.
+        """
         variances = np.nan if self.covariance is None else np.diagonal(np.asarray(self.covariance))
         sigma = np.sqrt(np.broadcast_to(variances, np.shape(self.parameters)))
         if self.undetermined is None:
@@ -85,10 +106,15 @@ class Fit:
 
 @frozen
 class NoiseFit:
-    """The result of `fit_noise`: the `algorithm` with its tuned noises, and the `parameters` (d,) with their `names`.
+    """The result of `fit_noise`: an algorithm with fitted noise covariances.
 
-    `covariance` (d, d) is the inverse of the observed information, in the units of the parameters; `at_zero` names the
-    variances that the likelihood drives to zero: their errors are one-sided and not in `covariance` (zero there).
+    - `algorithm`: the given algorithm with the fitted covariances.
+    - `parameters` (d,) and `names` (d,): the fitted variances and covariances, with their names.
+    - `covariance` (d, d): the covariance of the errors of the parameters, the inverse of Fisher's information.
+    - `at_zero`: the names of the variances for which the likelihood is largest at zero. Their errors are one-sided, so their
+      entries in `covariance` are zero.
+    - `log_likelihood`: the log-likelihood of the records with the fitted covariances.
+    - `iterations`: the number of iterations of the search.
     """
 
     algorithm: Any

@@ -16,11 +16,13 @@ from .sentences import words
 
 @saved
 class Excitation(NamedTuple):
-    """The information in a record about each direction of the parameters.
+    """The result of `excitation`: the information in a record about each direction of the parameters θ.
 
-    `information` (d, d) about θ, block by output; `eigenvalues` (K,): the smallest of the information gathered up to the rows
-    `samples` (K,), scaled so that its diagonal at the end is 1; `directions` (d, r): an orthonormal basis of the directions
-    without information; `check`: the verdict.
+    - `information` (d, d): the Fisher information about θ, with one diagonal block for each output.
+    - `samples` (K,) and `eigenvalues` (K,): the smallest eigenvalue of the information gathered up to each of these samples.
+      The information is scaled so that its diagonal is 1 at the end of the record.
+    - `directions` (d, r): an orthonormal basis of the directions about which the record carries no information.
+    - `check`: the verdict, with a sentence.
     """
 
     information: Annotated[Any, "d d", "symmetric"]
@@ -38,10 +40,14 @@ class Excitation(NamedTuple):
 
 @frozen
 class Score:
-    """The result of `score`: the slope of the likelihood at the numbers given, in the order of `names` (d).
+    """The result of `score`: the derivatives of a log-likelihood with respect to d named numbers.
 
-    `score` (d,): the derivatives of `log_likelihood`, in units of 1 / number. `information` (d, d): Fisher's, of the innovations
-    and of their covariances; its inverse bounds the covariance of unbiased estimates. `engine`: the one that ran.
+    - `log_likelihood`: the log-likelihood of the record with the numbers as given.
+    - `names` (d,): the names of the numbers; the entries of the other fields follow their order.
+    - `score` (d,): the derivative of `log_likelihood` with respect to each number, in 1 / (unit of the number).
+    - `information` (d, d): Fisher's information of the innovations and of their covariances about the numbers. The inverse of
+      the matrix is a lower bound on the covariance of unbiased estimates.
+    - `engine`: the name of the engine that ran.
     """
 
     log_likelihood: float
@@ -57,12 +63,17 @@ class Score:
 
 @frozen
 class GainInformation:
-    """The result of `gain_information`, for the dither at `amplitude`.
+    """The result of `gain_information`: how accurately an input determines p unknown gains θ.
 
-    `information` (n + p, n + p): about (x[0], θ), from the record alone; `covariance` (p, p) and `sigma` (p,): the Cramér-Rao
-    bound of the gains, with the given priors: no unbiased estimate has smaller errors, and `UnknownGain` reaches it. An
-    infinite sigma means that the gain is undetermined (its covariances with others are then 0). `directions` (r, p): the
-    combinations of gains about which the record carries no information, by name in `sentences`.
+    - `covariance` (p, p) and `sigma` (p,): the Cramér-Rao bound of the gains with the given priors, as a covariance and as
+      standard deviations. No unbiased estimate has smaller errors, and `UnknownGain` reaches the bound. An infinite sigma
+      means that the gain is undetermined; its covariances with other gains are then set to 0.
+    - `directions` (r, p): the combinations of gains about which the input carries no information.
+    - `sentences`: the result as sentences.
+    - `information` (n + p, n + p): the information about (x[0], θ) in the outputs, without the priors.
+    - `amplitude`: the amplitude of the dither to which these numbers refer, 0 for none.
+    - `gains`: the names of the gains.
+    - `factor`, `state`, `gain`: a square root of the information, and the priors, from which `at` computes other amplitudes.
     """
 
     information: Annotated[Any, "N N", "symmetric"]
@@ -89,7 +100,7 @@ class GainInformation:
         return GainInformation(F.T @ F, covariance, sigma, hidden, amplitude, gains, sentences, factor, state, gain)
 
     def at(self, amplitude: float) -> "GainInformation":
-        """The same with the dither `amplitude` times as large. The cost does not depend on the length of the record.
+        """The result with a dither of another `amplitude`. Its cost does not depend on the length of the record.
 
         Raises `InputError` where no dither was given.
         """
@@ -103,7 +114,7 @@ class GainInformation:
         )
 
     def amplitude_for(self, sigma: Numbers) -> float:
-        """The amplitude of the dither above which every gain is known to `sigma`, a number or (p,).
+        """The smallest amplitude of the dither with which every gain is known to within `sigma`, one number or (p,).
 
         Raises `InputError` where no dither was given; `AssumptionError` where no amplitude is enough.
         """
@@ -145,5 +156,5 @@ def _sentences(sigma: np.ndarray, hidden: np.ndarray, gains: tuple[str, ...], am
         for name, s in zip(gains, sigma, strict=True)
         if np.isfinite(s)
     ]
-    nothing = [f"The input adds nothing about {words(g, gains)}." for g in hidden]
+    nothing = [f"The input carries no information about {words(g, gains)}." for g in hidden]
     return (*known, *nothing)

@@ -18,10 +18,11 @@ from ..models.state_space import StateSpace
 
 @frozen
 class ArrivalCovariance:
-    """Bounds on the expected covariance of the one-step prediction where samples arrive at `rate`.
+    """Bounds on the expected covariance P[k] of the one-step prediction, where each sample arrives with probability `rate`.
 
-    lower <= E P[k] <= upper as k grows, both (n, n) and as matrices; an infinite diagonal: no bound exists. `bounded`: "yes"
-    where the upper bound exists, "no" where no lower one does, "unknown" between.
+    - `lower` and `upper` (n, n): for large k the expectation E P[k] lies between these matrices. A matrix with an infinite
+      diagonal means that this bound does not exist.
+    - `bounded`: "yes" where the upper bound exists, "no" where the lower bound does not exist, "unknown" between.
     """
 
     rate: float
@@ -32,10 +33,15 @@ class ArrivalCovariance:
 
 @frozen
 class LossTolerance:
-    """The result of `loss_tolerance`: the critical arrival probability lies in [lower, upper].
+    """The result of `loss_tolerance`: an interval that contains the critical arrival probability.
 
-    Below it the expected covariance grows without bound from some start; above it the covariance stays bounded from every start.
-    Both are 0 where A is stable: then no rate is critical. `spectral_radius` of A; `exact`: the two agree.
+    - `lower` and `upper`: the ends of the interval. If samples arrive more rarely than `lower`, the expected covariance grows
+      without bound from some initial covariance. If they arrive more often than `upper`, it stays bounded from every one.
+      Both are 0 for a stable A: then no rate is critical.
+    - `exact`: whether the two ends agree.
+    - `spectral_radius`: the spectral radius of A.
+    - `sentence`: the verdict as a sentence.
+    - `model`: the model.
     """
 
     lower: float
@@ -46,9 +52,9 @@ class LossTolerance:
     model: StateSpace
 
     def at(self, rate: float) -> ArrivalCovariance:
-        """Bounds on the expected covariance where samples arrive independently at `rate`, from 0 to 1.
+        """Bounds on the expected covariance where samples arrive independently with probability `rate`, from 0 to 1.
 
-        Raises `InputError` for a rate outside.
+        Raises `InputError` for a rate that is not in [0, 1].
         """
         faults = checks.Faults()
         rate = faults.number("rate", rate, lower=0.0, upper=1.0)
@@ -81,7 +87,11 @@ def _lower_covariance(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 
 @frozen
 class StabilityRadius:
-    """`margin`: the norm of the smallest complex matrix E for which A + E is not stable; `frequency` (rad/s) where."""
+    """The result of `stability_radius`.
+
+    - `margin`: the norm of the smallest complex matrix E for which A + E is not stable.
+    - `frequency`: the frequency in rad/s at which A + E reaches the limit of stability.
+    """
 
     margin: float
     frequency: float
@@ -89,9 +99,15 @@ class StabilityRadius:
 
 @frozen
 class Perturbed:
-    """Bounds on x under a perturbation: ||x|| <= overshoot ||x0|| at the start, `final` at the end, `decay` between.
+    """A bound on the norm of the state x of a stable system under a perturbation.
 
-    ||x(t)|| <= overshoot ||x0|| d + final (1 - d), d = decay^k after k samples (dt = 0: exp(-decay t)).
+    From a start with norm ||x0|| the state satisfies ||x(t)|| <= overshoot ||x0|| d + final (1 - d). The factor d falls from
+    1 to 0: it is decay^k after k samples, and exp(-decay t) in continuous time (dt = 0).
+
+    - `overshoot`: the factor by which the state may exceed its start.
+    - `decay`: the rate of the decay, per sample or per second.
+    - `final`: the bound on ||x|| after the start is forgotten.
+    - `dt`: the time step in seconds, 0 for continuous time.
     """
 
     overshoot: float
@@ -108,11 +124,18 @@ class Perturbed:
 
 @frozen
 class RhoMargin:
-    """The result of `rho_margin`: margin <= sigma <= stability_radius.
+    """The result of `rho_margin`: three margins of a stable matrix A, with margin <= sigma <= stability_radius.
 
-    `margin` is ρ = (1 - rate) / overshoot (dt = 0: rate / overshoot), the largest over all rates for which
-    ||A^k|| <= overshoot rate^k (dt = 0: ||e^{At}|| <= overshoot exp(-rate t)). `sigma` = 1 / Σ ||A^k|| (1 / ∫ ||e^{At}||).
-    All are in the units of `scaling` (n,): the norms are of x / scaling.
+    The norms are those of x / scaling, so all margins depend on the units of the states.
+
+    - `margin`: ρ = (1 - rate) / overshoot, the largest value over all pairs for which ||A^k|| <= overshoot rate^k for all k.
+      In continuous time ρ = rate / overshoot, with ||e^{At}|| <= overshoot exp(-rate t).
+    - `rate` and `overshoot`: the pair that attains this value.
+    - `sigma`: 1 / Σ ||A^k||, in continuous time 1 / ∫ ||e^{At}|| dt.
+    - `stability_radius`: the norm of the smallest constant change of A that makes it unstable.
+    - `scaling` (n,): the size of one unit of each state.
+    - `course`: the computed norms of the powers A^k, or of e^{At}.
+    - `dt`: the time step in seconds, 0 for continuous time.
     """
 
     margin: float
@@ -125,9 +148,11 @@ class RhoMargin:
     dt: float = static()
 
     def perturbed(self, kappa: float, delta: float = 0.0) -> Perturbed:
-        """The bound that decays fastest where x moves by A x + f(t, x) + g(t), ||f|| <= kappa ||x||, ||g|| <= delta.
+        """The bound that decays fastest for the perturbed system x[k+1] = A x[k] + f(k, x[k]) + g[k], or dx/dt = A
+        x + f(t, x) + g(t).
 
-        Raises `InputError` where kappa is not below the margin.
+        It holds for every f with ||f|| <= kappa ||x|| and every g with ||g|| <= delta. Raises `InputError` unless kappa is
+        below the margin.
         """
         faults = checks.Faults()
         kappa = faults.number("kappa", kappa, lower=0.0)

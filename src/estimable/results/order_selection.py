@@ -12,11 +12,17 @@ CRITERIA = ("bic", "aicc", "aic", "cross_validation")
 
 @saved
 class OrderSelection(NamedTuple):
-    """The result of `select_order`: the criteria (K,) of each of `orders` (K,), in units of twice a log-likelihood.
+    """The result of `select_order`: criteria for each of K orders, and a recommended order.
 
-    `aic`, `aicc`, `bic`, `cross_validation`: infinite where the records are too short for the order; `delays` (K,): the best at
-    each order; `singular_values` (largest first, None: no subspace model could be fitted), `gap`: the order before their
-    largest step; `order`: the recommendation, by `criterion`.
+    - `orders` (K,): the orders that were tried.
+    - `delays` (K,): the best delay at each order, in steps.
+    - `aic`, `aicc`, `bic`, `cross_validation` (K,): the criteria at each order; smaller is better. They are in units of twice
+      a log-likelihood, and infinite where the records are too short for the order.
+    - `singular_values`: the singular values of a subspace model, the largest first. None where no subspace model could be
+      fitted.
+    - `gap`: the order at which the singular values fall most.
+    - `order`: the recommended order.
+    - `criterion`: the criterion that recommends it.
     """
 
     orders: Annotated[np.ndarray, "K"]
@@ -41,7 +47,7 @@ class OrderSelection(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The recommendation, and those of the other criteria."""
+        """The recommended order and the orders by the other criteria, as a sentence."""
         names = {"bic": "BIC", "aicc": "AICc", "aic": "AIC", "cross_validation": "cross-validation"}
         others = [f"{names[one]} {self.by(one)}" for one in CRITERIA if one != self.criterion]
         others += [] if self.gap is None else [f"the gap of the singular values {self.gap}"]
@@ -56,7 +62,7 @@ class OrderSelection(NamedTuple):
 
 @saved
 class OrderCandidate(NamedTuple):
-    """One choice of orders: its criteria (smaller is better) and its fit."""
+    """One choice of orders (`na`, `nb`, `delay`), with its criteria (`aic`, `aicc`, `bic`; smaller is better) and its `fit`."""
 
     na: int
     nb: int
@@ -69,7 +75,7 @@ class OrderCandidate(NamedTuple):
 
 @saved
 class OrderRanking(NamedTuple):
-    """The result of `choose_orders`: the candidates, the best first, and the criterion."""
+    """The result of `choose_orders`: the `candidates`, the best first, and the `criterion` that ranks them."""
 
     candidates: tuple[OrderCandidate, ...]
     criterion: str

@@ -14,11 +14,14 @@ from .steps import Info, Names, Outcome
 
 @frozen
 class Simulation:
-    """The result of `simulate`: the `record` that arrives, and the true signals behind it.
+    """The result of `simulate`: the simulated measurements and the true signals behind them.
 
-    The true `state` (T, n); `applied` (T, m), the applied inputs; `measured` (T, p), the measured outputs before the network;
-    `input_delay` and `output_delay` (T, c): of each packet, in steps, infinite where it was lost (None: no link).
-    `Trace(delay)` is a link that repeats them.
+    - `record`: the `Record` that arrives after the network. Pass it to `estimate` or `identify`.
+    - `state` (T, n): the true states.
+    - `applied` (T, m): the inputs that the actuators applied.
+    - `measured` (T, p): the outputs as measured, before the network loses some of them.
+    - `input_delay` (T, m) and `output_delay` (T, p): the delay of each packet in steps, infinite for a lost packet. They are
+      None without a link. `Trace(delay)` is a link that repeats these delays.
     """
 
     record: Any
@@ -31,13 +34,22 @@ class Simulation:
 
 @frozen
 class ClosedLoop(Kept):
-    """The result of `close_loop`; row k of every array is at time t[k].
+    """The result of `close_loop`: T rows, one for each sample. Row k of each array is at time t[k].
 
-    `reference` (T, r); `output` (T, p) as received by the estimator, NaN where it was lost; `state` (T, n): the true state of the
-    plant; `command` (T, m) of the controller; `applied` (T, m): the commands at the actuators, within their limits; `input`
-    (T, m): the actuator positions; `arrived` (T, m): whether the command arrived. `info`: the report of the estimator (`mean`,
-    `covariance`, `gain`, `gain_covariance`, ..), `extra` its specific results (`alarm`, ..), `control` the report of the
-    controller (`effect`, ..). `outcome` and `engine` as in `Estimate`; `names` are those of the estimator.
+    - `t` (T,): the times in seconds.
+    - `reference` (T, r): the references that the controller follows.
+    - `output` (T, p): the outputs that the estimator received, NaN where one was lost.
+    - `state` (T, n): the true states of the plant.
+    - `command` (T, m): the commands of the controller.
+    - `applied` (T, m): the commands that the actuators apply, within their limits.
+    - `input` (T, m): the positions of the actuators, which act on the plant.
+    - `arrived` (T, m): whether each command arrived.
+    - `info`: the reports of the estimator. They are also properties: `mean`, `covariance`, `gain`, `gain_covariance` and
+      others, with `extra` for results that only this estimator has, such as `alarm`.
+    - `control`: the reports of the controller by name, such as `effect`.
+    - `outcome`: whether the run failed, at which sample, and why.
+    - `engine`: the engine that ran.
+    - `names`: the names of the columns of the estimator.
     """
 
     t: Annotated[Any, "T"]
@@ -64,7 +76,11 @@ class ClosedLoop(Kept):
 
 @frozen
 class ClosedLoopBank:
-    """The result of `close_loop_bank`: the arrays of `ClosedLoop` with a leading axis of runs; `bank[i]` is one of them."""
+    """The result of `close_loop_bank`: many runs of one loop.
+
+    `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t` and `reference` are common to all
+    runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run.
+    """
 
     runs: ClosedLoop
     outcomes: tuple[Outcome, ...] = static()
@@ -84,9 +100,12 @@ class ClosedLoopBank:
 
 @frozen
 class MonteCarlo:
-    """The result of `monte_carlo`: `values[name]` (runs, ...), from the `summary` of each run; run i is row i.
+    """The result of `monte_carlo`: the values of a summary over many runs.
 
-    `failed` (runs,): which runs failed (with `on_failure="keep"`).
+    - `values`: a mapping. `values[name]` (runs, ...) holds the value `name` of the summary; row i is that of run i.
+    - `failed` (runs,): True for each run that failed, where `on_failure="keep"`.
+    - `seed`: the seed of the runs.
+    - `engine`: the engine that ran.
     """
 
     values: Annotated[Any, "runs"]
@@ -108,13 +127,13 @@ class MonteCarlo:
         return self.values[name]
 
     def mean(self, name: str) -> Any:
-        """The mean over the runs in which the value is known (not NaN)."""
+        """The mean of a value over the runs in which it is not NaN."""
         return np.nanmean(self._values(name), axis=0)
 
     def sigma(self, name: str) -> Any:
-        """The standard deviation of one run, over the runs where the value is known."""
+        """The standard deviation of a value from run to run, over the runs in which it is not NaN."""
         return np.nanstd(self._values(name), axis=0, ddof=1)
 
     def standard_error(self, name: str) -> Any:
-        """The standard deviation of the mean."""
+        """The standard deviation of the mean of a value."""
         return self.sigma(name) / np.sqrt(np.sum(~np.isnan(self.values[name]), axis=0))

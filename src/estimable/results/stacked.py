@@ -7,7 +7,10 @@ from ..frozen import frozen, static
 
 @frozen
 class Stacked:
-    """`size` objects of one kind; every leaf of `items` has a leading batch axis. Made by `stack`."""
+    """The result of `stack`: several objects of one kind, stacked into one.
+
+    `size` is their number B. `items` is one object of that kind, whose arrays have a leading axis of length B.
+    """
 
     items: Annotated[Any, "size"]
     size: int = static()

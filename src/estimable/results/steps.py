@@ -11,10 +11,13 @@ from ..frozen import frozen, saved
 
 @frozen
 class Sample:
-    """One instant of a record: outputs y (p,), the mask `seen` (p,), and the input u (m,), where it enters y directly.
+    """One instant of a record, as an algorithm reads it.
 
-    `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown. `extra`: data that a driver
-    passes to its own algorithm, by name.
+    - `y` (p,): the outputs.
+    - `seen` (p,): the mask of the outputs that were measured.
+    - `u` (m,): the input at this instant, for models in which the input enters y directly.
+    - `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown.
+    - `extra`: further data by name, which a function such as `estimate` passes to an algorithm that can use them.
     """
 
     y: Annotated[Any, "p"]
@@ -26,11 +29,14 @@ class Sample:
 
 @frozen
 class Interval:
-    """From one sample to the next: the input at both ends, whether it arrived, and the length in seconds.
+    """The time from one sample to the next, as an algorithm reads it.
 
-    Errors of the input: `u_covariance` (m, m), of an error that is constant over the interval; `u_diffusion` (m,), variance per
-    second of a Brownian motion that is zero at the sample, and also at the next one where the input moves linearly between
-    them. None: the input is known.
+    - `u` (m,) and `u_end` (m,): the input at the start and at the end of the interval.
+    - `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown.
+    - `dt`: the length of the interval in seconds.
+    - `u_covariance` (m, m): the covariance of an input error that is constant over the interval. None: no such error.
+    - `u_diffusion` (m,): the variance per second of an input error that is a Brownian motion. The error is zero at the start
+      of the interval; where the input moves linearly between samples, it is zero at the end as well. None: no such error.
     """
 
     u: Annotated[Any, "m"]
@@ -43,12 +49,19 @@ class Interval:
 
 @frozen
 class Info:
-    """The report of an algorithm after one sample, in the user's units; a field that does not apply is None.
+    """The report of an algorithm after sample k. A field that does not apply is None. All values are in the units of the
+    user.
 
-    `mean` (n,) and `covariance` (n, n) use y[0..k]; `diffuse_covariance` (n, n) spans the directions still undetermined.
-    `innovation` (p,) is NaN where not seen; `outcome` is a code of `OUTCOMES`. `gain_quantiles` (g, 5) at .025, .16, .5, .84
-    and .975, and `jump_probability`, that a gain has jumped undetected, for algorithms whose gains are not Gaussian. `extra`:
-    results specific to this algorithm, by name.
+    - `mean` (n,) and `covariance` (n, n): the estimated state and the covariance of its error, given y[0..k].
+    - `diffuse_covariance` (n, n): its columns span the directions of the state that the samples have not yet determined.
+    - `innovation` (p,) and `innovation_covariance` (p, p): the outputs minus their predictions, NaN for a missing output.
+    - `log_likelihood`: the log-likelihood of this sample, given the earlier ones.
+    - `gain` (g,) and `gain_covariance` (g, g): the estimated gains.
+    - `gain_quantiles` (g, 5): the quantiles .025, .16, .5, .84 and .975 of gains whose distribution is not Gaussian.
+    - `jump_probability`: the probability that such a gain has jumped and the jump has not been detected.
+    - `unknown_input` (d,) and `unknown_input_covariance` (d, d): the estimated unmeasured inputs.
+    - `outcome`: 0, or a failure code of `OUTCOMES`.
+    - `extra`: results that only this algorithm has, by name.
     """
 
     mean: Annotated[Any, "n"] = None
@@ -80,15 +93,23 @@ OUTCOMES = {
 
 
 def outcome_code(contradicted: Array | bool, mean: Array, *factors: Array):
-    """The code of a step: 1 where the mean (n,) or the square of a factor (n, k) is not finite, else 2 where a datum was
-    contradicted."""
+    """The outcome code of one step, from `mean` (n,), square roots `factors` (n, k) of covariances, and `contradicted`.
+
+    The code is 1 where the mean or a covariance is not finite. It is 2 where `contradicted` is True: an output contradicts a
+    value that is known exactly. Otherwise it is 0.
+    """
     finite = jnp.isfinite(jnp.sum(mean) + sum(jnp.sum(factor * factor) for factor in factors))
     return jnp.where(finite, jnp.where(contradicted, 2, 0), 1)
 
 
 @saved
 class Outcome(NamedTuple):
-    """The outcome of a run: the first nonzero code, its sample and time, and a sentence that explains it."""
+    """The outcome of a run.
+
+    - `code`: 0 for a run without a failure, otherwise the code of the first failure (a key of `OUTCOMES`).
+    - `sample` and `time`: the sample and the time in seconds at which the run failed; None without a failure.
+    - `sentence`: an explanation of the failure, empty without one.
+    """
 
     code: int
     sample: int | None
@@ -97,7 +118,7 @@ class Outcome(NamedTuple):
 
     @staticmethod
     def of(code: int, sample: int, t: np.ndarray | None) -> "Outcome":
-        """The outcome of a run whose first failing sample is given."""
+        """The outcome of a run that first failed at `sample` with `code`; `t` (T,) are the times of the samples."""
         if code == 0:
             return Outcome(0, None, None, "")
         time = None if t is None else float(t[sample])
@@ -107,10 +128,13 @@ class Outcome(NamedTuple):
 
 @saved
 class Names(NamedTuple):
-    """The names of the columns of a result, and the units of its channels, where given.
+    """The names of the columns of a result.
 
-    Row k of a result holds the unknown input of row k - `input_delay`. `note` says which samples a row uses, where that is not
-    obvious.
+    - `states`, `inputs`, `outputs`, `gains`, `unknown_inputs`: the names of each kind of column.
+    - `units`: pairs of a channel and its unit, for the channels with a given unit.
+    - `input_delay`: the number of samples after which an unknown input is reported. Row k of the result holds the unknown
+      input of row k - `input_delay`.
+    - `note`: the samples that a row uses, where this is not obvious.
     """
 
     states: tuple[str, ...]

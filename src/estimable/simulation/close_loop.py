@@ -47,21 +47,28 @@ def close_loop(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> ClosedLoop:
-    """Run the loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or (T,).
+    """Simulate a closed loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or
+    (T,).
 
-    At each sample: the outputs are measured and sent; the estimator corrects; the controller acts on the estimate; the command
-    is sent; the plant moves; the estimator predicts with the applied inputs. A controller that acts on a prediction
-    (`Tracking`) acts first, so that its input may enter y at once. Where actuators are measured
-    (`ControlledPlant(actuator=...)`) the estimator uses that measurement, else the command that arrived, which the link must
-    acknowledge (except for an identifier that supports unknown arrivals).
+    At each sample, in this order: the outputs are measured and sent; the estimator corrects; the controller computes its
+    command from the estimate; the command is sent; the plant moves; the estimator predicts with the applied inputs. A
+    controller that acts on a prediction (`Tracking`) acts before the outputs are measured, so that its input may enter y at
+    once.
 
-    `plant`: a `ControlledPlant`, or a model whose inputs act without an actuator, or a simulator (a `Plant`, such as
-    `plants.JsbsimF16`), whose loop runs in Python; `dt` in seconds, for a continuous one; `start` (n,): its initial state
-    (default zero). `estimator` and its `prior` as in `estimate`: its model need not be the plant's; its outputs are matched by
-    name. `input_link`, `output_link`, `lost` as in `simulate`; late outputs are not used. `seed`: of the noises and links.
-    `engine`: "auto", "native" or "xla"; `on_failure`: "raise" or "keep".
+    - `plant`: a `ControlledPlant`; or a model, whose inputs then act without an actuator; or a simulator (a `Plant`, such as
+      `plants.JsbsimF16`), whose loop runs in Python.
+    - `controller`: the control law, such as `StateFeedback`.
+    - `estimator` and `prior`: as in `estimate`. The model of the estimator may differ from the plant; outputs are matched by
+      name. The estimator uses the measured position of the actuator where there is one (`ControlledPlant(actuator=...)`).
+      Otherwise it uses the command that arrived, which the link must then acknowledge, unless the estimator supports unknown
+      arrivals.
+    - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are not used.
+    - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
+    - `seed`: of the noises and links.
+    - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
 
-    Raises `InputError` with every fault of the call; `RunError` where the numbers of the estimator fail.
+    Returns a `ClosedLoop`. Raises `InputError` with every fault of the call; `RunError` where the numbers of the estimator
+    fail.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.0]], dt=1)
     >>> law = StateFeedback([[0.5]], reference_gain=[[0.5]])
@@ -94,10 +101,11 @@ def close_loop_bank(
     on_failure: str = "raise",
     engine: str = "auto",
 ) -> ClosedLoopBank:
-    """Run the same loop many times, with new noises and losses each time. Run 0 is `close_loop` with the same seed.
+    """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
-    Run i draws from `fold_in(key(seed), i)`, for any number of runs; these are the runs from `first` on. Arguments, order of a
-    step and errors are as in `close_loop`. Use `monte_carlo_loops` for more runs than the memory holds.
+    The arguments, the order within a sample and the errors are those of `close_loop`. `first`: the number of the first run.
+    Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number
+    of runs. Returns a `ClosedLoopBank`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
     links = Links(input_link, output_link)
     flown, simulator = _plant(plant)
@@ -248,7 +256,7 @@ def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.F
         return None
     step = own[0] if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
     if step is not None and any(abs(step - other) > 1e-9 * step for other in own):
-        faults.add(f"the plant, the estimator and `dt` must have one step. Got {checks.listed([*own, step])} s.")
+        faults.add(f"the plant, the estimator and `dt` must have the same step. Got {checks.listed([*own, step])} s.")
     return step
 
 

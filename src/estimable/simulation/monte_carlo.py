@@ -29,17 +29,20 @@ def monte_carlo(
     summary: Callable[[Any, Any], dict[str, Any]], on_failure: str = "raise", engine: str = "auto",
     chunk: int = CHUNK, progress: bool = True,
 ) -> MonteCarlo:  # fmt: skip
-    """Draw `runs` records, run the estimator over each, and store the summary of each run.
+    """Draw many records, run an estimator over each, and store a summary of each run.
 
-    `draw(key)`, written in JAX: a `Record`, or anything with a field `record` (a `Simulation`), drawn with a random key;
-    `drawn_from(model, u)` makes such a function from a model. `summary(drawn, estimate)`: {name: number or array} of one run,
-    from the drawn object and its `Estimate`; NaN where a run has no value. `prior`: of the state x[0]. `on_failure`: "raise" at
-    the first failed run, or "keep" (its summary uses the incomplete result). `chunk`: the number of runs in memory at once.
-    `progress`: a bar on stderr, if that is a terminal.
+    - `draw(key)`: a function, written in JAX, that draws a `Record` with a random key, or an object with a field `record`,
+      such as a `Simulation`. `drawn_from(model, u)` makes such a function from a model.
+    - `summary(drawn, estimate)`: a function that returns {name: number or array} for one run, from the drawn object and its
+      `Estimate`. NaN marks a value that a run does not have.
+    - `runs` and `seed`: the number of runs, and the seed. Run i draws with the key `fold_in(key(seed), i)`: its values do not
+      depend on `chunk`, `runs` or the number of cores.
+    - `prior`: the `Prior` of the state x[0].
+    - `on_failure`: "raise": an error at the first failed run; "keep": the summary of a failed run uses its incomplete result.
+    - `chunk`: the number of runs in memory at once. `progress`: shows a bar on stderr, if that is a terminal.
 
-    Run i draws with `fold_in(key(seed), i)`: the values do not depend on `chunk`, `runs` or the number of cores.
-
-    Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming it.
+    Returns a `MonteCarlo`. Raises `InputError` with every fault of the call; `RunError` for the first run that failed, naming
+    it.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> start = Prior([0.0], [[1.0]])

@@ -26,7 +26,7 @@ CHUNK = 250  # runs in memory together, which are one part: it only bounds the m
 @saved
 @dataclass(frozen=True)
 class LoopCase:
-    """All arguments of `close_loop` except the seed: one case of `monte_carlo_loops`.
+    """The arguments of `close_loop`, except the seed, as one case of `monte_carlo_loops`.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.0]], dt=1)
     >>> case = LoopCase(model, StateFeedback([[0.5]]), Kalman(model), reference=np.zeros((5, 0)), prior=Prior([0.0], [[0.0]]))
@@ -49,7 +49,7 @@ class LoopCase:
     def fly(
         self, *, seed: int, runs: int, first: int = 0, on_failure: str = "raise", engine: str = "auto"
     ) -> ClosedLoopBank:
-        """`close_loop_bank` of this case."""
+        """Simulate this case many times by `close_loop_bank`."""
         return close_loop_bank(**self.settings, seed=seed, runs=runs, first=first, on_failure=on_failure, engine=engine)
 
     @property
@@ -59,7 +59,9 @@ class LoopCase:
 
 
 def loop_grid(make: Callable[..., LoopCase], /, **values: Sequence[Any]) -> dict[str, LoopCase]:
-    """A case for every combination of values, by name: make(name=value, ..).
+    """Cases for every combination of values: {"name=value": make(name=value, ...)}.
+
+    `make` is a function that returns a `LoopCase`; each further argument is a list of the values of one of its arguments.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.0]], R=[[0.1]], dt=1)
     >>> start = Prior([0.0], [[0.0]])
@@ -85,22 +87,26 @@ def monte_carlo_loops(
     engine: str = "auto",
     progress: bool = True,
 ) -> dict[str, MonteCarlo]:
-    """Simulate each case `runs` times, and store the summary of each run: {name of the case: `MonteCarlo`}.
+    """Simulate each of several loops many times, and store a summary of each run.
 
-    `cases`: {name: LoopCase}, as from `loop_grid`; a single case is named "". `summary(closed)`: {name: number or array} of one
-    `ClosedLoop`; NaN where a run has no value. `folder`: finished parts of `chunk` runs are stored there. A call with the same
-    cases, seed, summary and chunk finds them, so that an interrupted computation continues. The same summary means the same
-    source of `summary` and everything it uses, under the same versions of the packages. `version`: a name for the summary where
-    its source cannot be inspected; change it whenever the summary changes. `scheduler`: address of a Dask scheduler, such as
-    "tcp://10.0.0.1:8786", whose workers (with this version of estimable) run the parts; None: the processors of this machine.
-    `chunk`: runs in memory together. `on_failure`: "raise" at the first failed run, or "keep". `progress`: a bar on stderr, if
-    that is a terminal.
+    - `cases`: {name: `LoopCase`}, such as `loop_grid` makes. A single case gets the name "".
+    - `summary(closed)`: a function that returns {name: number or array} from one `ClosedLoop`. NaN marks a value that a run
+      does not have.
+    - `runs` and `seed`: the number of runs, and the seed. Run i of every case draws with the key `fold_in(key(seed), i)`.
+      Cases are thus compared on the same draws. Values do not depend on `runs`, `chunk`, cores or cluster, except to rounding
+      on other processors.
+    - `folder`: a folder for finished parts of `chunk` runs each. A later call with the same cases, seed, summary and chunk
+      reads them, so that an interrupted computation continues. Two summaries are the same if their source, everything it uses
+      and the versions of the packages are the same.
+    - `version`: a name for a summary whose source cannot be inspected. Change it whenever the summary changes.
+    - `scheduler`: the address of a Dask scheduler, such as "tcp://10.0.0.1:8786". Its workers run the parts; they need this
+      version of estimable. None: the processors of this machine.
+    - `chunk`: the number of runs in memory at once.
+    - `on_failure`: "raise": an error at the first failed run; "keep": a failed run is stored with its incomplete result.
+    - `progress`: shows a bar on stderr, if that is a terminal.
 
-    Run i of every case draws with `fold_in(key(seed), i)`: the values do not depend on `runs`, `chunk`, cores or cluster (only to
-    rounding on other processors), and cases are compared on the same draws.
-
-    Raises `InputError` with every fault of the call, and where no scheduler or worker answers within 10 s, or the workers cannot
-    import the summary; `RunError` for the first failed run.
+    Returns {name of the case: `MonteCarlo`}. Raises `InputError` with every fault of the call, where no scheduler or
+    worker answers within 10 s, and where the workers cannot import the summary; `RunError` for the first failed run.
 
     >>> model = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
     >>> law, start = StateFeedback([[0.5]], reference_gain=[[0.5]]), Prior([0.0], [[0.0]])

@@ -45,14 +45,18 @@ def simulate(
     output_link: Link | None = None,
     lost: str = "zero",
 ) -> Simulation:
-    """Draw a record of the model under the input u (T, m), with its noises; the same seed gives the same record.
+    """Draw a record of a model under the input u (T, m), with random noises. The same seed gives the same record.
 
-    `model`: linear, nonlinear or an `OutputError`. A continuous nonlinear one moves by Runge-Kutta in `substeps` pieces
-    (default 8), with the noise added after each piece: exact in the limit of many pieces. `prior`: x[0] is drawn from it;
-    without one it is the operating point (or zero). `steps`: the number of rows, for a model without inputs. `dt` or `t`, in
-    seconds: of a continuous model.
+    - `model`: a `StateSpace`, a `NonlinearModel` or an `OutputError`.
+    - `steps`: the number of rows, for a model without inputs.
+    - `dt` or `t`: the step, or the times (T,), in seconds, for a continuous model.
+    - `prior`: the initial state is drawn from it. None: the initial state is the operating point, or zero.
+    - `input_link` and `output_link`: links that lose or delay packets of inputs and outputs. `lost`: what the actuator
+      applies without a packet, "zero" or "hold" (its last input).
+    - `substeps`: the number of Runge-Kutta steps between samples for a continuous nonlinear model (default 8). Noise is added
+      after each of them, which is exact in the limit of many.
 
-    Raises `InputError` with every fault of the call.
+    Returns a `Simulation`. Raises `InputError` with every fault of the call.
 
     >>> model = StateSpace([[0.9]], [[1.0]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> simulate(model, [[1.0], [0.0], [0.0]], seed=1).record.y.shape
@@ -78,9 +82,11 @@ def simulate_bank(
     output_link: Link | None = None,
     lost: str = "zero",
 ) -> Stacked:
-    """Draw many records at once, for a bank: a stack of `Simulation`. Run 0 is `simulate` with the same seed.
+    """Draw many records at once, for `estimate_bank`. Run 0 equals `simulate` with the same seed.
 
-    Run i draws from `fold_in(key(seed), i)`, for any number of runs.
+    Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number of
+    runs. The other arguments are as in `simulate`.
+    Returns a `Stacked` of `Simulation`s.
 
     >>> model = StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1)
     >>> simulate_bank(model, seed=1, runs=5, steps=3).items.state.shape
@@ -111,9 +117,9 @@ def drawn_from(
     output_link: Link | None = None,
     lost: str = "zero",
 ) -> Callable[[Any], Simulation]:
-    """A function of a random key that draws one `Simulation`, for `monte_carlo`. Arguments as in `simulate`.
+    """Make a function that draws one `Simulation` with a random key, for `monte_carlo`. The arguments are as in `simulate`.
 
-    With the key `fold_in(key(seed), i)` it draws run i of `simulate_bank`.
+    With the key `fold_in(key(seed), i)` the function draws run i of `simulate_bank`.
 
     >>> draw = drawn_from(StateSpace([[0.9]], Q=[[0.1]], R=[[0.2]], dt=1), steps=3)
     >>> import jax

@@ -54,7 +54,7 @@ def _check_input_link(link: Link, m: int, hold: str, faults: checks.Faults) -> N
         faults.add('`input_link` needs hold = "zero_order": an input sent in packets is constant between them.')
     if link.late == "use" and not link.acknowledged:
         faults.add(
-            '`input_link`: a record can represent used late packets (late = "use") only where they are acknowledged: '
+            '`input_link`: a record can show which late packets were used (late = "use") only where they are acknowledged: '
             'give late="drop" or acknowledged=True.'
         )
 

@@ -17,7 +17,7 @@ from .verify import verify
 def load(path: str | Path) -> Any:
     """Read back what `save` wrote. Everything in the file is checked, and nothing in it is executed.
 
-    Raises `InputError` if the file does not exist, was not written by `save`, or its contents are inconsistent.
+    Raises `InputError` if the file does not exist, was not written by `save`, or if its contents are inconsistent.
     """
     found = checks.existing_file(path)
     try:

@@ -22,10 +22,10 @@ PLAIN = (NoneType, bool, int, float, str)
 
 
 def save(path: str | Path, thing: Thing) -> None:
-    """Write an algorithm, model, prior, record, result or a running `online` to one .npz file, exactly.
+    """Write an object to a .npz file, from which `load` reads back exactly the same object.
 
-    Tuples, lists and dictionaries of them are written too. An older file of that name stays until the new one is
-    complete.
+    The object is an algorithm, a model, a prior, a record, a result, a run made by `online`, or a tuple, list or dictionary
+    of these. An existing file of that name is replaced only when the new one is complete.
 
     Raises `InputError` for values that a file cannot hold, such as a function, and if the file cannot be written.
     """

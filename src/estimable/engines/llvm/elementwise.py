@@ -35,7 +35,8 @@ def each(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Valu
         entries = [(type_, v.at(index)) for type_, v in zip(types, alike, strict=True)]
         type_, entry = composed(_Printed(blocks), operation.name, operation.value, *entries)
         if KINDS[type_] != operation.kind:
-            raise UnsupportedError(f"the primitive {operation.name} of {' and '.join(map(str, operation.value.given))}")
+            given = " and ".join(map(str, operation.value.given))
+            raise UnsupportedError(f"the primitive {operation.name} of {given} is not supported")
         return entry
 
     return Value(shape, operation.kind, at, work=True)

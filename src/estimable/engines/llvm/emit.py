@@ -43,7 +43,8 @@ def compute(blocks: Blocks, program: Arrays, values: dict, wanted: Iterable[int]
         if operation.name == "result":
             values[name] = arguments[0][operation.value]
             if values[name] is None:
-                raise UnsupportedError(f"a result of the primitive {program.operations[operation.arguments[0]].name}")
+                primitive = program.operations[operation.arguments[0]].name
+                raise UnsupportedError(f"a result of the primitive {primitive} is not supported")
             continue
         if operation.name in SEVERAL:
             values[name] = SEVERAL[operation.name](blocks, operation, arguments)
@@ -99,14 +100,14 @@ def row_of(blocks: Blocks, value: Value, k: str) -> Value:
 def _qr(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value | None]:
     shape = values[0].shape
     if operation.value["full_matrices"] or operation.value["pivoting"] or len(shape) != 2 or shape[0] < shape[1]:
-        raise UnsupportedError("a QR factorisation of this form")
+        raise UnsupportedError("a QR factorisation of this form is not supported")
     return [None, triangle(blocks, values[0])]
 
 
 def _choice(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> list[Value]:
     """One of two programs; only the chosen one runs."""
     if len(operation.value.programs) != 2:
-        raise UnsupportedError("a choice among more than two")
+        raise UnsupportedError("a choice among more than two branches is not supported")
     (no, yes), which, given = operation.value.programs, values[0].at([]), [blocks.ready(value) for value in values[1:]]
     types = [yes.operations[name] for name in yes.outputs]
     memories, label = [blocks.region(kind.shape, kind.kind) for kind in types], blocks.label()

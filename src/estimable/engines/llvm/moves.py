@@ -210,11 +210,11 @@ def _plain(value: Value) -> bool:
 def _places(operation: ArrayOperation, moved: np.ndarray, others: list) -> np.ndarray:
     """The place from which JAX takes each entry."""
     if any(isinstance(other, Value) and other.known is None for other in others):
-        raise UnsupportedError(f"{operation.name} at a computed index")
+        raise UnsupportedError(f"{operation.name} at a computed index is not supported")
     with jax.ensure_compile_time_eval():
         given = [jnp.asarray(other.known if isinstance(other, Value) else other) for other in others]
         outside = {"fill_value": -1} if operation.name == "gather" else {}
         places = np.asarray(PRIMITIVES[operation.name].bind(jnp.asarray(moved), *given, **operation.value | outside))
     if (places < 0).any():
-        raise UnsupportedError(f"{operation.name} at an index outside the array")
+        raise UnsupportedError(f"{operation.name} at an index outside the array is not supported")
     return places

@@ -21,7 +21,7 @@ def define(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Va
     if is_entrywise(operation.name):
         return each(blocks, operation, values)
     if operation.name not in RULES:
-        raise UnsupportedError(f"the primitive {operation.name}")
+        raise UnsupportedError(f"the primitive {operation.name} is not supported")
     return RULES[operation.name](blocks, operation, values)
 
 

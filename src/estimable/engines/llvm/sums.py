@@ -97,7 +97,7 @@ def product(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> V
     """Σ_k a[.., k] b[k, ..]: a matrix library where it is large."""
     contract, batch = operation.value["dimension_numbers"]
     if batch[0] or len(contract[0]) != 1 or {operation.kind, *(value.kind for value in values)} != {"double"}:
-        raise UnsupportedError("a product along several axes, or of integers")
+        raise UnsupportedError("a product along several axes, or of integers, is not supported")
     a, b = (_last(blocks, value, axes[0]) for value, axes in zip(values, contract, strict=True))
     if len(a.shape) == len(b.shape) == 2 and math.prod(a.shape) * b.shape[0] >= LARGE:
         alike = a.memory is not None and (a.memory, a.shape) == (b.memory, b.shape)
@@ -172,5 +172,5 @@ def running(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> V
 def factor(blocks: Blocks, operation: ArrayOperation, values: list[Value]) -> Value:
     """Cholesky's factor."""
     if len(operation.shape) != 2:
-        raise UnsupportedError("several factorisations at once")
+        raise UnsupportedError("several factorisations at once are not supported")
     return cholesky(blocks, values[0])

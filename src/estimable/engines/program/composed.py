@@ -61,7 +61,7 @@ class Values:
         """A row of the table, folded."""
         found = folded(row(name, tuple(type_of_value(value) for value in values)), list(values))
         if found is None:
-            raise UnsupportedError(f"{name} of {values} is not folded")
+            raise UnsupportedError(f"{name} of the constants {values} cannot be evaluated in advance")
         return found
 
     def constant(self, value: Scalar) -> Scalar:
@@ -143,7 +143,7 @@ def _counted(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
 def _reread(do: Entries[Entry], how: Entrywise, x: Entry) -> Entry:
     old, new = how.given[0], how.result
     if {old, new} != {np.dtype(float), np.dtype(int)}:
-        raise UnsupportedError(f"the bits of {old} as {new}")
+        raise UnsupportedError(f"the bits of {old} as {new} are not supported")
     return do.each("bits" if type_of(old) == FLOAT else "from_bits", x)
 
 

@@ -30,5 +30,5 @@ def called(parameters: dict) -> tuple[Any, Any]:
 def array_of(atom: Atom) -> ShapedArray:
     """The shape and type of an array in a jaxpr. Raises `UnsupportedError` for anything else."""
     if not isinstance(atom.aval, ShapedArray):
-        raise UnsupportedError(f"a value of the kind {type(atom.aval).__name__}")
+        raise UnsupportedError(f"a value of the kind {type(atom.aval).__name__} is not supported")
     return atom.aval

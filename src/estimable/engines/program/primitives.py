@@ -60,7 +60,9 @@ def row(name: str, types: tuple[str, ...]) -> Primitive:
     """The row of a primitive for arguments of these types. Raises `UnsupportedError` where there is none."""
     found = PRIMITIVES.get((name, types))
     if found is None:
-        raise UnsupportedError(f"the primitive {name}" + (f" of {' and '.join(types)}" if name in NAMES else ""))
+        raise UnsupportedError(
+            f"the primitive {name}{' of ' + ' and '.join(types) if name in NAMES else ''} is not supported"
+        )
     return found
 
 
@@ -78,7 +80,7 @@ def folded(found: Primitive, values: list) -> Any:
 def type_of(dtype: np.dtype) -> str:
     """The type of a scalar of an array. Raises `UnsupportedError` for float32, complex numbers and the like."""
     if dtype not in TYPES:
-        raise UnsupportedError(f"numbers of the kind {dtype}")
+        raise UnsupportedError(f"numbers of the kind {dtype} are not supported")
     return TYPES[dtype]
 
 

@@ -65,12 +65,12 @@ def indexed(line: ScalarNames, equation: JaxprEqn, arrays: list[np.ndarray]) -> 
             continue
         values = [line.values[entry] for entry in array.ravel()]
         if any(v is None for v in values):
-            raise UnsupportedError(f"{name} at a computed index")
+            raise UnsupportedError(f"{name} at a computed index is not supported")
         operands.append(jnp.asarray(np.array(values, int).reshape(array.shape), array_of(equation.invars[i]).dtype))
     with jax.ensure_compile_time_eval():
         result = np.asarray(equation.primitive.bind(*operands, **parameters))
     if (result < 0).any():
-        raise UnsupportedError(f"{name} at an index outside the array")
+        raise UnsupportedError(f"{name} at an index outside the array is not supported")
     return result
 
 

@@ -80,7 +80,7 @@ class _ScalarLine:
         key = (operation.name, operation.arguments, repr(value), type(value))
         if key not in self.found:
             if len(self.operations) >= self.most:
-                raise UnsupportedError(f"more than {self.most:,} operations")
+                raise UnsupportedError(f"the step has more than {self.most:,} operations")
             self.found[key] = len(self.operations)
             self.operations.append(operation)
             self.types.append(operation.type)
@@ -178,10 +178,10 @@ class _ScalarLine:
             result = composed(self, name, Entrywise.of(equation), *arrays)
             result = result if result.shape == aval.shape else np.broadcast_to(result, aval.shape)
         else:
-            raise UnsupportedError(f"the primitive {name}")
+            raise UnsupportedError(f"the primitive {name} is not supported")
         if result.size and self.operations[result.flat[0]].type != kind:
             raise UnsupportedError(
-                f"the primitive {name} of {' and '.join(map(str, Entrywise.of(equation).given))} to {dtype}"
+                f"the primitive {name} of {' and '.join(map(str, Entrywise.of(equation).given))} to {dtype} is not supported"
             )
         return result
 

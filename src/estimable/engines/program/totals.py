@@ -24,7 +24,9 @@ def totalled(program: Program, log_likelihood: int, outcome: int) -> tuple[Progr
     """The program with the totals, and their names before and after a row; they begin at 0. Raises `UnsupportedError`."""
     operations = list(program.operations)
     if [operations[name].type for name in (log_likelihood, outcome)] != [FLOAT, INTEGER]:
-        raise UnsupportedError("a log-likelihood that is not a float, or an outcome that is not an integer")
+        raise UnsupportedError(
+            "the algorithm reports a log-likelihood that is not a float, or an outcome that is not an integer"
+        )
 
     def append(operation: ScalarOperation) -> int:
         operations.append(operation)
