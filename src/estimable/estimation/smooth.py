@@ -49,7 +49,7 @@ def smooth(
     undetermined are in `diffuse_covariance`. Raises `InputError` with every fault of the call; `RunError` where the numbers
     failed, naming the sample.
 
-    Cost: a fixed interval 3 to 5 times that of `estimate`, or 20 times with diffuse priors, cross noise, unknown inputs or
+    Cost: a fixed interval 2 to 4 times that of `estimate`, or 6 to 60 times with diffuse priors, cross noise, unknown inputs or
     outputs without noise; a fixed lag L times that of `estimate`.
 
     Reference: Fraser & Potter (1969), Mayne (1966); see `estimable.kernels.later_information` and `estimable.kernels.smoothing`.
