@@ -15,6 +15,7 @@ from .likelihoods import fitted, score
 from .loops import loops
 from .nonlinear import nonlinear
 from .report import page, summary, table
+from .smoothers import nonlinear_smoothers, smoothers
 from .start import first_calls, starts
 from .windows import windows
 
@@ -41,6 +42,8 @@ def workloads(quick):
           for n in (16, 48, 64, 256) for p in (2, n // 4)),
         *((score, f"W12 score, n=4 p=2, 8 numbers, T={T:,}, {100 * share:.0f} % missing", T, share) for share in (0.0, 0.3)),
         (fitted, "W14 fit_noise, n=4 p=2, 6 variances, T=1,201", 1201),
+        *((make, f"W15 {what}, n=4 p=2, T={T:,}{', 30 % of channels missing' if missing else ''}", T, missing)
+          for make, what in ((smoothers, "smoother"), (nonlinear_smoothers, "nonlinear smoother")) for missing in (0.0, 0.3)),
     ]  # fmt: skip
 
 

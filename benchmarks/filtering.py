@@ -31,12 +31,15 @@ BANKS = {
 
 
 def compared(name, contender, run, exact, repeats, whose="ours"):
-    """The row of a contender that returns (means, log-likelihood), either of them None; `run` may be why it is absent."""
+    """The row of a contender that returns (means, log-likelihood), either of them None; `run` may be why it is absent.
+
+    `exact`: the right ones, or None."""
     if isinstance(run, str):
         return row(name, contender, absent=run, whose=whose)
     seconds, first, (means, total) = best(run, repeats)
-    error = None if means is None else float(np.abs(means - exact[0]).max())
-    likelihood_error = None if total is None else abs(total - exact[1]) / abs(exact[1])
+    exact = (None, None) if exact is None else exact
+    error = None if means is None or exact[0] is None else float(np.abs(means - exact[0]).max())
+    likelihood_error = None if total is None or exact[1] is None else abs(total - exact[1]) / abs(exact[1])
     return row(name, contender, seconds, first, error, likelihood_error, whose=whose)
 
 

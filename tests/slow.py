@@ -26,6 +26,13 @@ SLOW = {
     "engines/test_straight_line.py": ("test_every_entry_of_the_catalogue_gives_the_same",),
     "estimation/test_online_steps.py": ("test_machine_code_says_at_each_sample_what_xla_says",),
     "estimation/test_smooth.py": ("test_a_gain_that_walks_is_smoothed_with_its_state",),
+    "estimation/test_smooth_nonlinear.py": (
+        "test_between_irregular_samples_a_linear_model_of_functions_is_the_discretised_one",
+        "test_both_engines_say_the_same",
+        "test_iterated_it_ends_at_the_most_probable_states_and_parameters",
+        "test_iterated_with_fewer_noises_than_states_it_ends_at_the_most_probable_track",
+        "test_of_a_linear_model_each_row_is_what_the_whole_record_says",
+    ),
     "filters/test_change_detection.py": (
         "test_it_finds_the_failure_of_the_f16_sooner_than_a_window_can",
         "test_of_a_model_straight_in_its_parameter_a_nonlinear_filter_finds_what_the_exact_one_does",

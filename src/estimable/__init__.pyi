@@ -51,6 +51,7 @@ from .estimation.forecast import forecast as forecast
 from .estimation.online import online as online
 from .estimation.score import score as score
 from .estimation.smooth import smooth as smooth
+from .estimation.smooth_bank import smooth_bank as smooth_bank
 from .estimation.stack import stack as stack
 from .filters.alpha_beta import AlphaBeta as AlphaBeta
 from .filters.bounded import Bounded as Bounded
@@ -59,6 +60,7 @@ from .filters.extended_kalman import ExtendedKalman as ExtendedKalman
 from .filters.fixed_gain import FixedGain as FixedGain
 from .filters.gated import Gated as Gated
 from .filters.kalman_filter import Kalman as Kalman
+from .filters.linearised import Linearised as Linearised
 from .filters.moving_window import MovingWindow as MovingWindow
 from .filters.second_order_kalman import SecondOrderKalman as SecondOrderKalman
 from .filters.smoothed import Smoothed as Smoothed

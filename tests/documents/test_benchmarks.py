@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from benchmarks import __main__ as command
-from benchmarks import filtering, handwritten, likelihoods, peers, plain_jax, report
+from benchmarks import filtering, handwritten, likelihoods, peers, plain_jax, report, smoothers
 from benchmarks.common import problem, recorded, row, textbook
 
 MODEL, PRIOR = problem(4, 2)
@@ -63,6 +63,16 @@ def test_large_models_run_with_channels_missing():
     assert "plain lax.scan, masked Joseph" in [each["contender"] for each in rows]
     for each in rows:
         assert each["absent"] or each["error"] < 1e-8, each["contender"]
+
+
+@theirs
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+def test_every_smoother_gives_the_same(missing):
+    rows = list(smoothers.smoothers("W15", 60, missing))
+    assert {"estimable native", "estimable xla"} <= {each["contender"] for each in rows if each["error"] is not None}
+    for each in rows:
+        assert each["error"] is None or each["error"] < 1e-8, each["contender"]
+    assert not any(each["absent"] for each in smoothers.nonlinear_smoothers("W15", 60, missing))
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
@@ -166,7 +176,7 @@ def test_workloads_are_chosen_by_their_names():
     names = [each[1].split()[0] for each in command.chosen(command.workloads(quick=True), "W1, W9")]
     assert names == ["W1", "W9"]  # and not W10
     everything = [each[1].split()[0] for each in command.chosen(command.workloads(quick=False), "")]
-    assert set(everything) == {f"W{i}" for i in range(1, 15)}
+    assert set(everything) == {f"W{i}" for i in range(1, 16)}
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from cases import case
 from estimable import (
-    ExtendedKalman,
+    FixedGain,
     InputError,
     Kalman,
     Prior,
@@ -226,5 +226,24 @@ def test_what_cannot_be_smoothed_is_refused_in_words():
         smooth(forgetful, c.record, prior=c.prior)
     with pytest.raises(InputError, match=r"`lag` must be an integer of at least 0\. Got -1"):
         smooth(Kalman(c.model), c.record, prior=c.prior, lag=-1)
-    with pytest.raises(InputError, match="smooth needs an algorithm with a linear Gaussian model"):
-        smooth(ExtendedKalman(c.model), c.record, prior=c.prior)
+    with pytest.raises(
+        InputError, match=r"smooth needs an algorithm with a Gaussian model of each row.* FixedGain has none"
+    ):
+        smooth(FixedGain(c.model, np.zeros((3, 2))), c.record, prior=c.prior)
+
+
+@pytest.mark.parametrize("cross", [False, True])
+def test_what_settles_is_the_same_on_both_engines(cross):
+    """A long record: information and covariance settle, move where an output is missing, and settle again."""
+    c = case(0, cross=cross)
+    y = np.random.default_rng(0).normal(size=(600, 2))
+    y[300, 1] = np.nan
+    record = Record(y, np.zeros((600, 2)), dt=0.5)
+    ours, xla = (smooth(Kalman(c.model), record, prior=c.prior, engine=engine) for engine in ("native", "xla"))
+    assert_allclose(ours.mean, xla.mean, atol=1e-12)
+    assert_allclose(ours.covariance, xla.covariance, atol=1e-13)
+    if not cross:
+        same = (ours.covariance[1:] == ours.covariance[:-1]).all(axis=(1, 2))
+        assert same[100:200].all()
+        assert same[400:500].all()
+        assert not same[300]

@@ -22,6 +22,7 @@ from .xla import Run
 LANES = 8  # runs side by side: two registers of AVX2, one of AVX-512
 FEW = 64  # rows, too few for a steady state to pay
 BLOCK = 2**23  # numbers of the outputs of a bank in memory at a time, where they are used in blocks: 64 MB
+COPIED = 2_000  # rows that are copied at a time
 SHARES = 4  # of the runs per processor, so that none waits long for the others
 OFTEN = 0.1  # of the rows: a covariance has no time to settle between changes
 
@@ -121,8 +122,8 @@ class NativeStep:
         for first in range(0, T, at_once):
             count = min(at_once, T - first)
             each = [np.empty((size, count, len(array.names)), DTYPES[array.kind]) for array in self.each]
-            read = [_contiguous(leaves[i][:, first : first + count]) for i in self.rows]
-            self._run(count, size, [constants, carry, last], [*read, *each])
+            read = [leaves[i][:, first : first + count] for i in self.rows]
+            self._run(count, size, [constants, carry, last], read, each)
             kept = each if self.keep != "last" else np.split(one_by_one(last, size), sizes(self.kept)[:-1], axis=-1)
             use(shaped(kept, self.kept), first)
         return Run(None, *self.end(carry, size), None)
@@ -139,11 +140,12 @@ class NativeStep:
         code, before = (np.ascontiguousarray(words).view(int) for words in counts)
         return total.copy(), code, np.where(code != 0, before, 0)
 
-    def _run(self, T: int, size: int, groups: list[np.ndarray], rows: list[np.ndarray]) -> None:
-        """Run all; `rows` have an axis of runs, of length one where all share them."""
+    def _run(self, T: int, size: int, groups: list[np.ndarray], read: list, each: list[np.ndarray]) -> None:
+        """Run all; the rows that are read have an axis of runs, of length one where all share them."""
         if self.lanes == 1:
-            self.compiled(T, *(array[0] for array in (*groups, *rows)))
+            self._run_one(T, [array[0] for array in groups], [leaf[0] for leaf in read], [array[0] for array in each])
             return
+        rows = [*map(_contiguous, read), *each]
         steps = np.array([array.strides[0] if len(array) > 1 else 0 for array in rows])
         places = [array.ctypes.data for array in (steps, *groups, *rows)]
         count = len(groups[0])
@@ -152,6 +154,15 @@ class NativeStep:
             lambda begin: self.compiled.address(T, begin, min(begin + at_once, count), size - 1, *places),
             range(0, count, at_once),
         )
+
+    def _run_one(self, T: int, groups: list[np.ndarray], read: list[np.ndarray], each: list[np.ndarray]) -> None:
+        """Run one; rows that must be copied are copied in parts, into memory that is used again."""
+        in_place = all(leaf.flags.c_contiguous and leaf.dtype in (bool, float) for leaf in read)
+        at_once = T if in_place else COPIED
+        for first in range(0, T, at_once):
+            part = slice(first, first + at_once)
+            rows = [*(_contiguous(leaf[part]) for leaf in read), *(array[part] for array in each)]
+            self.compiled(min(at_once, T - first), *groups, *rows)
 
 
 @lru_cache(256)

@@ -45,24 +45,20 @@ def estimate_bank(
     [1.0, 2.0]
     """
     check_options(on_failure, engine, keep)
-    parts = [_several(part) for part in (algorithms, records, prior)]
-    bound = _bind(*parts)
+    parts = [several(part) for part in (algorithms, records, prior)]
+    bound = bind_bank(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
     rows = (bound.samples, bound.intervals)
     engine, run = windows.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
-    outcomes = [Outcome.of(0, 0, None)] * len(run.code)
-    for i in np.flatnonzero(run.code):
-        t = bound.t if bound.t is None or bound.t.ndim == 1 else bound.t[i]
-        outcomes[i] = Outcome.of(int(run.code[i]), int(run.failed_at[i]), t)
-    _settle(outcomes, on_failure)
+    outcomes = outcomes_of(run.code, run.failed_at, bound.t, on_failure)
     info = jax.tree_util.tree_map(lambda leaf: leaf[:, None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[..., -1:]
     return EstimateBank(info, t, run.log_likelihood, tuple(outcomes), engine, bound.names)
 
 
-def _bind(
+def bind_bank(
     algorithms: Algorithm[Any] | Stacked | Sequence[Algorithm[Any]],
     records: Record | Stacked | Sequence[Record],
     prior: Prior | Stacked | Sequence[Prior] | None,
@@ -81,17 +77,17 @@ def _bind(
     if isinstance(bank, Record):
         _check_times(bank)
     return bind(
-        _first(algorithms), _first(records), _first(prior), bank=bank,
+        first_of(algorithms), first_of(records), first_of(prior), bank=bank,
         algorithms=algorithms.items if isinstance(algorithms, Stacked) else None,
     )  # fmt: skip
 
 
-def _several(part: Part) -> Any:
+def several(part: Part) -> Any:
     """A list as a stack; anything else unchanged."""
     return stack(part) if isinstance(part, list | tuple) else part
 
 
-def _first(part: Part) -> Any:
+def first_of(part: Part) -> Any:
     """The first of a stack, or the shared argument."""
     return jax.tree_util.tree_map(lambda leaf: leaf[0], part.items) if isinstance(part, Stacked) else part
 
@@ -108,7 +104,12 @@ def _check_times(bank: Record) -> None:
         )
 
 
-def _settle(outcomes: list[Outcome], on_failure: str) -> None:
-    for i, outcome in enumerate(outcomes):
-        if outcome.code and on_failure == "raise":
-            raise RunError(outcome._replace(sentence=f"Run {i}: {outcome.sentence}"))
+def outcomes_of(codes: np.ndarray, failed_at: np.ndarray, times: np.ndarray | None, on_failure: str) -> list[Outcome]:
+    """The outcome of every run. Raises `RunError` for the first run that failed, unless `on_failure` is "keep"."""
+    outcomes = [Outcome.of(0, 0, None)] * len(codes)
+    for i in np.flatnonzero(codes):
+        t = times if times is None or times.ndim == 1 else times[i]
+        outcomes[i] = Outcome.of(int(codes[i]), int(failed_at[i]), t)
+        if on_failure == "raise":
+            raise RunError(outcomes[i]._replace(sentence=f"Run {i}: {outcomes[i].sentence}"))
+    return outcomes

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ..annotations import Array
-from ..frozen import frozen
+from ..frozen import frozen, replace
 from ..kernels import all_outputs, independent, kalman
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Drift, Gaussian, Measurement, Posterior, Transition
+from ..kernels.later_information import Later, unit_noise
 from ..kernels.small import factor, gram, settled
 from ..kernels.smoothing import Evidence
 from ..models.prior import Prior, diffuse_columns
@@ -100,8 +101,17 @@ def predict(belief: Belief, transition: Transition, Ω: Array | None) -> Belief:
     return Belief(*state._replace(Z=settled(state.Z, belief.before)))
 
 
-def smoothed(predicted: Belief, evidence: Evidence) -> Belief:
+def smoothed(predicted: Belief, later: Evidence | Later) -> Belief:
     """The belief about (x, δ) from the `predicted` belief about x and the data about both from this and later samples."""
+    if isinstance(later, Evidence):
+        return _smoothed(predicted, later)
+    about_m = replace(predicted, mean=predicted.mean - later.m)
+    every = jnp.ones(len(later.ζ), bool)
+    state = posterior(about_m, unit_noise(later), Sample(later.ζ, every, None), independently=True).state
+    return Belief(*state._replace(m=later.m + state.m))
+
+
+def _smoothed(predicted: Belief, evidence: Evidence) -> Belief:
     unknown = evidence.H.shape[1] - predicted.mean.shape[0]
     n, zeros = evidence.H.shape[0], jnp.zeros(unknown)
     flat = Belief(zeros, jnp.zeros((unknown, unknown)), jnp.eye(unknown), zeros, jnp.zeros(()))

@@ -11,10 +11,11 @@ from ..protocols import JumpingGains
 from ..results import Names
 from . import nonlinear
 from .belief import Belief
+from .linearised import Linearised
 
 
 @frozen
-class ExtendedKalman(JumpingGains[Belief]):
+class ExtendedKalman(JumpingGains[Belief], Linearised):
     """The extended Kalman filter: it linearises a nonlinear model at the estimate. It can also estimate parameters of the
     model.
 
@@ -68,4 +69,4 @@ class ExtendedKalman(JumpingGains[Belief]):
     gain = property(nonlinear.gain)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
-    constant, read_walk = nonlinear.constant, nonlinear.read_walk
+    constant, read_walk, instant_about = nonlinear.constant, nonlinear.read_walk, nonlinear.instant_about

@@ -14,7 +14,8 @@ from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Measurement, Posterior, Transition
 from ..kernels.kalman import predict as predict_linear
 from ..kernels.rounding import MEMORY
-from ..kernels.small import factor, factors, gram, triangularise
+from ..kernels.small import apply, factor, factors, gram, triangularise
+from ..kernels.smoothing import Instant
 from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import Functions, Matrices, plant
 from ..models.prior import Prior
@@ -188,11 +189,26 @@ def condition(self: Any, state: Belief, sample: Sample, about: Belief | None = N
 
 def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array):
     """The belief b conditioned on y, with h linearised at a mean and a factor of its covariance."""
+    line, measurement = measurement_about(algorithm, sample, mean, L)
     ready = ready_of(algorithm).ready
-    line = algorithm.expand(output_of(ready, sample), mean, L)
+    return line, posterior(b, measurement, sample, independently=ready.independent and measurement.V is ready.V)
+
+
+def measurement_about(self: Any, sample: Sample, mean: Array, L: Array) -> tuple[expansion.Expansion, Measurement]:
+    """h linearised at a mean and a factor of its covariance."""
+    ready = ready_of(self).ready
+    line = self.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
-    V = noise_of(line, ready.V, algorithm.truncated)
-    return line, posterior(b, Measurement(line.slope, d, V), sample, independently=ready.independent and V is ready.V)
+    return line, Measurement(line.slope, d, noise_of(line, ready.V, self.truncated))
+
+
+def instant_about(self: Any, sample: Sample, interval: Interval, predicted: Belief, filtered: Belief) -> Instant:
+    """A row of the model for the smoother: h linearised as in `correct`, and the step to the next sample as in `predict`."""
+    about = predicted
+    for _ in range(self.iterations - 1):
+        about = condition(self, predicted, sample, about)[0]
+    measurement = measurement_about(self, sample, about.mean, about.factor)[1]
+    return Instant(transition_about(self, filtered, interval), measurement)
 
 
 def constant(self: Any, walk: Array, persistence: Array) -> Any:
@@ -208,11 +224,31 @@ def walk_columns(algorithm: Any, interval: Interval) -> Any:
 def predict(self: Any, state: Belief, interval: Interval) -> Belief:
     """Move to the next sample, with f expanded about the belief."""
     refuse_unknown_input(interval)
-    algorithm, b, expand = ready_of(self), state, self.expand
-    ready, walk = algorithm.ready, walk_columns(algorithm, interval)
+    algorithm, b = ready_of(self), state
+    walk = walk_columns(algorithm, interval)
+    if algorithm.ready.continuous and self.between == "moments":
+        return flowed(algorithm, b, interval, walk)
+    L, transition, bias = _expanded(algorithm, b, interval, walk)
+    moved = Belief(*predict_linear(b.gaussian._replace(Z=L), transition))
+    return moved if bias is None else replace(moved, factor=lessened(moved.factor, bias))
+
+
+def transition_about(self: Any, b: Belief, interval: Interval) -> Transition:
+    """The step to the next sample as `predict` linearises it at a belief."""
+    refuse_unknown_input(interval)
+    algorithm = ready_of(self)
+    walk = walk_columns(algorithm, interval)
+    if algorithm.ready.continuous and self.between == "moments":
+        return _flow_of(algorithm.ready, 2 if self.curved else 1, b, interval, walk)
+    return _expanded(algorithm, b, interval, walk)[1]
+
+
+def _expanded(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> tuple[Array, Transition, Array | None]:
+    """The factor of the belief, its step, and the bias to subtract from the covariance where fourth moments are neglected."""
+    ready, expand = algorithm.ready, algorithm.expand
     if ready.continuous:
-        return (mapped if self.between == "map" else flowed)(algorithm, b, interval, walk)
-    L = triangularise(b.factor) if self.curved else b.factor
+        return mapped(algorithm, b, interval, walk)
+    L = triangularise(b.factor) if algorithm.curved else b.factor
     f = move_of(ready, interval)
     if ready.noise_input is None:
         line = expand(f, b.mean, L)
@@ -223,8 +259,7 @@ def predict(self: Any, state: Belief, interval: Interval) -> Belief:
         rest = line.rest
     c = line.mean - jnp.sum(slope * b.mean[None, :], axis=1)
     transition = Transition(slope, c, jnp.concatenate([W, rest, walk], axis=1))
-    moved = Belief(*predict_linear(b.gaussian._replace(Z=L), transition))
-    return replace(moved, factor=lessened(moved.factor, line.bias)) if self.truncated else moved
+    return L, transition, line.bias if algorithm.truncated else None
 
 
 def _with_noise_input(ready: Functions, b: Belief, L: Array, interval: Interval, f: Callable, expand: Callable):
@@ -264,18 +299,31 @@ def augmented(ready: Functions, b: Belief, interval: Interval) -> tuple[Callable
 
 def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
     """The belief propagated by its moment equations."""
-    ready, order = algorithm.ready, 2 if algorithm.curved else 1
-    size, r, L = b.mean.shape[0], b.diffuse.shape[1], triangularise(b.factor)
-    start = flow.Moments(b.mean, jnp.concatenate([L, b.diffuse], axis=1), jnp.zeros((size, size)))
+    size, r = b.mean.shape[0], b.diffuse.shape[1]
+    mean, Y, noise = _flow(algorithm.ready, 2 if algorithm.curved else 1, b, interval, b.diffuse)
+    Z = triangularise(jnp.concatenate([Y[:, :size], noise, walk], axis=1))
+    return Belief(mean, Z, Y[:, size : size + r], jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
+
+
+def _flow_of(ready: Functions, order: int, b: Belief, interval: Interval, walk: Array) -> Transition:
+    """The moment equations as a step: tangents that start as unit vectors end as its slope."""
+    size = b.mean.shape[0]
+    mean, Y, noise = _flow(ready, order, b, interval, jnp.eye(size))
+    F = Y[:, size:]
+    return Transition(F, mean - apply(F, b.mean), jnp.concatenate([noise, walk], axis=1))
+
+
+def _flow(ready: Functions, order: int, b: Belief, interval: Interval, tangents: Array):
+    """The mean, the factor of the belief and other tangents at the next sample, and the factor of the noise between."""
+    size, L = b.mean.shape[0], triangularise(b.factor)
+    start = flow.Moments(b.mean, jnp.concatenate([L, tangents], axis=1), jnp.zeros((size, size)))
     moments = flow.moment_derivative(*augmented(ready, b, interval), order, factor_columns=size)
     end, reached = flow.integrate(moments, start, interval.dt, ready.substeps)
-    Z = triangularise(jnp.concatenate([end.Y[:, :size], factor(end.N), walk], axis=1))
-    mean = jnp.where(reached, end.m, jnp.nan)
-    return Belief(mean, Z, end.Y[:, size : size + r], jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
+    return jnp.where(reached, end.m, jnp.nan), end.Y, factor(end.N)
 
 
-def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:
-    """The belief propagated by expanding the map from one sample to the next, as for a discrete model.
+def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> tuple[Array, Transition, None]:
+    """The expansion of the map from one sample to the next, as for a discrete model.
 
     The process noise between the samples is propagated by the tangents along the mean.
     """
@@ -291,4 +339,4 @@ def mapped(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief
     along, _ = flow.integrate(flow.moment_derivative(f, W, 1), start, interval.dt, ready.substeps)
     c = line.mean - jnp.sum(line.slope * b.mean[None, :], axis=1)
     noise = jnp.concatenate([factor(along.N), line.rest, walk], axis=1)
-    return Belief(*predict_linear(b.gaussian._replace(Z=L), Transition(line.slope, c, noise)))
+    return L, Transition(line.slope, c, noise), None

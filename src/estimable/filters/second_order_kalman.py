@@ -1,7 +1,7 @@
 """The second-order Kalman filters."""
 
 from dataclasses import KW_ONLY, field
-from typing import Any
+from typing import Any, Self
 
 from .. import checks
 from ..frozen import frozen, static
@@ -11,13 +11,14 @@ from ..protocols import JumpingGains
 from ..results import Names
 from . import nonlinear
 from .belief import Belief
+from .linearised import Linearised
 
 MOMENTS = ("gaussian", "bias_only", "truncated")
 BETWEEN = ("moments", "map")
 
 
 @frozen
-class SecondOrderKalman(JumpingGains[Belief]):
+class SecondOrderKalman(JumpingGains[Belief], Linearised):
     """The Gaussian second-order filter: it uses f and h of a nonlinear model up to their second derivatives, found
     automatically.
 
@@ -100,4 +101,14 @@ class SecondOrderKalman(JumpingGains[Belief]):
     gain = property(nonlinear.gain)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
-    constant, read_walk = nonlinear.constant, nonlinear.read_walk
+    constant, read_walk, instant_about = nonlinear.constant, nonlinear.read_walk, nonlinear.instant_about
+
+    @property
+    def for_smoothing(self) -> Self:
+        """The filter itself. Raises `InputError` where its moments are truncated."""
+        if self.truncated:
+            checks.refuse(
+                'smooth needs the covariance of each noise, and moments = "truncated" subtracts from it: use '
+                'moments = "gaussian" or "bias_only".'
+            )
+        return self

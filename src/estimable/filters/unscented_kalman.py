@@ -11,9 +11,10 @@ from ..frozen import frozen, set_field, static
 from ..kernels import flow
 from ..kernels.expansion import from_points, sigma_points
 from ..kernels.joint_gain import block_diagonal
-from ..kernels.kalman import Gaussian, Measurement, correct
-from ..kernels.rounding import MEMORY
-from ..kernels.small import apply, factor, product, triangularise
+from ..kernels.kalman import Gaussian, Measurement, Transition, correct
+from ..kernels.rounding import KNOWN, MEMORY
+from ..kernels.small import apply, diagonal, factor, product, solve_lower, triangularise
+from ..kernels.smoothing import Instant
 from ..models.plant import Functions
 from ..models.prior import Prior
 from ..protocols import GainAlgorithm
@@ -21,10 +22,11 @@ from ..results import Info, Interval, Names, Sample
 from . import nonlinear
 from .belief import Belief
 from .input_noise import refuse_unknown_input
+from .linearised import Linearised
 
 
 @frozen
-class UnscentedKalman(GainAlgorithm[Belief]):
+class UnscentedKalman(GainAlgorithm[Belief], Linearised):
     """The unscented Kalman filter: it finds mean and covariance of f and h from 2 n + 1 points, without derivatives.
 
     Model: that of `ExtendedKalman`. For a continuous model the differential equation moves each point, and its derivatives
@@ -74,17 +76,15 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         return nonlinear.names(self)
 
     gain = property(nonlinear.gain)
-    sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
+    sampled, at, init, tell = nonlinear.sampled, nonlinear.at, nonlinear.init, nonlinear.tell
 
     def _κ(self, n: int) -> float:
         return max(0.0, 3.0 - n) if self.kappa is None else self.kappa
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Update the belief with one sample: condition ξ of x = m + L ξ, which needs no inverse of L."""
-        ready, b = nonlinear.ready_of(self).ready, state
-        size, L = b.mean.shape[0], triangularise(b.factor)
-        line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(size))
-        V = nonlinear.noise_of(line, ready.V, truncated=False)
+        b, size = state, state.mean.shape[0]
+        L, line, V = self._outputs(state, sample)
         white = Gaussian(jnp.zeros(size), jnp.eye(size), jnp.zeros((size, 0)), jnp.zeros(size), b.log_scale)
         post = correct(white, Measurement(line.slope, line.mean, V), sample.y, sample.seen)
         m, Z = b.mean + apply(L, post.state.m), product(L, post.state.Z)
@@ -93,19 +93,39 @@ class UnscentedKalman(GainAlgorithm[Belief]):
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
+        b, (_, mean, slope, noise) = state, self._moved(state, interval)
+        Z = triangularise(jnp.concatenate([slope, noise], axis=1))
+        return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
+
+    def instant_about(self, sample: Sample, interval: Interval, predicted: Belief, filtered: Belief) -> Instant:
+        """A row of the model for the smoother: the linear fits to the points of `correct` and `predict`."""
+        L, line, V = self._outputs(predicted, sample)
+        C = slope_on_state(line.slope, L)
+        measurement = Measurement(C, line.mean - apply(C, predicted.mean), V)
+        L, mean, slope, noise = self._moved(filtered, interval)
+        F = slope_on_state(slope, L)
+        return Instant(Transition(F, mean - apply(F, filtered.mean), noise), measurement)
+
+    def _outputs(self, b: Belief, sample: Sample):
+        """The factor of the belief, h by its points, and the factor of the noise with the residual of h."""
+        ready, L = nonlinear.ready_of(self).ready, triangularise(b.factor)
+        line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(b.mean.shape[0]))
+        return L, line, nonlinear.noise_of(line, ready.V, truncated=False)
+
+    def _moved(self, b: Belief, interval: Interval) -> tuple[Array, Array, Array, Array]:
+        """The factor of the belief, and the mean, the slope on its variables and the factor of the noise at the next sample."""
         refuse_unknown_input(interval)
-        algorithm, b = nonlinear.ready_of(self), state
+        algorithm = nonlinear.ready_of(self)
         ready, walk, L = algorithm.ready, nonlinear.walk_columns(algorithm, interval), triangularise(b.factor)
         if ready.continuous:
-            mean, columns = self._flowed(ready, b, L, interval)
+            mean, slope, *noise = self._flowed(ready, b, L, interval)
         elif ready.noise_input is None:
             line = sigma_points(nonlinear.move_of(ready, interval), b.mean, L, self._κ(len(b.mean)))
             W = nonlinear.padded(ready.noise(*nonlinear.split(b.mean, ready.n, ready.θ), interval.u), b)
-            mean, columns = line.mean, [line.slope, line.rest, W]
+            mean, slope, *noise = line.mean, line.slope, line.rest, W
         else:
-            mean, columns = self._with_noise_input(ready, b, L, interval)
-        Z = triangularise(jnp.concatenate([*columns, walk], axis=1))
-        return Belief(mean, Z, b.diffuse, jnp.maximum(jnp.abs(mean), MEMORY * b.size), b.log_scale)
+            mean, slope, *noise = self._with_noise_input(ready, b, L, interval)
+        return L, mean, slope, jnp.concatenate([*noise, walk], axis=1)
 
     def _with_noise_input(self, ready: Functions, b: Belief, L: Array, interval: Interval):
         """Points in (z, e): the noise input is evaluated at each."""
@@ -113,7 +133,7 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
         at, spread = jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q))
         line = sigma_points(g, at, spread, self._κ(size + q))
-        return line.mean, [line.slope, line.rest]
+        return line.mean, line.slope[:, :size], line.slope[:, size:], line.rest
 
     def _flowed(self, ready: Functions, b: Belief, L: Array, interval: Interval):
         """Each point moved by the differential equation; one call of the integrator for all."""
@@ -129,4 +149,10 @@ class UnscentedKalman(GainAlgorithm[Belief]):
         start = points, flow.Moments(b.mean, jnp.zeros((size, 0)), jnp.zeros((size, size)))
         (points, along), reached = flow.integrate(derivative, start, interval.dt, ready.substeps)
         line = from_points(points, along.m, self._κ(size))
-        return jnp.where(reached, line.mean, jnp.nan), [line.slope, line.rest, factor(along.N)]
+        return jnp.where(reached, line.mean, jnp.nan), line.slope, line.rest, factor(along.N)
+
+
+def slope_on_state(slope: Array, L: Array):
+    """The slope on x = m + L ξ from that on ξ; zero along directions that are known exactly."""
+    known = diagonal(L) ** 2 <= KNOWN * jnp.sum(L * L, axis=1)
+    return solve_lower(jnp.where(known[None, :], 0.0, L), slope.T, transpose=True).T

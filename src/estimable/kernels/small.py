@@ -168,9 +168,15 @@ def settled(L: Float[Real, "n n"], before: Float[Real, "n n"]) -> Float[Real, "n
     return jnp.where(settles(jnp.all(moved <= rounding**2 * jnp.sum(before**2, axis=1))), before, L)
 
 
+def held(M: Float[Real, "n k"], before: Float[Real, "n k"]) -> Float[Real, "n k"]:
+    """`before` where M equals it to the last bit, else M: M itself, but an engine need not compute again what follows from it."""
+    same = (before == M) | ((M != M) & (before != before))                                 # NaN after NaN too
+    return jnp.where(settles(jnp.all(same)), before, M)
+
+
 @jax.jit
 def settles(only_rounding: Flag) -> Flag:
-    """The choice of `settled`, as a named step: an engine that detects no steady state may omit it."""
+    """The choice of `settled` and `held`, as a named step: an engine that detects no steady state may omit it."""
     return only_rounding
 
 

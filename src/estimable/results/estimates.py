@@ -193,7 +193,7 @@ class Forecast(Kept):
 
 @frozen
 class EstimateBank(Kept):
-    """The result of `estimate_bank`: B runs of an estimator.
+    """The result of `estimate_bank` and `smooth_bank`: B runs of an estimator.
 
     The arrays are those of `Estimate` with a leading axis of length B, one entry for each run. `bank[i]` is the `Estimate` of
     run i. `log_likelihood` (B,) and `outcomes` hold one entry for each run.

@@ -89,6 +89,8 @@ OUTCOMES = {
     'method="auto", which waits for outputs that determine it',
     4: "the estimate is no longer finite: f or h is not defined at the estimate, the integrator of a continuous model did not "
     "reach the next sample, or truncated moments are no longer a covariance",
+    5: "the iterations of smooth have not converged: the last one moved the states of this sample by more than 1e-10 of their "
+    "standard deviations. Give more `iterations`, or check that the outputs determine the states",
 }
 
 

@@ -46,7 +46,7 @@ def steady_part(loop: Any, same: list[bool]) -> SteadyPart | None:
     operations = loop.program.operations
     if not carry or sum(slow) < WORTH:
         return None
-    needed = {a for i, op in enumerate(operations) if slow[i] for a in op.arguments} | {
+    needed = {a for i in range(len(operations)) if slow[i] for a in _depends_on(loop.program, slow, i)} | {
         loop.next_carry[i] for i in carry
     }
     choices = tuple(sorted(a for a in needed if not slow[a] and not same[a]))
@@ -67,10 +67,23 @@ def _slow(loop: Any, same: list[bool], carry: set[int]) -> list[bool]:
     slow: list[bool] = []
     for i, op in enumerate(loop.program.operations):
         inputs = op.name == "input"
-        alone = bool(op.arguments) and all(_closed(loop.program, slow, same, a) for a in op.arguments)
-        moves = any(slow[a] for a in op.arguments)
+        arguments = _depends_on(loop.program, slow, i)
+        alone = bool(arguments) and all(_closed(loop.program, slow, same, a) for a in arguments)
+        moves = any(slow[a] for a in arguments)
         slow.append(i in own or (not inputs and not same[i] and alone and (moves or not loop.program.is_bool(i))))
     return slow
+
+
+def _depends_on(program: Program, slow: list[bool] | tuple[bool, ...], i: int) -> tuple[int, ...]:
+    """The arguments of a scalar that must be constant for it to be constant.
+
+    An entry of a row that is the same as before (`kernels/small.held`) is none: where it differs, the carry does too.
+    """
+    op = program.operations[i]
+    if op.name != "select" or program.operations[op.arguments[0]].name != "settles":
+        return op.arguments
+    choice, before, entry = op.arguments
+    return (choice, before) if slow[before] and program.operations[entry].name == "input" else op.arguments
 
 
 def _closed(program: Program, slow: list[bool], same: list[bool], name: int) -> bool:
