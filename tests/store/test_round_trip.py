@@ -213,6 +213,7 @@ THINGS = {
     "Reachability": lambda: es.reachability(MODEL),
     "Reduction": lambda: es.reduce(SEEN),
     "GainInformation": lambda: es.gain_information(MODEL, U, state=Prior([0.0, 0.0], np.eye(2)), gain=Prior([1.0], [[1.0]])),
+    "Score": lambda: es.score(Kalman(MODEL), RECORD, prior=Prior([0.0, 0.0], np.eye(2)), with_respect_to=["R[y1]"]),
     "UnknownInputExistence": lambda: es.unknown_input_existence(MODEL, unknown=["δ"], seen=np.ones((4, 2))),
     "UnknownInputExistence not": lambda: es.unknown_input_existence(SEEN, unknown=["u1"]),
     "LossTolerance": lambda: es.loss_tolerance(UNSTABLE),
@@ -270,8 +271,9 @@ FUNCTIONS = {  # records that no file can hold, for they hold functions of the u
     "AdaptiveIdentification": lambda: es.AdaptiveIdentification(DECAY, Prior([0.0], [[1.0]])),
 }
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
-    "Assessment", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Functions", "LoopInputs", "LoopState",
-    "Matrices", "PassInfo", "Replayed", "SampledModel", "Steps", "Stretch", "WindowRow",
+    "About", "Along", "Assessment", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord",
+    "Functions", "LoopInputs", "LoopState", "Matrices", "Moved", "PassInfo", "PassedRow", "Replayed", "SampledModel",
+    "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
 
 
