@@ -271,7 +271,7 @@ FUNCTIONS = {  # records that no file can hold, for they hold functions of the u
     "AdaptiveIdentification": lambda: es.AdaptiveIdentification(DECAY, Prior([0.0], [[1.0]])),
 }
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
-    "About", "Along", "Assessment", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord",
+    "About", "Along", "Assessment", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Forward",
     "Functions", "LoopInputs", "LoopState", "Matrices", "Moved", "PassInfo", "PassedRow", "Replayed", "SampledModel",
     "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
