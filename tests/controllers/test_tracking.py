@@ -184,7 +184,7 @@ def test_wrong_settings_are_refused(given, sentence):
 
 
 def test_what_does_not_fit_together_is_refused():
-    with pytest.raises(es.InputError, match="na = 1, nb = 2, size = 1: 4 parameters of 1 output"):
+    with pytest.raises(es.InputError, match="na = 1, nb = 2, size = 1: 4 parameters for 1 output"):
         follow(fang(), es.Tracking(1, 2), JOINT, square(50))
     model = es.StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.1]], dt=1)
     with pytest.raises(es.InputError, match="acts on a prediction, but the estimator does not report one"):

@@ -41,7 +41,7 @@ GAIN = Prior([1.0], [[0.25]])
 NONLINEAR = NonlinearModel(
     lambda x, u, θ: jax.numpy.array([x[1], -θ[0] * jax.numpy.sin(x[0]) - θ[1] * x[1] + u[0]]), lambda x, u, θ: x,
     Q=0.01 * np.eye(2), R=0.1 * np.eye(2), dt=0, states=("a", "q"), inputs=("e",), outputs=("y1", "y2"),
-    parameters={"k": 2.0, "c": 0.4}, substeps=2,
+    parameters={"k": 2.0, "c": 0.4}, substeps=1,
 )  # fmt: skip
 
 

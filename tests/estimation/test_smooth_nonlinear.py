@@ -33,7 +33,7 @@ def test_of_a_linear_model_each_row_is_what_the_whole_record_says(make, varying)
     assert result.used.tolist() == [11] * 12
 
 
-@EVERY
+@pytest.mark.parametrize("make", [es.ExtendedKalman, es.SecondOrderKalman])  # one by tangents, one by moments
 def test_a_fixed_lag_uses_so_many_later_samples_and_no_more(make):
     c = case(6)
     exact = es.smooth(es.Kalman(c.model), c.record, prior=c.prior, lag=3)
@@ -55,8 +55,10 @@ def test_outputs_without_noise_and_diffuse_directions_are_ordinary(features):
     assert_allclose(result.covariance, covariance, atol=1e-10)
 
 
-@pytest.mark.parametrize("make", [es.ExtendedKalman, es.SecondOrderKalman, es.UnscentedKalman])
-@pytest.mark.parametrize("substeps", [12, None])
+@pytest.mark.parametrize(
+    ("make", "substeps"),
+    [(es.ExtendedKalman, 12), (es.ExtendedKalman, None), (es.SecondOrderKalman, 12), (es.UnscentedKalman, 12)],
+)
 def test_between_irregular_samples_a_linear_model_of_functions_is_the_discretised_one(make, substeps):
     rng = np.random.default_rng(3)
     A, B = np.array([[-1.3, 1.0], [3.5, -1.1]]), np.array([[-0.15], [-24.3]])

@@ -10,7 +10,7 @@ from fuzz import calls, command_line
 from fuzz.baselines import Baseline, baselines
 from fuzz.second_way import same, second_ways
 
-EACH = 8  # command lines of each command
+EACH = 4  # command lines of each command; `python -m tests.fuzz` runs more
 
 
 def test_wrong_calls_end_with_a_sentence():
