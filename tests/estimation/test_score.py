@@ -70,6 +70,7 @@ CASES = {
 }  # fmt: skip
 
 
+SLOW_TO_COMPILE = {"second order", "unscented"}  # by XLA, some 10 s each: by differences only
 LARGE = {"moving window", "change detection"}  # their derivatives are more operations than machine code is made of
 
 
@@ -95,10 +96,11 @@ def test_the_score_is_the_slope_of_the_likelihood_on_every_engine(name):
     assert found.engine == ("xla" if name in LARGE else "native")
     assert found.names == tuple(numbers)
     assert_allclose(found.log_likelihood, estimate(algorithm, data, prior=PRIOR).log_likelihood, rtol=1e-12)
-    xla = score(algorithm, data, prior=PRIOR, with_respect_to=numbers, engine="xla")
-    size = np.sqrt(np.diag(xla.information))
-    assert_allclose(found.score / size, xla.score / size, rtol=1e-11, atol=1e-11)
-    assert_allclose(found.information / np.outer(size, size), xla.information / np.outer(size, size), atol=1e-11)
+    size = np.sqrt(np.diag(found.information))
+    if name not in LARGE | SLOW_TO_COMPILE:
+        xla = score(algorithm, data, prior=PRIOR, with_respect_to=numbers, engine="xla")
+        assert_allclose(found.score / size, xla.score / size, rtol=1e-11, atol=1e-11)
+        assert_allclose(found.information / np.outer(size, size), xla.information / np.outer(size, size), atol=1e-11)
     differences = [by_difference(algorithm, data, one, 2e-5) for one in numbers]
     assert_allclose(found.score / size, differences / size, atol=1e-6)
 

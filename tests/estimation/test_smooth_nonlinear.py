@@ -92,7 +92,7 @@ def test_a_parameter_is_smoothed_with_the_state():
         assert_allclose(result.extra["state_gain_covariance"], exact.extra["state_gain_covariance"], atol=1e-11)
 
 
-@EVERY
+@pytest.mark.parametrize("make", [es.ExtendedKalman, es.SecondOrderKalman])  # one by tangents, one by moments
 def test_both_engines_say_the_same(make):
     model, prior, record = pendulum(12)
     ours, xla = (
