@@ -2,6 +2,7 @@
 # pyright: reportUnknownVariableType=false
 """The two passes of a smoother as steps for an engine: a filter forwards, and the information in later samples backwards."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -197,42 +198,47 @@ def backwards(bound: Bound, rows: SmootherRows, forward: Run, engine: str) -> Sm
     last = len(rows.seen) - 1
     turned = jax.tree_util.tree_map(lambda leaf: leaf[::-1], rows)
     first = jax.tree_util.tree_map(lambda leaf: leaf[0], turned)
-    for by_elimination in (False, True):
-        algorithm = Backward(bound.algorithm, np.asarray(last), by_elimination)
-        engine_used, run = choice.scan(engine, algorithm, first, turned, turned.interval, keep="all", select=_whole)
-        if not run.code:
-            break
+    engine_used, run = _either_form(choice.scan, engine, Backward(bound.algorithm, np.asarray(last)), first, turned)
     code, at = (forward.code, forward.failed_at) if forward.code else (run.code, last - run.failed_at)
     return Smoothing(engine_used, jax.tree_util.tree_map(lambda leaf: leaf[::-1], run.info), int(code), int(at))
+
+
+def _either_form(
+    scan: Callable[..., tuple[str, Run]],
+    engine: str,
+    backward: Backward,
+    first: SmootherRows,
+    turned: SmootherRows,
+    **axes: tuple,
+) -> tuple[str, Run]:
+    """The engine that ran, and the backward pass: by elimination in any case only where a run fails otherwise."""
+    run = scan(engine, backward, first, turned, turned.interval, keep="all", select=_whole, **axes)
+    if np.any(run[1].code):
+        backward = replace(backward, by_elimination=True)
+        run = scan(engine, backward, first, turned, turned.interval, keep="all", select=_whole, **axes)
+    return run
 
 
 def of_bank(bound: Bound, priors: Prior, engine: str, axes: tuple) -> tuple[str, Run]:
     """Fixed interval of many runs: the engine, and the run with both passes. `axes` as in `choice.scan_bank`."""
     rows = SmootherRows(bound.samples, bound.intervals)
     forward = Forward(bound.algorithm, isinstance(bound.algorithm, Linearised))
-    options = {"keep": "all", "select": select_passed}
-    ran, run = choice.scan_bank(engine, forward, priors, rows, bound.intervals, axes=axes, **options)
+    ran, run = choice.scan_bank(
+        engine, forward, priors, rows, bound.intervals, axes=axes, keep="all", select=select_passed
+    )
     size, T = len(run.code), run.info.predicted.mean.shape[1]
     if axes[1] is None:
         rows = jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (size, *leaf.shape)), rows)
     rows = replace(rows, predicted=run.info.predicted, instant=run.info.instant)
     turned = jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[:, ::-1], rows)
     first = jax.tree_util.tree_map(lambda leaf: leaf[:, 0], turned)
-    last, axes, options = (
-        np.full(() if axes[0] is None else size, T - 1),
-        (axes[0], 0, 0),
-        {"keep": "all", "select": _whole},
-    )
-    for by_elimination in (False, True):
-        algorithm = Backward(bound.algorithm, last, by_elimination)
-        engine, back = choice.scan_bank(engine, algorithm, first, turned, turned.interval, axes=axes, **options)
-        if not np.any(back.code):
-            break
+    backward = Backward(bound.algorithm, np.full(() if axes[0] is None else size, T - 1))
+    engine_used, back = _either_form(choice.scan_bank, engine, backward, first, turned, axes=(axes[0], 0, 0))
     failed = np.asarray(run.code) != 0
     info = jax.tree_util.tree_map(lambda leaf: leaf[:, ::-1], back.info)
     at = np.where(failed, run.failed_at, np.where(np.asarray(back.code) != 0, T - 1 - np.asarray(back.failed_at), 0))
     whole = run._replace(info=info, code=np.where(failed, run.code, back.code), failed_at=at, state=None)
-    return ran if ran == engine else "xla", whole
+    return ran if ran == engine_used else "xla", whole
 
 
 def lagged(bound: Bound, rows: SmootherRows, forward: Run, lag: int) -> Smoothing:
