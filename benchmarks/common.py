@@ -53,15 +53,20 @@ def recorded(model, prior, T, missing=0.0):
 
 def textbook(model, prior, y):
     """The conventional filter in a NumPy loop that deletes rows: the obvious first version, and the reference of accuracy."""
+    rows = list(textbook_rows(model, prior, y))
+    return np.stack([row[0] for row in rows]), sum(row[4] for row in rows)
+
+
+def textbook_rows(model, prior, y):
+    """Row by row: mean and covariance after the sample, those predicted for the next, and the log-likelihood."""
     A, C, Q, R = model.A, model.C, model.Q, model.R
-    x, P, total, means = prior.mean, prior.covariance, 0.0, np.empty((len(y), model.n))
-    for k, sample in enumerate(y):
+    x, P = prior.mean, prior.covariance
+    for sample in y:
         seen = ~np.isnan(sample)
         Ck, e = C[seen], sample[seen] - C[seen] @ x
         S = Ck @ P @ Ck.T + R[np.ix_(seen, seen)]
         K = np.linalg.solve(S, Ck @ P).T
-        total -= 0.5 * (len(e) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e))
-        x, P = x + K @ e, P - K @ Ck @ P
-        means[k] = x
-        x, P = A @ x, A @ P @ A.T + Q
-    return means, total
+        likelihood = -0.5 * (len(e) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e))
+        filtered, covariance = x + K @ e, P - K @ Ck @ P
+        x, P = A @ filtered, A @ covariance @ A.T + Q
+        yield filtered, covariance, x, P, likelihood

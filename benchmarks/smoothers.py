@@ -4,7 +4,7 @@ import numpy as np
 
 from estimable import ExtendedKalman, Kalman, SecondOrderKalman, UnscentedKalman, estimate, smooth
 
-from .common import problem, recorded
+from .common import problem, recorded, textbook_rows
 from .filtering import compared
 from .nonlinear import curved
 from .peers import WHOLE_SAMPLE, library
@@ -48,25 +48,15 @@ def ours(run, algorithm, record, prior, engine):
 
 def rauch(model, prior, y):
     """The conventional smoother in a NumPy loop: filtered and predicted beliefs forwards, then corrected backwards."""
-    A, C, Q, R = model.A, model.C, model.Q, model.R
-    x, P, total, beliefs = prior.mean, prior.covariance, 0.0, []
-    for sample in y:
-        seen = ~np.isnan(sample)
-        Ck, e = C[seen], sample[seen] - C[seen] @ x
-        S = Ck @ P @ Ck.T + R[np.ix_(seen, seen)]
-        K = np.linalg.solve(S, Ck @ P).T
-        total -= 0.5 * (len(e) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e))
-        filtered, covariance = x + K @ e, P - K @ Ck @ P
-        x, P = A @ filtered, A @ covariance @ A.T + Q
-        beliefs.append((filtered, covariance, x, P))
+    beliefs = list(textbook_rows(model, prior, y))
     means = np.empty((len(y), model.n))
     means[-1], covariance = beliefs[-1][:2]
     for k in range(len(y) - 2, -1, -1):
-        filtered, P, predicted, P_next = beliefs[k]
-        gain = np.linalg.solve(P_next, A @ P).T
+        filtered, P, predicted, P_next, _ = beliefs[k]
+        gain = np.linalg.solve(P_next, model.A @ P).T
         means[k] = filtered + gain @ (means[k + 1] - predicted)
         covariance = P + gain @ (covariance - P_next) @ gain.T
-    return means, total
+    return means, sum(belief[4] for belief in beliefs)
 
 
 @library
