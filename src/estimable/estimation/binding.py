@@ -11,6 +11,7 @@ from ..data.record import Record, match, scatter
 from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
+from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Info, Interval, Names, Sample, Stacked
@@ -21,13 +22,18 @@ MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outco
 
 
 class Bound(NamedTuple):
-    """The arguments of an engine; the samples and intervals of a bank have a leading batch axis."""
+    """The arguments of an engine; the samples and intervals of a bank have a leading batch axis.
+
+    `clock`, `complete`: what other numbers of the same algorithm are prepared with (`prepared`).
+    """
 
     algorithm: Any
     samples: Sample
     intervals: Interval
     names: Names
     t: np.ndarray | None
+    clock: Clock
+    complete: bool
 
 
 def select(info: Info, keep: str) -> Info:
@@ -87,11 +93,16 @@ def bind(
     samples = Sample(y if seen.all() else np.where(seen, y, 0.0), seen, u, arrived)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths.astype(float), y.shape[:-1]))
-    ready = (algorithms or algorithm).sampled(clock)
-    if prior is not None and prior.diffuse is None and samples.seen.all():
-        ready = ready.where_all_is_seen
+    complete = prior is not None and prior.diffuse is None and bool(samples.seen.all())
+    ready = prepared(algorithms or algorithm, clock, complete)
     names = names._replace(units=record.units, **ready.result_names)
-    return Bound(ready, samples, intervals, names, rows.t)
+    return Bound(ready, samples, intervals, names, rows.t, clock, complete)
+
+
+def prepared(algorithm: Algorithm[Any], clock: Clock, complete: bool) -> Any:
+    """The algorithm sampled for a record. `complete`: every output was seen, and the prior is proper."""
+    ready = algorithm.sampled(clock)
+    return ready.where_all_is_seen if complete else ready
 
 
 def _arrivals(

@@ -21,8 +21,7 @@ from .binding import bind
 from .climb import MOST, Climbed, Limits, climb
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import Free, Part, parts
-from .score import rows_of
-from .slopes import Ascent, Rows, ascent, total
+from .slopes import Ascent, Rows, ascent_over
 
 DISTINCT = 1e-10  # least eigenvalue of the scaled information of entries that the records distinguish
 FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance counts as zero
@@ -70,8 +69,11 @@ def fit_noise(
     algorithm = _read(algorithm, progress)
     found, runs = _prepare(algorithm, record, prior, free)
 
+    def build(θ: np.ndarray) -> Setup:
+        return Setup(tuned(algorithm, found, θ), prior)
+
     def at(θ: np.ndarray) -> Ascent:
-        return total([ascent(lambda z: Setup(tuned(algorithm, found, z), prior), θ, rows)[1] for rows in runs])
+        return ascent_over([build] * len(runs), θ, runs)
 
     begin = np.concatenate([part.begin() for part in found])
     with bar("steps, at most", MOST, shown=progress, after=AFTER) as advance:
@@ -104,7 +106,7 @@ def _prepare(
     found = parts(algorithm, free, faults)
     records = several("record", record, faults)
     faults.finish()
-    return found, [rows_of(bind(algorithm, one, prior), algorithm, one, prior) for one in records]
+    return found, [Rows.of(bind(algorithm, one, prior)) for one in records]
 
 
 def tuned(algorithm: Algorithm[Any], found: list[Part], θ: np.ndarray) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Array
-from ..frozen import replace
+from ..frozen import field_names, replace
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
@@ -122,9 +122,10 @@ def fields_of(algorithm: Algorithm[Any], prior: Prior | None) -> dict[str, Field
         fields = {"Q": Field("model", "Q", (w, w)), "R": Field("model", "R", (model.outputs, model.outputs))}
     if isinstance(inner, GainAlgorithm) and inner.gain is not None and inner.names.gains:
         gains = inner.names.gains
-        named = "gain" if "gain" in getattr(inner, "__dataclass_fields__", {}) else "parameters"
-        fields["gain"] = Field(named, "mean", (gains,))
-        fields["walk"] = Field("algorithm", "walk", (gains, gains))
+        named = field_names(type(inner))
+        fields["gain"] = Field("gain" if "gain" in named else "parameters", "mean", (gains,))
+        if "walk" in named:
+            fields["walk"] = Field("algorithm", "walk", (gains, gains))
     if prior is not None:
         fields["x0"] = Field("prior", "mean", (names.states,))
     parameters = model.parameter_names if isinstance(model, NonlinearModel) else ()

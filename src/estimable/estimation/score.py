@@ -12,7 +12,7 @@ from ..errors import RunError
 from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import Outcome, Score
-from .binding import Bound, bind, model_of
+from .binding import bind
 from .named_numbers import NamedNumber, Setup, fields_of
 from .slopes import Rows, ascent
 
@@ -60,19 +60,12 @@ def score(
         )
     entries = _read(algorithm, prior, with_respect_to)
     start = Setup(algorithm, prior)
-    rows = rows_of(bound, algorithm, record, prior)
-    ran, found = ascent(lambda by: start.moved(entries, by), np.zeros(len(entries)), rows, engine)
+    ran, found = ascent(lambda by: start.moved(entries, by), np.zeros(len(entries)), Rows.of(bound), engine)
     outcome = Outcome.of(found.code, found.failed_at, bound.t)
     if outcome.code:
         raise RunError(outcome)
     names = tuple(entry.name for entry in entries)
     return Score(found.log_likelihood, found.score, found.information, names, ran)
-
-
-def rows_of(bound: Bound, algorithm: Algorithm[Any], record: Record, prior: Prior | None) -> Rows:
-    """The rows of a record that was bound to an algorithm."""
-    complete = prior is not None and prior.diffuse is None and bool(bound.samples.seen.all())
-    return Rows(bound.samples, bound.intervals, record.clock(model_of(algorithm).dt or None), complete)
 
 
 def _read(algorithm: Algorithm[Any], prior: Prior | None, texts: Sequence[str]) -> list[NamedNumber]:

@@ -1,6 +1,6 @@
 """The likelihood of a record, its derivatives along directions, and Fisher's information about them, in one pass."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,9 @@ from ..engines import choice
 from ..engines.derivatives import Along, Sloped
 from ..kernels.innovation_information import features
 from ..models.complex_step import along_each, slope_of, value_of
+from ..models.sampled import Clock
 from ..results import Interval, Sample
+from .binding import Bound, prepared
 
 Build = Callable[[np.ndarray], tuple[Any, Any]]  # the algorithm and the prior at θ (d,), which may be complex
 
@@ -19,8 +21,13 @@ class Rows(NamedTuple):
 
     samples: Sample
     intervals: Interval
-    clock: Any = None
-    all_is_seen: bool = False
+    clock: Clock | None = None
+    complete: bool = False
+
+    @staticmethod
+    def of(bound: Bound) -> "Rows":
+        """The rows of a bound record."""
+        return Rows(bound.samples, bound.intervals, bound.clock, bound.complete)
 
 
 class Ascent(NamedTuple):
@@ -36,9 +43,7 @@ class Ascent(NamedTuple):
 def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tuple[str, Ascent]:
     """The engine that ran, and the derivatives of the likelihood with respect to θ. Cost: ceil(d / 8) passes of 8 lanes."""
     moved, prior = along_each(build, np.asarray(θ, float))
-    ready: Any = moved if rows.clock is None else moved.sampled(rows.clock)
-    if rows.all_is_seen:
-        ready = ready.where_all_is_seen
+    ready: Any = moved if rows.clock is None else prepared(moved, rows.clock, rows.complete)
     along = Along(value_of(ready), slope_of(ready))
     prior = (value_of(prior), slope_of(prior))
     sums = _Sums(len(θ))
@@ -49,8 +54,9 @@ def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tu
     return ran, Ascent(float(np.asarray(run.log_likelihood)[0]), sums.score, sums.information, code, at)
 
 
-def total(ends: list[Ascent]) -> Ascent:
-    """The sum over several records, with the first failure."""
+def ascent_over(builds: Sequence[Build], θ: np.ndarray, rows: Sequence[Rows]) -> Ascent:
+    """The derivatives of the likelihood of several records, each with its own algorithm, and the first failure."""
+    ends = [ascent(build, θ, one)[1] for build, one in zip(builds, rows, strict=True)]
     first = next((end for end in ends if end.code), ends[0])
     return Ascent(
         sum(end.log_likelihood for end in ends), np.sum([end.score for end in ends], axis=0),

@@ -14,8 +14,7 @@ from ..estimation.binding import bind, columns
 from ..estimation.climb import Limits, climb
 from ..estimation.estimate import estimate
 from ..estimation.named_numbers import Setup
-from ..estimation.score import rows_of
-from ..estimation.slopes import Ascent, ascent, total
+from ..estimation.slopes import Ascent, Rows, ascent_over
 from ..frozen import replace
 from ..identifiers.linear_start import Start, deviation, levels, order_check
 from ..identifiers.residuals import residual_checks
@@ -168,14 +167,14 @@ def most_likely(method: FilterIdentifier, records: Sequence[Record], start: Prio
     The unknowns z are in units of the start's standard deviations: θ = mean + L z.
     """
     known, prior = method.known(method.model.parameters), method.state_prior
-    rows = [rows_of(bind(known, one, prior), known, one, prior) for one in records]
+    rows = [Rows.of(bind(known, one, prior)) for one in records]
     L = np.linalg.cholesky(start.covariance)
 
     def moved(z: np.ndarray) -> Setup:
         return Setup(replace(known, model=replace(known.model, parameters=start.mean + L @ z)), prior)
 
     def at(z: np.ndarray) -> Ascent:
-        return total([ascent(moved, z, one)[1] for one in rows])
+        return ascent_over([moved] * len(rows), z, rows)
 
     k = start.size
     found = climb(at, np.zeros(k), Limits(np.full(k, -np.inf), np.full(k, np.inf), np.full(k, FURTHEST)))

@@ -1,6 +1,6 @@
 """The search that identifiers ask for: the maximum of a likelihood whose step they declare."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from ..engines import choice
 from ..engines.step import Stepping
 from ..errors import AssumptionError
 from ..estimation.climb import Limits, climb
-from ..estimation.slopes import Ascent, Rows, ascent, total
+from ..estimation.slopes import Ascent, Rows, ascent_over
 from ..kernels.innovation_information import Build, Maximum
 from ..results import Info, Interval, Sample
 
@@ -21,9 +21,10 @@ def maximise(build: Build, rows: Sequence[Sample], start: np.ndarray, stride: np
     Raises `AssumptionError` where the likelihood is not finite there.
     """
     bound = [Rows(samples, _intervals(samples)) for samples in rows]
+    builds = [_of_record(build, i) for i in range(len(bound))]
 
     def at(θ: np.ndarray) -> Ascent:
-        return total([ascent(lambda z, i=i: build(z, i), θ, one)[1] for i, one in enumerate(bound)])
+        return ascent_over(builds, θ, bound)
 
     far = np.full(len(start), np.inf)
     found = climb(at, start, Limits(-far, far, stride))
@@ -31,6 +32,11 @@ def maximise(build: Build, rows: Sequence[Sample], start: np.ndarray, stride: np
         raise AssumptionError("the likelihood is not finite at the start of the search: the model may be unstable.")
     innovations = [_innovations(*build(found.θ, i), one) for i, one in enumerate(bound)]
     return Maximum(found.θ, found.end.log_likelihood, found.end.information, innovations)
+
+
+def _of_record(build: Build, i: int) -> Callable[[np.ndarray], tuple[Any, Any]]:
+    """The step and the prior of one record at θ."""
+    return lambda θ: build(θ, i)
 
 
 def _intervals(samples: Sample) -> Interval:
