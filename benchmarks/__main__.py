@@ -11,6 +11,7 @@ from unittest import mock
 
 from .equations import lyapunov, riccati
 from .filtering import bank, large, one_record, one_step
+from .identifications import comparisons, output_error
 from .likelihoods import fitted, score
 from .loops import loops
 from .nonlinear import nonlinear
@@ -44,6 +45,9 @@ def workloads(quick):
         (fitted, "W14 fit_noise, n=4 p=2, 6 variances, T=1,201", 1201),
         *((make, f"W15 {what}, n=4 p=2, T={T:,}{', 30 % of channels missing' if missing else ''}", T, missing)
           for make, what in ((smoothers, "smoother"), (nonlinear_smoothers, "nonlinear smoother")) for missing in (0.0, 0.3)),
+        *((comparisons, f"W17 compare, T={T:,}, {k} inputs and outputs, {100 * share:.0f} % of inputs missing", T, k, share)
+          for T, k, share in ((1_000, 1, 0.0), (6_300, 3, 0.0), (2_400, 1, 0.1))),
+        (output_error, "W17 OutputErrorML(2, 1, delay=1), 2,000 rows", 2_000),
     ]  # fmt: skip
 
 

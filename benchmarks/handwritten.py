@@ -26,11 +26,13 @@ def library(source):
     return ctypes.CDLL(str(made))
 
 
-def contender(model, prior, y, form="kalman"):
+def contender(model, prior, y, form="kalman", smooths=False):
     """A function that filters the record once and returns (means, log-likelihood).
 
-    `form`: "kalman" (conventional) or "kalman_ud" (square-root), the functions of handwritten.c.
+    `form`: "kalman" (conventional) or "kalman_ud" (square-root), the functions of handwritten.c. `smooths`: whether
+    handwritten_smoother.c follows the first.
     """
+    smoothed = library("handwritten_smoother.c") if smooths else None
     if library("handwritten.c") is None:
         return NO_COMPILER
     kalman = getattr(library("handwritten.c"), form)
@@ -43,6 +45,10 @@ def contender(model, prior, y, form="kalman"):
         x, P = prior.mean.copy(), start.copy()
         means, covariances = np.empty((len(y), 4)), np.empty((len(y), 4, 4))
         total = kalman(len(y), *(a.ctypes.data for a in (A, C, noise, R, x, P, y, means, covariances)))
+        if smoothed is not None:
+            smoothed.rauch(
+                ctypes.c_long(len(y)), *(ctypes.c_void_p(a.ctypes.data) for a in (A, noise, means, covariances))
+            )
         return means, total
 
     return run

@@ -86,6 +86,7 @@ and that of a log-likelihood is relative. All contenders use double precision, a
 - W4: seconds of one step (`correct` and `predict`) called from Python.
 - W11: seconds of the first call in a new process that has used JAX before. The page on [engines](engines.md) says which engine
   to use.
+- W17: `compare` chooses its methods and orders. The error of the fit by SciPy is in standard errors of the parameters.
 - W15: the results are smoothed means and covariances of every sample; estimable computes the log-likelihood too.
 
 {table(rows)}

@@ -4,6 +4,7 @@ import numpy as np
 
 from estimable import ExtendedKalman, Kalman, SecondOrderKalman, UnscentedKalman, estimate, smooth
 
+from . import handwritten
 from .common import problem, recorded, textbook_rows
 from .filtering import compared
 from .nonlinear import curved
@@ -24,6 +25,8 @@ def smoothers(name, T, missing):
         yield compared(name, contender, run, exact if "filter" not in contender else None, 15)
     for contender, make in (("statsmodels", statsmodels), ("simdkalman", simdkalman)):
         yield compared(name, contender, make(model, prior, record.y), exact, 3, "library")
+    by_hand = handwritten.contender(model, prior, record.y, smooths=True)
+    yield compared(name, "hand-written C, Rauch-Tung-Striebel", by_hand, exact, 15, "by hand")
     yield compared(name, "NumPy loop, Rauch-Tung-Striebel", lambda: rauch(model, prior, record.y), exact, 1, "by hand")
 
 

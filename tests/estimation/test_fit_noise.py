@@ -206,3 +206,63 @@ def test_a_bar_appears_after_a_while_on_a_terminal_only(monkeypatch, capsys):
         assert ("steps, at most" in capsys.readouterr().err) == shown
     with pytest.raises(InputError, match="`progress` must be"):
         fit_noise(START, record, prior=PRIOR, progress="yes")
+
+
+def test_single_covariances_are_free_in_blocks():
+    """Three noises, of which the first two share a covariance: the others stay as they were, and no trial is indefinite."""
+    Q = np.array([[0.3, 0.1, 0.0], [0.1, 0.2, 0.0], [0.0, 0.0, 0.05]])
+    model = StateSpace(np.diag([0.8, 0.7, 0.5]), Q=Q, R=0.02 * np.eye(3), dt=1)
+    drawn, prior = simulate(model, seed=5, steps=800).record, Prior(np.zeros(3), np.eye(3))
+    block = np.zeros((3, 3), bool)
+    block[:2, :2] = True
+    start = np.diag([1.0, 1.0, 0.05])
+    fit = fit_noise(Kalman(replace(model, Q=start)), drawn, prior=prior, free={"Q": block})
+    assert fit.names == ("Q[x1]", "Q[x2, x1]", "Q[x2]")
+    assert np.all(np.abs(fit.parameters - [0.3, 0.1, 0.2]) < 3.5 * fit.sigma)
+    assert_allclose(fit.model.Q[2], start[2], rtol=0, atol=0)
+    assert fit.converged
+    assert fit.sentence == ""
+    for mask, begin, sentence in (
+        (
+            [[True, True, False], [False, True, False], [False, False, False]],
+            start,
+            r"must be blocks: where the covariance",
+        ),
+        (block, Q + 0.01, r"`Q` has covariances other than 0 outside the free blocks"),
+        (np.ones((2, 2), bool), start, r"3 bools, one per variance, or a symmetric \(3, 3\) array of bools"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            fit_noise(Kalman(replace(model, Q=begin)), drawn, prior=prior, free={"Q": mask})
+
+
+def test_a_covariance_that_varies_in_time_is_fitted_up_to_factors():
+    """The variance of each row is known but for a factor: that of the constant case, where the rows are alike."""
+    T = 600
+    shape = 1 + 0.5 * np.sin(np.arange(T))[:, None, None]
+    true = StateSpace([[0.9]], Q=0.2 * shape, R=[[0.5]], dt=1)
+    drawn = simulate(true, seed=1, steps=T).record
+    fit = fit_noise(Kalman(replace(true, Q=shape, R=np.eye(1))), drawn, prior=PRIOR)
+    assert fit.names == ("Q scale[x1]", "R[y1]")
+    assert np.all(np.abs(fit.parameters - [0.2, 0.5]) < 3.5 * fit.sigma)
+    assert_allclose(fit.model.Q, fit.parameters[0] * shape, rtol=1e-12)
+    alike = fit_noise(Kalman(replace(true, Q=np.ones((T, 1, 1)), R=np.eye(1))), drawn, prior=PRIOR, free={"Q": "scale"})
+    constant = fit_noise(Kalman(replace(TRUE, Q=np.eye(1), R=np.eye(1))), drawn, prior=PRIOR, free={"Q": "scale"})
+    assert_allclose(alike.parameters, constant.parameters, rtol=1e-6)
+    with pytest.raises(InputError, match=r'`Q` varies in time: free\["Q"\] must be "scale", "diagonal" or bools'):
+        fit_noise(Kalman(true), drawn, prior=PRIOR, free={"Q": "full"})
+
+
+def test_a_search_that_ends_below_the_maximum_says_so(monkeypatch):
+    """With two steps the search cannot get there: the result begins with the sentence."""
+    from estimable.estimation import climb
+
+    monkeypatch.setattr(climb, "MOST", 2)
+    drawn = simulate(TRUE, seed=1, steps=300).record
+    far = Kalman(replace(TRUE, Q=np.array([[5.0]]), R=np.array([[0.05]])))
+    fit = fit_noise(far, drawn, prior=PRIOR)
+    assert not fit.converged
+    assert fit.sentence.startswith("The search stopped after 2 steps below the maximum of the likelihood: do not use")
+    assert repr(fit).startswith("NoiseFit(The search stopped")
+    farther = Kalman(replace(TRUE, Q=np.array([[1e4]]), R=np.array([[1e-4]])))
+    with pytest.raises(AssumptionError, match=r"search stopped after 2 steps below the maximum"):
+        fit_noise(farther, drawn, prior=PRIOR)

@@ -16,6 +16,7 @@ EASED, HARDENED = 0.1, 8.0  # damping after a step that rose, and after one that
 FIRMEST = 1e12  # damping: a step is then rounding
 RISEN = 1e-8  # rise of the log-likelihood that counts as none
 FORESEEN = 1e-7  # rise that the information promises, that counts as none
+NEAR = 1e-4  # rise that the information still promises: .014 standard deviations from the maximum
 TINY = 1e-300  # room that a bound leaves, instead of none
 NULL = 1e-14  # of the largest eigenvalue of the scaled information: the step is zero along directions below it
 
@@ -29,7 +30,10 @@ class Limits(NamedTuple):
 
 
 class Climbed(NamedTuple):
-    """The end of a search: the unknowns, what the likelihood is there, the number of steps, and whether it had converged."""
+    """The end of a search: the unknowns, what the likelihood is there, the number of steps, and whether it has converged.
+
+    It has where the information promises no rise above `NEAR`.
+    """
 
     θ: np.ndarray
     end: Ascent
@@ -59,13 +63,17 @@ def climb(
         if not _rises(here, there):
             damping *= HARDENED
             if damping > FIRMEST:
-                return Climbed(θ, here, count, False)
+                return Climbed(θ, here, count, _near(θ, here, limits))
             continue
         rise = there.log_likelihood - here.log_likelihood
         θ, here, damping = θ + δ, there, damping * EASED
         if rise < RISEN and _promise(here, _step(θ, here, damping, limits)) < FORESEEN:
             return Climbed(θ, here, count + 1, True)
-    return Climbed(θ, here, MOST, False)
+    return Climbed(θ, here, MOST, _near(θ, here, limits))
+
+
+def _near(θ: np.ndarray, here: Ascent, limits: Limits) -> bool:
+    return _promise(here, _step(θ, here, 0.0, limits._replace(step=np.full(len(θ), np.inf)))) < NEAR
 
 
 def _rises(here: Ascent, there: Ascent) -> bool:

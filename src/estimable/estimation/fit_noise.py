@@ -17,6 +17,7 @@ from ..models.state_space import StateSpace
 from ..progress import AFTER, bar
 from ..protocols import Algorithm
 from ..results import NoiseFit
+from ..results.fits import not_converged
 from .binding import bind
 from .climb import MOST, Climbed, Limits, climb
 from .named_numbers import Setup, with_innermost
@@ -46,9 +47,10 @@ def fit_noise(
     - `record`: one record, or a list. `prior` is as in `estimate`.
     - `free`: the free covariances: names from "Q", "R" and "walk" (of gains or parameters), or a mapping from these names to
       what is free in the matrix. "diagonal": each variance by itself, with fixed correlations (the default for a diagonal
-      matrix); "full": every entry (the default otherwise); "scale": one factor of the whole matrix; or a list of bools, one for
-      each variance. "S", the cross noise, can be free together with both Q and R; the record determines it only where few
-      noises drive many states.
+      matrix); "full": every entry (the default otherwise); "scale": one factor of the whole matrix; a list of bools, one for
+      each variance; or a symmetric array of bools, one for each entry, which must form blocks. A covariance that varies in
+      time is multiplied by one factor ("scale"), or by one for each variance (the default). "S", the cross noise, can be free
+      together with both Q and R; the record determines it only where few noises drive many states.
     - `progress`: whether a bar appears on stderr after a second of work, if stderr is a terminal.
 
     The search uses the logarithms of variances and the Cholesky factors of full matrices, so that every trial is positive
@@ -148,7 +150,7 @@ def _assembled(algorithm: Algorithm[Any], found: list[Part], climbed: Climbed, a
     names = tuple(name for part in found for name in part.names)
     free = np.flatnonzero(~at_zero)
     information = climbed.end.information[np.ix_(free, free)]
-    _check_distinct(information, names, free)
+    _check_distinct(information, names, free, "" if climbed.converged else not_converged(climbed.steps))
     covariance = np.zeros((len(names), len(names)))
     covariance[np.ix_(free, free)] = np.linalg.inv(information)
     θ = np.where(at_zero, -np.inf, climbed.θ)
@@ -156,7 +158,7 @@ def _assembled(algorithm: Algorithm[Any], found: list[Part], climbed: Climbed, a
     zeros = tuple(name for name, zero in zip(names, at_zero, strict=True) if zero)
     return NoiseFit(
         tuned(algorithm, found, θ), entries(found, θ), slope @ covariance @ slope.T, climbed.end.log_likelihood, names, zeros,
-        climbed.steps,
+        climbed.steps, climbed.converged,
     )  # fmt: skip
 
 
@@ -165,8 +167,8 @@ def entries(found: list[Part], θ: np.ndarray) -> np.ndarray:
     return np.concatenate([part.entries(θ[at]) for part, at in _slices(found)])
 
 
-def _check_distinct(information: np.ndarray, names: tuple[str, ...], free: np.ndarray) -> None:
-    """Raise an error where a direction of the free entries has no effect on the likelihood."""
+def _check_distinct(information: np.ndarray, names: tuple[str, ...], free: np.ndarray, missed: str) -> None:
+    """Raise an error where a direction of the free entries has no effect on the likelihood; `missed`: no maximum was reached."""
     if not len(free):
         return
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -174,6 +176,8 @@ def _check_distinct(information: np.ndarray, names: tuple[str, ...], free: np.nd
     values, vectors = np.linalg.eigh(information / np.outer(np.where(flat, 1.0, scale), np.where(flat, 1.0, scale)))
     if values[0] > DISTINCT:
         return
+    if missed:
+        raise AssumptionError(missed)
     v = vectors[:, 0] / np.where(flat, 1.0, scale)
     v = v / np.linalg.norm(v) * np.sign(v[np.argmax(np.abs(v))])
     words = " ".join(f"{x:+.2f} log {names[i]}" for x, i in zip(v, free, strict=True) if abs(x) > 0.01).lstrip("+")

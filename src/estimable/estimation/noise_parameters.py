@@ -16,7 +16,8 @@ WORDS = ("diagonal", "scale", "full")
 class Part(NamedTuple):
     """One covariance: its field, its initial value, the free variances, and how they move.
 
-    "diagonal": each free variance by itself, with fixed correlations; "scale": all by one factor; "full": every entry.
+    "diagonal": each free variance by itself, with fixed correlations; "scale": all by one factor; "full": every entry, or
+    those of `blocks`. A covariance (T, k, k) that varies in time has factors instead of entries.
     """
 
     field: str
@@ -25,12 +26,17 @@ class Part(NamedTuple):
     kind: str
     free: tuple[int, ...]
     noises: int | None = None  # of "Q, S, R" as one covariance: the size of Q
+    blocks: np.ndarray | None = None  # (k, k): the free entries of "full"; None: all
+
+    @property
+    def varies(self) -> bool:
+        """Whether it varies in time."""
+        return self.start.ndim == 3
 
     @property
     def size(self) -> int:
         """The number of its parameters."""
-        k = len(self.free)
-        return {"diagonal": k, "scale": 1, "full": k * (k + 1) // 2}[self.kind]
+        return {"diagonal": len(self.free), "scale": 1, "full": len(self._pairs)}[self.kind]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -38,7 +44,8 @@ class Part(NamedTuple):
         if self.kind == "scale":
             return (f"{self.field} scale",)
         if self.kind == "diagonal":
-            return tuple(f"{self.field}[{self.channels[i]}]" for i in self.free)
+            scale = " scale" if self.varies else ""
+            return tuple(f"{self.field}{scale}[{self.channels[i]}]" for i in self.free)
         return tuple(self._name(i, j) for i, j in self._pairs)
 
     def _name(self, i: int, j: int) -> str:
@@ -50,7 +57,7 @@ class Part(NamedTuple):
 
     @property
     def _pairs(self) -> list[tuple[int, int]]:
-        return [(i, j) for i in range(len(self.channels)) for j in range(i + 1)]
+        return [(i, j) for i in self.free for j in self.free if j <= i and (self.blocks is None or self.blocks[i, j])]
 
     @property
     def logarithms(self) -> np.ndarray:
@@ -61,7 +68,8 @@ class Part(NamedTuple):
         """The initial parameters."""
         if self.kind != "full":
             return np.zeros(self.size)
-        L = np.linalg.cholesky(self.start)
+        L, among = np.zeros(self.start.shape), np.ix_(self.free, self.free)
+        L[among] = np.linalg.cholesky(self.start[among])
         return np.array([np.log(L[i, i]) if i == j else L[i, j] / np.sqrt(self.start[i, i]) for i, j in self._pairs])
 
     def matrix(self, θ: np.ndarray) -> np.ndarray:
@@ -69,13 +77,14 @@ class Part(NamedTuple):
         if self.kind == "scale":
             return np.exp(2 * θ[0]) * self.start
         if self.kind == "diagonal":
-            d = np.ones(len(self.start), θ.dtype)
+            d = np.ones(self.start.shape[-1], θ.dtype)
             d[list(self.free)] = np.exp(θ)
             return d[:, None] * self.start * d[None, :]
         L = np.zeros(self.start.shape, θ.dtype)
         for at, (i, j) in enumerate(self._pairs):
             L[i, j] = np.exp(θ[at]) if i == j else θ[at] * np.sqrt(self.start[i, i])
-        return L @ L.T
+        fixed = self.start * ~np.isin(np.arange(len(L)), self.free)[:, None]
+        return fixed + L @ L.T
 
     def covariances(self, θ: np.ndarray) -> dict[str, np.ndarray]:
         """The covariances of the model at θ, by field."""
@@ -84,8 +93,8 @@ class Part(NamedTuple):
 
     def entries(self, θ: np.ndarray) -> np.ndarray:
         """The entries of the covariance (or its scale) at θ, in the order of `names`."""
-        if self.kind == "scale":
-            return np.exp(2 * θ[:1])
+        if self.kind == "scale" or self.varies:
+            return np.exp(2 * θ)
         M = self.matrix(θ)
         pairs = [(i, i) for i in self.free] if self.kind == "diagonal" else self._pairs
         return np.stack([M[i, j] for i, j in pairs])
@@ -159,40 +168,76 @@ def _part(
     field: str,
     start: np.ndarray | None,
     channels: tuple[str, ...],
-    how: str | Sequence[bool] | None,
+    how: str | Sequence[Any] | None,
     faults: checks.Faults,
 ) -> Part | None:
-    if start is None or np.ndim(start) != 2:
-        faults.add(
-            f"`{field}` must be a single matrix to be fitted: it {'is not given' if start is None else 'varies in time'}."
-        )
+    """One covariance as parameters; None with a fault."""
+    if start is None:
+        faults.add(f"`{field}` must be given to be fitted: its value is the start of the search.")
         return None
     start = np.asarray(start, float)
-    k, free = len(start), range(len(start))
-    if how is None:
-        how = "diagonal" if np.array_equal(start, np.diag(np.diag(start))) else "full"
-    if not isinstance(how, str):
-        mask = np.asarray(how)
-        if mask.shape != (k,) or mask.dtype != bool or not mask.any():
-            faults.add(
-                f"`free[{field!r}]` must be one of {checks.listed(WORDS)}, or {k} bools, one per variance. "
-                f"Got {checks.short(how)}."
-            )
-            return None
-        how, free = "diagonal", np.flatnonzero(mask)
-    elif how not in WORDS:
+    how = how if how is not None else "diagonal" if start.ndim == 3 or _is_diagonal(start) else "full"
+    if isinstance(how, str) and how not in WORDS:
         faults.choice(f"free[{field!r}]", how, WORDS)
         return None
-    zero = [channels[i] for i in free if start[i, i] == 0]
-    if (how == "diagonal" and zero) or not start.any():
+    k = start.shape[-1]
+    blocks = np.ones((k, k), bool) if isinstance(how, str) else _blocks(field, start, how, faults)
+    if blocks is None:
+        return None
+    kind = how if isinstance(how, str) else "diagonal" if _is_diagonal(blocks) else "full"
+    part = Part(field, start, channels, kind, tuple(int(i) for i in np.flatnonzero(np.diag(blocks))), None, blocks)
+    return part if _has_start(part, faults) else None
+
+
+def _is_diagonal(M: np.ndarray) -> bool:
+    return np.array_equal(M, np.diag(np.diag(M)))
+
+
+def _blocks(field: str, start: np.ndarray, how: Sequence[Any], faults: checks.Faults) -> np.ndarray | None:
+    """The free entries (k, k), from k bools, one per variance, or from (k, k) bools, one per entry."""
+    k, mask = start.shape[-1], np.asarray(how)
+    if mask.dtype != bool or mask.shape not in {(k,), (k, k)} or not mask.any():
+        faults.add(
+            f"`free[{field!r}]` must be one of {checks.listed(WORDS)}, {k} bools, one per variance, or a symmetric ({k}, {k}) "
+            f"array of bools, one per entry. Got {checks.short(how)}."
+        )
+        return None
+    if mask.ndim == 1:
+        return np.diag(mask)
+    linked = mask.astype(int) @ mask > 0
+    if not np.array_equal(mask, mask.T) or not np.array_equal(linked, mask):
+        faults.add(
+            f"`free[{field!r}]` must be blocks: where the covariance of two noises is free, so are their variances, and their "
+            f"covariances with every noise that has a free covariance with either. Got {checks.short(how)}."
+        )
+        return None
+    if not _is_diagonal(mask) and (start * (~mask & (np.diag(mask)[:, None] | np.diag(mask)))).any():
+        faults.add(
+            f"`{field}` has covariances other than 0 outside the free blocks of `free[{field!r}]`: free them too, or start from "
+            "0."
+        )
+        return None
+    return mask
+
+
+def _has_start(part: Part, faults: checks.Faults) -> bool:
+    """Whether the search can start from the covariance that is given."""
+    start, field = part.start, part.field
+    sizes = np.abs(start).max(axis=0) if part.varies else np.abs(start)
+    zero = [part.channels[i] for i in part.free if sizes[i, i] == 0]
+    if (part.kind != "scale" and zero) or not start.any():
         faults.add(
             f"`{field}` starts from a variance of zero for {checks.listed(zero)}, which cannot be scaled: start from a "
             f"small one, or leave it out with free={{{field!r}: [True, False, ..]}}."
         )
-        return None
-    if how == "full" and np.linalg.eigvalsh(start)[0] <= 1e-12 * np.abs(start).max():
+        return False
+    if part.kind == "full" and part.varies:
+        faults.add(f'`{field}` varies in time: free["{field}"] must be "scale", "diagonal" or bools, one per variance.')
+        return False
+    among = start if part.varies else start[np.ix_(part.free, part.free)]
+    if part.kind == "full" and np.linalg.eigvalsh(among)[0] <= 1e-12 * np.abs(start).max():
         faults.add(
             f"`{field}` must be positive definite to be fitted in full: start from a covariance without zero eigenvalues."
         )
-        return None
-    return Part(field, start, channels, how, tuple(int(i) for i in free))
+        return False
+    return True

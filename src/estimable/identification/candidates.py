@@ -17,22 +17,28 @@ from .select_order import select_order
 MOST = 6  # order tried of ARX and state-space models
 
 
-def candidates(records: Sequence[Record], order: int | None = None) -> tuple[Any, ...]:
+def candidates(
+    records: Sequence[Record], order: int | None = None, tell: Callable[[str], object] = lambda what: None
+) -> tuple[Any, ...]:
     """ARX, output error, two subspace methods and Ho-Kalman, of a given order, or of the orders that BIC chooses.
 
     The delay is that of the best ARX model. A kind for which the records are too short is left out.
+    `tell` is called with what is chosen next.
     """
     found: list[Any] = []
     tried = range(1, MOST + 1) if order is None else (order,)
+    tell("the order of ARX")
     selection = _tried(lambda: select_order(list(records), orders=tried))
     if selection is not None:
         n, delay = selection.order, selection.delay
         found.append(LeastSquares(n, n - 1, delay=delay))
         na, nb = ((1, 2, 3), (0, 1, 2)) if order is None else ((n,), (n - 1,))
+        tell("the orders of output error")
         chosen = _tried(lambda: choose_orders(list(records), na=na, nb=nb, delay=(delay,), initial="free").best)
         if chosen is not None:
             found.append(OutputErrorML(chosen.na, chosen.nb, delay=chosen.delay, initial="free"))
     for weighting in ("moesp", "cva"):
+        tell(f"the order of {weighting} subspaces")
         best = _tried(lambda weighting=weighting: best_order(records, weighting, tried))
         if best is not None:
             found.append(Subspace(best, weighting=weighting))

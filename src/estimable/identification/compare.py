@@ -46,7 +46,7 @@ def compare(
       model. "trend": straight lines fitted to the first part and continued; the operating point is their value at its end.
       "none": nothing, for signals that are deviations, or methods that fit an offset.
     - `order`: an order for all methods, where `methods` is None.
-    - `progress(name, done, total)`: a function that is called before each method runs.
+    - `progress(name, done, total)`: a function that is called before each method runs, and before each choice of orders.
 
     Ctrl-C ends the comparison. The methods that have run are then ranked, and the sentence of the result begins with those that
     have not run.
@@ -68,9 +68,11 @@ def compare(
     records = _read(methods, record, split, level, order, progress)
     task = divided(records, split, level)
     report = (lambda name, done, total: None) if progress is None else progress
-    if methods is None:
-        report("choosing orders", 0, 1)
-    chosen = candidates(task.first, order) if methods is None else tuple(methods)
+    chosen = (
+        candidates(task.first, order, lambda what: report(f"choosing {what}", 0, 1))
+        if methods is None
+        else tuple(methods)
+    )
     found, missed = [], ""
     for i, method in enumerate(chosen):
         report(type(method).__name__, i, len(chosen))

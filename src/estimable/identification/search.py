@@ -31,7 +31,7 @@ def maximise(build: Build, rows: Sequence[Sample], start: np.ndarray, stride: np
     if not np.isfinite(found.end.log_likelihood):
         raise AssumptionError("the likelihood is not finite at the start of the search: the model may be unstable.")
     innovations = [_innovations(*build(found.θ, i), one) for i, one in enumerate(bound)]
-    return Maximum(found.θ, found.end.log_likelihood, found.end.information, innovations)
+    return Maximum(found.θ, found.end.log_likelihood, found.end.information, innovations, found.converged)
 
 
 def _of_record(build: Build, i: int) -> Callable[[np.ndarray], tuple[Any, Any]]:

@@ -28,25 +28,27 @@ class Orders(NamedTuple):
 
 
 class OneOutput(NamedTuple):
-    """The fit: θ (d,), the noise's variance, the information of θ with the past marginalised, residuals, log-likelihood."""
+    """The fit: θ (d,), the noise's variance, the information of θ with the past marginalised, residuals, log-likelihood;
+    and whether the search has converged."""
 
     parameters: np.ndarray
     noise_variance: float
     information: np.ndarray
     residuals: tuple[np.ndarray, ...]
     log_likelihood: float
+    converged: bool = True
 
 
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
     """The best of the searches from `starts` (d,) and from a linearly fitted impulse response."""
     first = impulse_start.start(orders.na, orders.nb, orders.delay, data)
     ends = [_search(orders, data, θ) for θ in (first, *starts) if θ is not None]
-    best = min(ends, key=lambda end: end[1])[0]
-    return _assembled(orders, data, best, noise_variance)
+    best, _, converged = min(ends, key=lambda end: end[1])
+    return _assembled(orders, data, best, noise_variance)._replace(converged=converged)
 
 
-def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.ndarray, float]:
-    """θ and all pasts at the end of one search, and the sum of squares there."""
+def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """θ and all pasts at the end of one search, the sum of squares there, and whether the search has converged."""
     from scipy.optimize import least_squares
 
     θ = np.asarray(θ, float).copy()
@@ -71,7 +73,7 @@ def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.n
         ftol=CONVERGED,
         gtol=CONVERGED,
     )
-    return end.x, float(end.cost)
+    return end.x, float(end.cost), end.status > 0
 
 
 def _parts(orders: Orders, datum: Datum, i: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

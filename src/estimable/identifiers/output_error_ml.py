@@ -21,7 +21,7 @@ from .one_output import OneOutput, Orders, fit_output
 from .realised import check_lags
 from .recursive_output_error import RecursiveOutputError
 from .uncertain_inputs import expected, fit_uncertain
-from .validation import validated
+from .validation import search_checks, validated
 
 INITIAL = ("rest", "free")
 LEAST_NOISE = 1e-10  # of the mean square of an output: noise variance that the recursion assumes for noise-free data
@@ -147,8 +147,10 @@ class OutputErrorML(StartedIdentifier):
         free, Σ = undetermined(M), covariance(M)
         assumed = None if _uncertain(records) else self.noise_variance
         residuals = tuple(np.stack(columns, axis=1) for columns in zip(*(end.residuals for end in ends), strict=True))
+        validation = validated(model, records, assumed, residuals, M)
+        validation = validation._replace(checks=(*validation.checks, *search_checks(ends)))
         return Fit(
-            model, θ, Σ, model.parameter_names, validated(model, records, assumed, residuals, M), None,
+            model, θ, Σ, model.parameter_names, validation, None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 

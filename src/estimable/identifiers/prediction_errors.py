@@ -27,19 +27,22 @@ from .output_error_ml import block_diagonal, by_output, covariance
 from .realised import check_lags, check_records
 from .standing import validation_of
 from .uncertain_inputs import STRIDE, UncertainInputStep
+from .validation import search_checks
 
 LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
 CONVERGED = 1e-10  # relative change of parameters and sum of squares, and angle to the gradient, that end a search
 
 
 class Ended(NamedTuple):
-    """θ and pasts at the end of a search, the residuals there, their derivatives, and the sum of the logarithms of V."""
+    """θ and pasts at the end of a search, the residuals there, their derivatives, the sum of the logarithms of V, and
+    whether the search has converged."""
 
     x: np.ndarray
     e: np.ndarray
     J: np.ndarray
     cost: float
     log_variances: float
+    converged: bool
 
 
 @frozen
@@ -157,7 +160,9 @@ class PredictionError(StartedIdentifier):
             lambda x: self._errors(data, x), start, jac=lambda x: self._slopes(data, x), method="lm", x_scale="jac",  # type: ignore[arg-type]
             xtol=CONVERGED, ftol=CONVERGED, gtol=CONVERGED,
         )  # fmt: skip
-        return Ended(found.x, self._errors(data, found.x), np.asarray(found.jac), float(found.cost), 0.0)
+        return Ended(
+            found.x, self._errors(data, found.x), np.asarray(found.jac), float(found.cost), 0.0, found.status > 0
+        )
 
     def _searched_in_gaps(self, data: Sequence[Datum], start: np.ndarray, search: Search) -> Ended:
         """The search by the likelihood of the seen samples; its last unknown is log r."""
@@ -175,7 +180,7 @@ class PredictionError(StartedIdentifier):
         cost = float(e @ e) / 2
         values, vectors = np.linalg.eigh(marginal(found.information, len(start)))
         J = (vectors * np.sqrt(np.maximum(values, 0) * 2 * cost / max(len(e) - len(start), 1))).T
-        return Ended(found.θ[:-1], e, J, cost, float(np.log(V).sum()))
+        return Ended(found.θ[:-1], e, J, cost, float(np.log(V).sum()), found.converged)
 
     def _parts(self, x: np.ndarray, m: int, i: int) -> tuple[np.ndarray, ...]:
         """a, b, c and the past of record i."""
@@ -226,9 +231,9 @@ class PredictionError(StartedIdentifier):
         )
         free = undetermined(M)
         excitation = excitation_check(M, model.parameter_names, free)
-        likelihood = sum(map(_log_likelihood, ends))
+        likelihood, extra = sum(map(_log_likelihood, ends)), [excitation, *search_checks(ends)]
         return Fit(
-            model, model.parameters, covariance(M), model.parameter_names, validation_of(model, records, [excitation]), None,
+            model, model.parameters, covariance(M), model.parameter_names, validation_of(model, records, extra), None,
             likelihood, free if free.shape[1] else None, method=type(self).__name__,
         )  # fmt: skip
 

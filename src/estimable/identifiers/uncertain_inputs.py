@@ -81,7 +81,8 @@ def fit_uncertain(
         np.where(datum.seen, e[:, 0] * np.sqrt(r / V[:, 0, 0]), np.nan)
         for datum, (e, V) in zip(data, found.innovations, strict=True)
     )
-    return OneOutput(found.θ[:d], r, marginal(found.information, d), residuals, found.log_likelihood)
+    information = marginal(found.information, d)
+    return OneOutput(found.θ[:d], r, information, residuals, found.log_likelihood, found.converged)
 
 
 class Unknowns(NamedTuple):

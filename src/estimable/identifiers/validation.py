@@ -1,6 +1,7 @@
 """Comparison of a fitted model with the records it was fitted to."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +16,15 @@ from .residuals import residual_checks
 
 ROUNDING = 1e-9  # of the size of the outputs
 PROBABILITY = 0.999  # of the band in which the residuals' variance lies under a right noise variance
+
+
+class Searched(Protocol):
+    """The end of a search."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether it reached a maximum."""
+        ...
 
 
 def validated(
@@ -82,6 +92,16 @@ def stability_check(model: OutputError) -> Check:
         1.0,
         f"{found}: an output-error model must be stable. Are input and output swapped?",
     )
+
+
+def search_checks(ends: Sequence[Searched]) -> list[Check]:
+    """A failed check where the search of some output has not reached a maximum; none otherwise."""
+    missed = sum(not end.converged for end in ends)
+    found = (
+        "Search: the search stopped before the best parameters. Do not use the parameters or their sigma: lower the orders, or "
+        "check the record."
+    )
+    return [Check("search", False, float(missed), 0.0, found)] if missed else []
 
 
 def noise_check(residuals: Sequence[np.ndarray], noise_variance: np.ndarray | float | None) -> Check:

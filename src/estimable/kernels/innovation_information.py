@@ -35,12 +35,13 @@ def features(
 
 class Maximum(NamedTuple):
     """The end of a search: θ (d,), the log-likelihood and Fisher's information (d, d) there, and of each record the innovations
-    (T, p) with their covariances (T, p, p)."""
+    (T, p) with their covariances (T, p, p); and whether the search has converged."""
 
     θ: np.ndarray
     log_likelihood: float
     information: np.ndarray
     innovations: Sequence[tuple[np.ndarray, np.ndarray]]
+    converged: bool = True
 
 
 Build: TypeAlias = Callable[[np.ndarray, int], tuple[Any, Any]]  # the step of record i and its prior, at θ (d,), also complex

@@ -115,6 +115,8 @@ class NoiseFit:
       entries in `covariance` are zero.
     - `log_likelihood`: the log-likelihood of the records with the fitted covariances.
     - `iterations`: the number of iterations of the search.
+    - `converged`: whether the search reached the maximum. If it did not, the parameters are not the most likely ones, and their
+      standard errors do not hold; `sentence` says so.
     """
 
     algorithm: Any
@@ -124,6 +126,12 @@ class NoiseFit:
     names: Annotated[tuple[str, ...], "d"] = static()
     at_zero: tuple[str, ...] = static(default=())
     iterations: int = static(default=0)
+    converged: bool = static(default=True)
+
+    @property
+    def sentence(self) -> str:
+        """What the search did not do; empty where it reached the maximum."""
+        return "" if self.converged else not_converged(self.iterations)
 
     @property
     def model(self) -> Any:
@@ -141,7 +149,15 @@ class NoiseFit:
             f"{name} = 0, the likelihood's limit" if name in self.at_zero else f"{name} = {x:.4g} ± {s:.3g}"
             for name, x, s in values
         )  # fmt: skip
-        return f"NoiseFit({', '.join(shown)})"
+        return f"NoiseFit({self.sentence}{', '.join(shown)})"
+
+
+def not_converged(steps: int) -> str:
+    """The sentence about a search that has not reached the maximum."""
+    return (
+        f"The search stopped after {steps} steps below the maximum of the likelihood: do not use the numbers or their "
+        "standard errors. Start nearer, free fewer entries, or check that the model describes the record. "
+    )
 
 
 def _with_spread(value: float, sigma: float) -> str:
