@@ -133,6 +133,7 @@ _HOMES = {
     "stability_radius": "analysis.rho",
     "stack": "estimation.stack",
     "trans_kalman": "design.trans_kalman",
+    "trust": "estimation.trust",
     "uncorrelated": "models.uncorrelated",
     "unknown_input_existence": "analysis.unknown_input_existence",
     "write_model": "models.files",

@@ -53,6 +53,7 @@ from .estimation.score import score as score
 from .estimation.smooth import smooth as smooth
 from .estimation.smooth_bank import smooth_bank as smooth_bank
 from .estimation.stack import stack as stack
+from .estimation.trust import trust as trust
 from .filters.alpha_beta import AlphaBeta as AlphaBeta
 from .filters.bounded import Bounded as Bounded
 from .filters.change_detection import ChangeDetection as ChangeDetection

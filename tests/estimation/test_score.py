@@ -70,7 +70,12 @@ CASES = {
 }  # fmt: skip
 
 
-SLOW_TO_COMPILE = {"second order", "unscented"}  # by XLA, some 10 s each: by differences only
+ON_XLA = {
+    "continuous",
+    "discrete",
+    "unknown gain",
+    "extended",
+}  # the others, some 10 s each to compile: by differences only
 LARGE = {"moving window", "change detection"}  # their derivatives are more operations than machine code is made of
 
 
@@ -97,7 +102,7 @@ def test_the_score_is_the_slope_of_the_likelihood_on_every_engine(name):
     assert found.names == tuple(numbers)
     assert_allclose(found.log_likelihood, estimate(algorithm, data, prior=PRIOR).log_likelihood, rtol=1e-12)
     size = np.sqrt(np.diag(found.information))
-    if name not in LARGE | SLOW_TO_COMPILE:
+    if name in ON_XLA:
         xla = score(algorithm, data, prior=PRIOR, with_respect_to=numbers, engine="xla")
         assert_allclose(found.score / size, xla.score / size, rtol=1e-11, atol=1e-11)
         assert_allclose(found.information / np.outer(size, size), xla.information / np.outer(size, size), atol=1e-11)

@@ -44,7 +44,7 @@ def test_factors_of_known_matrices_are_those_of_traced_ones():
     P = Z @ Z.mT
     P[0, 0], P[1, 2, 1], P[1, 2, :, 1] = 0, 0, 0  # nothing is uncertain, and one of four is not
     L = factors(P)
-    assert_allclose(L, traced_factors(P), rtol=1e-13, atol=1e-13)
+    assert_allclose(L, traced_factors(P), rtol=1e-13, atol=1e-12)  # a pivot of .003 amplifies rounding
     assert_allclose(L @ L.mT, P, atol=1e-13)
-    assert_allclose(jax.jit(factors)(P), L, rtol=1e-13, atol=1e-13)
+    assert_allclose(jax.jit(factors)(P), L, rtol=1e-13, atol=1e-12)
     assert np.array_equal(factors(np.ones((2, 2))), [[1, 0], [1, 0]])  # of rank one

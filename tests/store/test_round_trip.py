@@ -47,8 +47,8 @@ from estimable import (
     smooth,
     stack,
 )
-from estimable.frozen import RECORDS, field_names, saved
-from estimable.results import NoiseFit, Online, Outcome
+from estimable.frozen import RECORDS, field_names, replace, saved
+from estimable.results import Direction, NoiseFit, Online, Outcome, Suspect, Untestable
 
 MODEL = StateSpace(
     [[0.9, 0.1], [0.0, 0.8]],
@@ -119,6 +119,7 @@ TWO_ROWS = Record([np.nan, 5.0], dt=1)
 BENT = estimate(ExtendedKalman(CURVED), TWO_ROWS, prior=Prior([2.0], [[1.0]]))
 MASS = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], dt=0)
 SYNTHESIS = es.rho_synthesis(MASS, eta=[0.5, 1.0, 2.0])
+WRONG = Direction("B[x1, u1]", "B", (0, 0))
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
@@ -214,6 +215,9 @@ THINGS = {
     "Reduction": lambda: es.reduce(SEEN),
     "GainInformation": lambda: es.gain_information(MODEL, U, state=Prior([0.0, 0.0], np.eye(2)), gain=Prior([1.0], [[1.0]])),
     "Score": lambda: es.score(Kalman(MODEL), RECORD, prior=Prior([0.0, 0.0], np.eye(2)), with_respect_to=["R[y1]"]),
+    "Trust": lambda: es.trust(
+        UnknownGain(replace(MODEL, R=MODEL.R / 9), Prior([1.0], [[1.0]])), RECORD, prior=Prior([0.0, 0.0], np.eye(2))
+    )._replace(suspects=(Suspect(WRONG, 0.1, 0.02, 5.0),), untestable=(Untestable(WRONG, "gain", -1.0, -0.1),)),
     "UnknownInputExistence": lambda: es.unknown_input_existence(MODEL, unknown=["δ"], seen=np.ones((4, 2))),
     "UnknownInputExistence not": lambda: es.unknown_input_existence(SEEN, unknown=["u1"]),
     "LossTolerance": lambda: es.loss_tolerance(UNSTABLE),
@@ -272,8 +276,8 @@ FUNCTIONS = {  # records that no file can hold, for they hold functions of the u
 }
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
     "About", "Along", "Assessment", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Forward",
-    "Functions", "LoopInputs", "LoopState", "Matrices", "Moved", "PassInfo", "PassedRow", "Replayed", "SampledModel",
-    "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
+    "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Moved", "PassInfo", "PassedRow", "Replayed",
+    "SampledModel", "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
 
 

@@ -45,6 +45,10 @@ from .steps import Names as Names
 from .steps import Outcome as Outcome
 from .steps import Sample as Sample
 from .steps import outcome_code as outcome_code
+from .trusts import Direction as Direction
+from .trusts import Suspect as Suspect
+from .trusts import Trust as Trust
+from .trusts import Untestable as Untestable
 from .verdicts import Estimability as Estimability
 from .verdicts import Observability as Observability
 from .verdicts import Reachability as Reachability

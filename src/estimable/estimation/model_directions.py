@@ -1,0 +1,124 @@
+"""Directions in which a linear model may be wrong, as small numbers that are zero in the model itself.
+
+Entries of A and of B by their relative error, a delay of each input, an offset of each state equation and of each sensor. Delay
+and offsets enter as further inputs, (u[k] - u[k-1]) / dt and 1, whose columns are the numbers.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..frozen import replace
+from ..models.operating_point import OperatingPoint
+from ..models.sampled import point_of
+from ..models.state_space import StateSpace
+from ..results import Interval, Sample
+from ..results.trusts import Direction
+
+
+class Directions(NamedTuple):
+    """A model whose B and D hold the blocks [B0, B1, ..] side by side, and the directions of its errors."""
+
+    model: StateSpace
+    blocks: int  # of B: 1 and one for each gain
+    found: tuple[Direction, ...]
+
+    @staticmethod
+    def of(plain: StateSpace, blocked: StateSpace) -> "Directions":
+        """The directions of a model; `blocked` has its B in blocks."""
+        blocks = blocked.B.shape[-1] // plain.m if plain.m else 1
+        return Directions(blocked, blocks, tuple(_directions(plain, _of_blocks(blocked.B, blocks, plain.m))))
+
+    @property
+    def inputs(self) -> int:
+        """The number of inputs of the plain model."""
+        return self.model.B.shape[-1] // self.blocks
+
+    def moved(self, θ: np.ndarray) -> StateSpace:
+        """The model with θ (d,), which may be complex, and its further inputs: a delay for each input, and a constant."""
+        model, m = self.model, self.inputs
+        A, B, D = model.A, _of_blocks(model.B, self.blocks, m), _of_blocks(model.D, self.blocks, m)
+        end = None if model.B_end is None else _of_blocks(model.B_end, self.blocks, m)
+        late, constant = np.zeros((*B.shape[:-1], m), θ.dtype), np.zeros((*B.shape[:-1], 1), θ.dtype)
+        level = np.zeros((*D.shape[:-1], m + 1), θ.dtype)
+        for by, one in zip(θ, self.found, strict=True):
+            if one.kind == "A":
+                A = A * _scaled(A.shape[-2:], one.at, by)
+            elif one.kind == "B":
+                factor = _scaled(B.shape[-2:], one.at, by)
+                B, end = B * factor, None if end is None else end * factor
+            elif one.kind == "delay":
+                j = one.at[0]
+                late[..., j] = late[..., j] - by * (B[..., j] if end is None else B[..., j] + end[..., j])
+                level[..., j] = level[..., j] - by * D[..., j]
+            elif one.kind == "state offset":
+                constant[..., 0, one.at[0], 0] += by
+            else:
+                level[..., 0, one.at[0], m] += by
+        point = point_of(model)
+        inputs = np.concatenate([point.inputs[..., :m], np.zeros((*point.inputs.shape[:-1], m + 1))], axis=-1)
+        return replace(
+            model, A=A, B=_side_by_side([B, late, constant]), D=_side_by_side([D, level]),
+            B_end=None if end is None else _side_by_side([end, 0 * late, 0 * constant]),
+            operating_point=OperatingPoint(point.states, inputs, point.outputs),
+        )  # fmt: skip
+
+
+def _directions(model: StateSpace, blocks: np.ndarray) -> Any:
+    x, u, y = model.states, model.inputs, model.outputs
+    shaped = _shapes_noise(model)
+    for i, j in np.ndindex(model.n, model.n):
+        exact = model.is_continuous and np.all(np.abs(model.A[..., i, j]) == 1)
+        if np.any(model.A[..., i, j]) and not exact and not (shaped[i] or shaped[j]):
+            yield Direction(f"A[{x[i]}, {x[j]}]", "A", (i, j))
+    for i, j in np.ndindex(model.n, model.m):
+        if np.any(blocks[..., i, j]):
+            yield Direction(f"B[{x[i]}, {u[j]}]", "B", (i, j))
+    yield from (Direction(f"delay of {u[j]}", "delay", (j,)) for j in range(model.m))
+    yield from (Direction(f"offset of d{x[i]}/dt", "state offset", (i,)) for i in range(model.n) if not shaped[i])
+    yield from (Direction(f"offset of {y[i]}", "sensor offset", (i,)) for i in range(model.p))
+
+
+def _shapes_noise(model: StateSpace) -> np.ndarray:
+    """The states that only colour a noise: nothing drives them but noise, and no sensor sees them."""
+    own = np.eye(model.n, dtype=bool)
+    driven = (np.where(own, 0, model.A) != 0).any(axis=-1) | (model.B != 0).any(axis=-1)
+    seen = (model.C != 0).any(axis=-2)
+    return ~(_ever(driven) | _ever(seen))
+
+
+def _ever(flags: np.ndarray) -> np.ndarray:
+    return flags if flags.ndim == 1 else flags.any(axis=tuple(range(flags.ndim - 1)))
+
+
+def _of_blocks(M: np.ndarray, blocks: int, m: int) -> np.ndarray:
+    """(.., rows, blocks m) as (.., blocks, rows, m)."""
+    return np.moveaxis(M.reshape(*M.shape[:-1], blocks, m), -2, -3)
+
+
+def _side_by_side(parts: list[np.ndarray]) -> np.ndarray:
+    """The columns of each block, and the blocks side by side."""
+    M = np.moveaxis(np.concatenate(parts, axis=-1), -3, -2)
+    return M.reshape(*M.shape[:-2], -1)
+
+
+def _scaled(shape: tuple[int, ...], at: tuple[int, ...], by: complex) -> np.ndarray:
+    """Ones, and 1 + `by` at one entry."""
+    factor = np.ones(shape, np.result_type(by))
+    factor[at] += by
+    return factor
+
+
+def with_further_inputs(samples: Sample, intervals: Interval, hold: str) -> tuple[Sample, Interval]:
+    """The rows with the rate of each input and a constant as inputs."""
+    u, dt = intervals.u, np.asarray(intervals.dt)[:, None]
+    if hold == "first_order":
+        rate = (intervals.u_end - u) / dt
+        start = end = rate
+    else:
+        start = end = np.diff(u, axis=0, prepend=u[:1]) / dt
+    one = np.ones((len(u), 1))
+    before = np.concatenate([u, start, one], axis=1)
+    after = np.concatenate([intervals.u_end, end, one], axis=1)
+    seen = np.concatenate([samples.u, start, one], axis=1)
+    return replace(samples, u=seen), replace(intervals, u=before, u_end=after)
