@@ -88,7 +88,7 @@ def _shapes_noise(model: StateSpace) -> np.ndarray:
 
 
 def _ever(flags: np.ndarray) -> np.ndarray:
-    return flags if flags.ndim == 1 else flags.any(axis=tuple(range(flags.ndim - 1)))
+    return np.asarray(flags.any(axis=tuple(range(flags.ndim - 1))))
 
 
 def _of_blocks(M: np.ndarray, blocks: int, m: int) -> np.ndarray:
