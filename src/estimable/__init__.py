@@ -89,6 +89,7 @@ _HOMES = {
     "close_loop": "simulation.close_loop",
     "close_loop_bank": "simulation.close_loop",
     "compare": "identification.compare",
+    "dead_time": "identification.dead_time",
     "diagnostics": "diagnostics",
     "disturbance_accommodation": "design.disturbance_accommodation",
     "drawn_from": "simulation.simulate",

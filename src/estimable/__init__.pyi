@@ -70,6 +70,7 @@ from .filters.unknown_input import UnknownInput as UnknownInput
 from .filters.unscented_kalman import UnscentedKalman as UnscentedKalman
 from .identification.choose_orders import choose_orders as choose_orders
 from .identification.compare import compare as compare
+from .identification.dead_time import dead_time as dead_time
 from .identification.identify import identify as identify
 from .identification.select_order import select_order as select_order
 from .identifiers.adaptive_identification import AdaptiveIdentification as AdaptiveIdentification

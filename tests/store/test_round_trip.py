@@ -218,6 +218,7 @@ THINGS = {
     "Trust": lambda: es.trust(
         UnknownGain(replace(MODEL, R=MODEL.R / 9), Prior([1.0], [[1.0]])), RECORD, prior=Prior([0.0, 0.0], np.eye(2))
     )._replace(suspects=(Suspect(WRONG, 0.1, 0.02, 5.0),), untestable=(Untestable(WRONG, "gain", -1.0, -0.1),)),
+    "DeadTime": lambda: es.dead_time(RECORD, most=2),
     "UnknownInputExistence": lambda: es.unknown_input_existence(MODEL, unknown=["δ"], seen=np.ones((4, 2))),
     "UnknownInputExistence not": lambda: es.unknown_input_existence(SEEN, unknown=["u1"]),
     "LossTolerance": lambda: es.loss_tolerance(UNSTABLE),

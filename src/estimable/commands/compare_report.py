@@ -3,9 +3,12 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..data.record import Record
 from ..errors import EstimableError
 from ..results import Comparison, Ranked
+from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
 from .identify_files import Asked, WrittenFiles, write_model_file, write_page
 from .identify_report import read
@@ -102,7 +105,11 @@ def _orders(selection: OrderSelection) -> dict[str, Any]:
 
 
 def _short(one: Ranked) -> dict[str, Any]:
-    return {"method": one.name, "order": one.order, "fit_percent": one.fit_percent}
+    return {
+        "method": one.name,
+        "order": one.order,
+        "fit_percent": one.fit_percent if np.isfinite(one.fit_percent) else None,
+    }
 
 
 def _long(one: Ranked, outputs: Sequence[str]) -> dict[str, Any]:
@@ -112,13 +119,20 @@ def _long(one: Ranked, outputs: Sequence[str]) -> dict[str, Any]:
     return {
         **_short(one),
         "settings": settings(one),
-        "fits": dict(zip(outputs, map(float, one.fits), strict=True)),
-        "one_step_fits": dict(zip(outputs, map(float, one.one_step_fits), strict=True)),
+        "fits": dict(zip(outputs, map(_number, one.fits), strict=True)),
+        "one_step_fits": dict(zip(outputs, map(_number, one.one_step_fits), strict=True)),
+        "diverged": one.diverged,
         "behind": one.behind,
+        "ratio": _number(one.ratio),
         "within_noise_of_best": one.alike,
         "checks": [check._asdict() | {"passed": bool(check.passed)} for check in one.fit.validation.checks],
         "failure": "",
     }
+
+
+def _number(value: float) -> float | None:
+    """None for an infinite one."""
+    return float(value) if np.isfinite(value) else None
 
 
 def settings(one: Ranked) -> dict[str, Any]:
@@ -138,14 +152,14 @@ def as_text(run: Compared) -> list[Any]:
         table.add_column(name, justify="right")
     for one in run.found.ranked:
         if one.fit is not None:
-            behind = f"{one.behind:.1f}" + (" (noise)" if one.alike and one.behind else "")
-            table.add_row(
-                one.label, str(one.order), f"{one.fit_percent:.1f}", f"{one.one_step_fits.mean():.1f}", behind
-            )
+            behind = one.shown_behind + (" (noise)" if one.alike and one.behind else "")
+            ahead = shown(float(one.one_step_fits.mean()))
+            table.add_row(one.label, str(one.order), one.shown_fit.removesuffix(" %"), ahead.removesuffix(" %"), behind)
     samples = counted(len(run.record), "sample")
     head = f"{run.asked.path.name}: {samples}; fitted to the first {run.asked.split:.0%}, ranked on the rest"
     failed = [f"{one.name}: {one.failure}" for one in run.found.ranked if one.failure]
     legend = (
-        "fit: of a simulation of these rows. behind: how many standard errors the squared errors are above the best."
+        "fit: of a simulation of these rows; diverged: it ran away. behind: how many standard errors the squared errors are "
+        "above the best."
     )
     return [head, "", table, "", legend, *failed, *_sentences(run)]

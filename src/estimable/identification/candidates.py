@@ -12,8 +12,11 @@ from ..identifiers.least_squares import LeastSquares
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.subspace import Subspace
 from .choose_orders import choose_orders
+from .dead_time import dead_time
 from .select_order import select_order
 
+DELAYS = 6  # tried in any case
+NEAR = 2  # delays tried on either side of the dead time
 MOST = 6  # order tried of ARX and state-space models
 
 
@@ -27,8 +30,12 @@ def candidates(
     """
     found: list[Any] = []
     tried = range(1, MOST + 1) if order is None else (order,)
+    tell("the dead time")
+    late = _tried(lambda: dead_time(list(records)))
+    far = [] if late is None or late.delay is None else range(max(late.delay - NEAR, 0), late.delay + NEAR + 1)
+    delays = sorted({*range(DELAYS), *far})
     tell("the order of ARX")
-    selection = _tried(lambda: select_order(list(records), orders=tried))
+    selection = _tried(lambda: select_order(list(records), orders=tried, delays=delays))
     if selection is not None:
         n, delay = selection.order, selection.delay
         found.append(LeastSquares(n, n - 1, delay=delay))

@@ -15,8 +15,8 @@ from ..identifiers.standing import LinearModel, standing, state_space_of
 from ..models.state_space import StateSpace
 from ..protocols import FilterIdentifier, Method
 from ..results import Comparison
-from ..results.comparisons import NOISE, Divided, Ranked
-from . import adaptive
+from ..results.comparisons import Divided, Ranked
+from . import adaptive, judge
 from .candidates import candidates
 from .identify import identify
 
@@ -25,11 +25,12 @@ REFUSED = "no linear model explains this record"
 
 
 class _HeldOut(NamedTuple):
-    """Errors on the held-out rows (N, p): simulated and one step ahead, and the outputs there."""
+    """Errors on the held-out rows (N, p): simulated and one step ahead, the outputs there, and their names."""
 
     simulated: np.ndarray
     one_step: np.ndarray
     y: np.ndarray
+    outputs: tuple[str, ...]
 
 
 def compare(
@@ -52,9 +53,10 @@ def compare(
     have not run.
 
     The held-out part is simulated from the inputs alone, without its outputs; the simulation continues from the first part.
-    Methods are ranked by the fit of this simulation. Two methods count as equal (`alike`) if their squared errors differ by
-    less than two standard errors, which allow for autocorrelation (Newey & West 1987). If the best method is not
-    significantly better than the mean of the outputs, `best` is None.
+    Methods are ranked by the fit of this simulation. Two methods count as equal (`alike`) if their squared errors, compared
+    segment by segment, do not differ significantly, and neither is more than twice the other. A simulation that runs away is
+    `diverged`, and equal to none. A simulation explains an output if it fits more than 5 % of it, and the output depends on
+    it significantly; if it explains none, `best` is None.
 
     Returns a `Comparison`. Raises `InputError` with every fault of the call. A method that fails is ranked last, with its
     message.
@@ -152,7 +154,8 @@ def _run(method: Method, task: Divided) -> Any:
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)
     held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, whole, rows, strict=True)]
-    return method, fit, model, _HeldOut(*(np.concatenate(columns) for columns in zip(*held, strict=True)))
+    columns = (np.concatenate(one) for one in zip(*held, strict=True))
+    return method, fit, model, _HeldOut(*columns, task.records[0].outputs)
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
@@ -171,44 +174,29 @@ def _ranked(found: list[Any]) -> Comparison:
     failed = [Ranked(method, None, None, none, none, failure=why) for method, why in (f for f in found if len(f) == 2)]
     if not fitted:
         return Comparison(tuple(failed), None, f"{REFUSED}: no method could be fitted to it.")
-    order = sorted(fitted, key=lambda one: -float(np.mean(_fit(one[3].simulated, one[3].y))))
+    order = sorted(fitted, key=lambda one: -float(np.mean(judge.fit_percent(one[3].simulated, one[3].y))))
     first = order[0][3]
     ranked = []
     for method, fit, model, held in order:
-        fits, steps = _fit(held.simulated, held.y), _fit(held.one_step, held.y)
-        ranked.append(Ranked(method, fit, model, fits, steps, _behind(held.simulated, first.simulated, first.y)))
+        fits, steps = judge.fit_percent(held.simulated, held.y), judge.fit_percent(held.one_step, held.y)
+        t, ratio = judge.behind(held.simulated, first.simulated, first.y)
+        ranked.append(
+            Ranked(method, fit, model, fits, steps, t, ratio=ratio, diverged=judge.diverged(held.simulated, held.y))
+        )
     return _judged(ranked, failed, first)
 
 
 def _judged(ranked: list[Ranked], failed: list[Ranked], first: _HeldOut) -> Comparison:
-    """The best method, unless the mean of the outputs is as good."""
+    """The best method, if its simulation explains an output."""
     best, everything = ranked[0], (*ranked, *failed)
-    mean = first.y - np.nanmean(first.y, axis=0)
-    gain = _behind(mean, first.simulated, first.y)
-    if best.fit_percent <= 0 or gain < NOISE:
-        why = f"the best simulation ({best.name}) fits {best.fit_percent:.1f} % of the held-out outputs"
-        return Comparison(everything, None, f"{REFUSED}: {why}, {gain:.1f} standard errors better than their mean.")
+    explained = judge.explained(first.simulated, first.y)
+    if not explained.any():
+        why = f"the best simulation ({best.name}) fits {best.shown_fit} of the held-out outputs"
+        return Comparison(everything, None, f"{REFUSED}: {why}, which chance or a level fits as well.")
     others = [one.label for one in ranked[1:] if one.alike]
     doubt = f" Not significantly worse: {', '.join(others)}." if others else " All others are significantly worse."
-    result = f"{best.label} of order {best.order} fits best: {best.fit_percent:.1f} % of the held-out rows."
-    return Comparison(everything, best, result + doubt)
-
-
-def _fit(e: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """100 (1 - |e| / |y - mean|) of each output, over the seen samples."""
-    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
-    return 100 * (1 - np.sqrt(np.nansum(e**2, axis=0)) / np.where(spread > 0, spread, np.finfo(float).tiny))
-
-
-def _behind(e: np.ndarray, best: np.ndarray, y: np.ndarray) -> float:
-    """By how many standard errors the squared errors e² exceed the best ones, in units of each output's variance."""
-    d = np.nansum((e**2 - best**2) / np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny), axis=1)
-    d = d[~np.isnan(y).all(axis=1)]
-    mean, N = float(d.mean()), len(d)
-    lags = min(max(round(2 * N ** (1 / 3)), 1), N - 1)
-    z = d - mean
-    variance = float(z @ z) / N
-    for lag in range(1, lags + 1):
-        variance += 2 * (1 - lag / (lags + 1)) * float(z[lag:] @ z[:-lag]) / N
-    error = np.sqrt(max(variance, 0.0) / N)
-    return mean / error if error > 0 else (0.0 if mean == 0 else float(np.copysign(1e6, mean)))
+    result = f"{best.label} of order {best.order} fits best: {best.shown_fit} of the held-out rows."
+    names = first.outputs
+    not_explained = [names[i] for i in np.flatnonzero(~explained)]
+    rest = f" It does not explain {checks.listed(not_explained)}." if not_explained else ""
+    return Comparison(everything, best, result + doubt + rest)

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..data.record import Record, several
-from ..errors import EstimableError, InputError
+from ..errors import EstimableError
 from ..identifiers.least_squares import LeastSquares, OutputEquations
 from ..identifiers.subspace import Subspace
 from ..kernels.regression import regress
@@ -25,9 +25,11 @@ def select_order(
 ) -> OrderSelection:  # fmt: skip
     """Recommend an order for a linear model, and show the criteria behind the recommendation.
 
-    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N samples, k parameters per
+    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N equations, k parameters per
     output, residuals e, and D = Σ N log(mean e²) over the outputs, the criteria are AIC = D + 2 k, AICc = D + 2 k N / (N - k
-    - 1) and BIC = D + k log N. `cross_validation` is N log of the mean squared error over five blocks of data, each predicted
+    - 1) and BIC = D + k log N. Where samples are missing, a larger order has fewer complete equations: each step to the next
+    order is judged on the equations that both have, and the steps are added. An order with fewer than 2 n + 8 equations, and
+    every larger one, is infinite. `cross_validation` is N log of the mean squared error over five blocks of data, each predicted
       by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose gap also shows the order. BIC
       finds the true order of long records; AIC and cross-validation choose the model that predicts best.
 
@@ -44,16 +46,20 @@ def select_order(
     """
     records, tried, lags = _read(record, orders, delays, criterion)
     found = [_best(records, n, lags) for n in tried]
-    names = ("delays", "aic", "aicc", "bic", "cross_validation")
-    columns = {name: np.array(column) for name, column in zip(names, zip(*found, strict=True), strict=True)}
+    criteria = _by_pairs(found, len(records[0].inputs))
+    columns = {name: np.array([getattr(one, name) for one in criteria]) for name in _Criteria._fields}
     if not np.isfinite(columns["bic"]).any():
         checks.refuse(
-            f"the record is too short for order {min(tried)}: it has {checks.counted(_seen(records), 'sample')}."
+            f"the record is too short for order {min(tried)}: it has {checks.counted(_seen(records), 'sample')}. "
+            "An order n needs 2 n + 8 rows without a gap before them."
         )
+    delays = np.array([lags[0] if one is None else one.delay for one in found])
     values = _singular_values(records, max(tried))
     gap = None if values is None else _gap(values, max(tried))
     best = tried[int(np.argmin(columns[criterion]))]
-    return OrderSelection(np.array(tried), **columns, singular_values=values, gap=gap, order=best, criterion=criterion)
+    return OrderSelection(
+        np.array(tried), delays, **columns, singular_values=values, gap=gap, order=best, criterion=criterion
+    )
 
 
 def _read(
@@ -86,37 +92,99 @@ def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Fau
     return sorted(int(value) for value in values) if len(faults.sentences) == before else []
 
 
-def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> tuple[int, float, float, float, float]:
-    """The delay with the smallest residuals at order n; AIC, AICc, BIC and cross-validation there."""
-    N, k, p = _seen(records), n * (1 + len(records[0].inputs)), len(records[0].outputs)
+class _Equations(NamedTuple):
+    """The complete ARX equations of each output at one order and its best delay; `at` holds the row of each, over all records."""
+
+    order: int
+    delay: int
+    rows: list[OutputEquations]
+
+    def at_rows(self, common: Sequence[np.ndarray]) -> list[OutputEquations]:
+        """Those of the given rows of each output."""
+        chosen = [np.isin(one.at, rows) for one, rows in zip(self.rows, common, strict=True)]
+        return [
+            OutputEquations(one.Φ[keep], one.y[keep], one.at[keep]) for one, keep in zip(self.rows, chosen, strict=True)
+        ]
+
+
+def _best(records: Sequence[Record], n: int, delays: Sequence[int]) -> _Equations | None:
+    """The equations at order n with the delay of the smallest residuals; None where there are too few for every delay."""
     tried = []
     for delay in delays:
-        rows = _complete(records, n, delay)
-        if rows is not None and min(len(one.y) for one in rows) > k + 1:
-            tried.append((_deviance(N, [regress(one.Φ, one.y).e for one in rows]), delay, rows))
+        rows = [_rows(records, n, delay, i) for i in range(len(records[0].outputs))]
+        if min(len(one.y) for one in rows) >= max(2 * n + 8, rows[0].Φ.shape[1] + 2):
+            tried.append((sum(_log_square(regress(one.Φ, one.y).e) for one in rows), delay, rows))
     if not tried:
-        return delays[0], np.inf, np.inf, np.inf, np.inf
-    deviance, delay, rows = min(tried, key=lambda one: one[0])
-    left = max(N - k - 1, 1)
-    corrected, bic = deviance + p * 2 * k * N / left, deviance + p * k * np.log(N)
-    return delay, deviance + p * 2 * k, corrected, bic, _deviance(N, [_held_out(one) for one in rows])
-
-
-def _complete(records: Sequence[Record], n: int, delay: int) -> list[OutputEquations] | None:
-    try:
-        return LeastSquares(n, n - 1, delay=delay).complete_rows(records)
-    except InputError:
         return None
+    _, delay, rows = min(tried, key=lambda one: one[0])
+    return _Equations(n, delay, rows)
+
+
+def _rows(records: Sequence[Record], n: int, delay: int, i: int) -> OutputEquations:
+    """The complete equations of output i; rows are counted over all records, alike at every order."""
+    found, start = [], 0
+    for record in records:
+        one = LeastSquares(n, n - 1, delay=delay).rows([record], i)
+        found.append(one._replace(at=one.at + start))
+        start += len(record)
+    return OutputEquations(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+
+
+class _Criteria(NamedTuple):
+    """AIC, AICc, BIC and cross-validation."""
+
+    aic: float
+    aicc: float
+    bic: float
+    cross_validation: float
+
+
+NONE = _Criteria(np.inf, np.inf, np.inf, np.inf)
+
+
+def _by_pairs(found: Sequence[_Equations | None], inputs: int) -> list[_Criteria]:
+    """The criteria at each order: running sums of what the step from an order to the next adds on the rows that both can use.
+
+    A larger order has fewer complete equations where samples are missing, so that sums over the rows of each would compare
+    different data. An order without equations ends the sums.
+    """
+    criteria, before = [], None
+    for one in found:
+        if one is None:
+            return criteria + [NONE] * (len(found) - len(criteria))
+        if before is None:
+            total = _sums(one.rows, one.order * (1 + inputs))
+        else:
+            common = [np.intersect1d(a.at, b.at) for a, b in zip(before.rows, one.rows, strict=True)]
+            k, more = (each.order * (1 + inputs) for each in (before, one))
+            if min(len(rows) for rows in common) < more + 2:
+                return criteria + [NONE] * (len(found) - len(criteria))
+            smaller, larger = (_sums(each.at_rows(common), size) for each, size in ((before, k), (one, more)))
+            total = _Criteria(*(np.array(total) + np.array(larger) - np.array(smaller)))
+        criteria.append(total)
+        before = one
+    return criteria
+
+
+def _sums(rows: Sequence[OutputEquations], k: int) -> _Criteria:
+    """The criteria on these equations, for k parameters of each output."""
+    deviance = held_out = aic = aicc = bic = 0.0
+    for one in rows:
+        N = len(one.y)
+        deviance += N * _log_square(regress(one.Φ, one.y).e)
+        held_out += N * _log_square(_held_out(one))
+        aic, aicc, bic = aic + 2 * k, aicc + 2 * k * N / max(N - k - 1, 1), bic + k * np.log(N)
+    return _Criteria(deviance + aic, deviance + aicc, deviance + bic, held_out)
+
+
+def _log_square(e: np.ndarray) -> float:
+    """The logarithm of the mean square."""
+    return float(np.log(max(float(e @ e) / len(e), TINY)))
 
 
 def _seen(records: Sequence[Record]) -> int:
-    """The average number of samples of an output: the same for every order, for any number of complete equations."""
-    return max(round(sum(int(record.seen.sum()) for record in records) / len(records[0].outputs)), 1)
-
-
-def _deviance(N: int, residuals: Sequence[np.ndarray]) -> float:
-    """N log of the mean square, of all outputs together."""
-    return N * sum(float(np.log(max(float(e @ e) / len(e), TINY))) for e in residuals)
+    """The average number of samples of an output."""
+    return round(sum(int(record.seen.sum()) for record in records) / len(records[0].outputs))
 
 
 def _held_out(rows: OutputEquations) -> np.ndarray:

@@ -51,7 +51,7 @@ def over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     band = np.repeat(np.append(1.0, a)[: len(x), None], len(x), axis=1)
     found, _ = dtbtrs(band, x, uplo="L", diag="U")
-    return found if np.isfinite(found.sum()) else np.nan_to_num(found, nan=np.inf, posinf=np.inf, neginf=-np.inf)
+    return found if np.isfinite(found).all() else np.nan_to_num(found, nan=np.inf, posinf=np.inf, neginf=-np.inf)
 
 
 def delayed(x: np.ndarray, steps: int) -> np.ndarray:

@@ -236,7 +236,8 @@ def _balance(A: Real, B: Real, Q: Real, R: Real, N: Real) -> tuple[Real, ...]:
 
     n, weight = len(A), np.abs(np.diagonal(R))
     G = (B / np.where(weight > 0, weight, 1.0)) @ B.T
-    scale = np.log2(matrix_balance(np.abs(np.block([[A, G], [Q, A.T]])), permute=False, separate=True)[1][0])
+    with np.errstate(invalid="ignore"):  # of permutations, which are not asked for
+        scale = np.log2(matrix_balance(np.abs(np.block([[A, G], [Q, A.T]])), permute=False, separate=True)[1][0])
     T = 2.0 ** np.round((scale[n:] - scale[:n]) / 2)
     return T, A * (T[:, None] / T), T[:, None] * B, Q / (T[:, None] * T), N / T[:, None]
 

@@ -10,6 +10,7 @@ from ..diagnostics.innovations import Correlations
 from ..diagnostics.responses import FrequencyResponse, Response, Roots
 from ..errors import InputError
 from ..results import Excitation, Fit
+from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
 from .charts import BOUND, FILL, MARK, MEASURED, STATE, packed, thinned
 from .contents import Chart, Key
@@ -59,7 +60,7 @@ def simulation_charts(
         keys.append(Key("start of the held-out part", MARK, "line"))
         charts.append(
             Chart(
-                f"{name}: {fits[i]:.1f} % of the held-out part",
+                f"{name}: {shown(fits[i])} of the held-out part",
                 tuple(keys),
                 tuple(traces),
                 {"shapes": [edge]},

@@ -14,6 +14,7 @@ from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear_model import NonlinearModel
 from ..models.output_error import OutputError
 from ..results import Check, Comparison, Fit, Ranked
+from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
 from .assumptions import model_items, record_items
 from .charts import thinned
@@ -109,8 +110,8 @@ def _name(check: Check) -> str:
 
 def _facts(chosen: Ranked, record: Record) -> Any:
     yield Fact("Method", chosen.label, f"order {chosen.order}")
-    yield Fact("Simulation", f"{chosen.fit_percent:.1f} %", "of the held-out part, from the inputs alone")
-    yield Fact("One step ahead", f"{float(np.mean(chosen.one_step_fits)):.1f} %", "of the held-out part")
+    yield Fact("Simulation", chosen.shown_fit, "of the held-out part, from the inputs alone")
+    yield Fact("One step ahead", shown(float(np.mean(chosen.one_step_fits))), "of the held-out part")
     missing = 1 - float(record.seen.mean())
     yield Fact(
         "Samples", f"{len(record):,}", f"every {record.dt:g} s" + (f", {missing:.0%} not seen" if missing else "")
@@ -124,7 +125,7 @@ def _methods(found: Comparison) -> Section:
         if one.fit is None:
             items.append((one.name, one.failure))
             continue
-        fits = f"{one.fit_percent:.1f} % by simulation, {float(np.mean(one.one_step_fits)):.1f} % one step ahead"
+        fits = f"{one.shown_fit} by simulation, {shown(float(np.mean(one.one_step_fits)))} one step ahead"
         alike = (
             "the best"
             if one.behind == 0

@@ -11,6 +11,7 @@ _HOMES = {
     "ClosedLoop": "results.simulations",
     "ClosedLoopBank": "results.simulations",
     "Comparison": "results.comparisons",
+    "DeadTime": "results.order_selection",
     "Delivery": "networks.delivery",
     "Direction": "results.trusts",
     "DisturbanceAccommodation": "results.designs",

@@ -27,6 +27,7 @@ from .margins import LossTolerance as LossTolerance
 from .margins import Perturbed as Perturbed
 from .margins import RhoMargin as RhoMargin
 from .margins import StabilityRadius as StabilityRadius
+from .order_selection import DeadTime as DeadTime
 from .order_selection import OrderCandidate as OrderCandidate
 from .order_selection import OrderRanking as OrderRanking
 from .order_selection import OrderSelection as OrderSelection

@@ -10,8 +10,15 @@ from ..data.trends import Trend
 from ..frozen import saved
 from .fits import Fit
 
-NOISE = 2.0  # standard errors of a difference of squared errors, within which two methods are equally good
+NOISE = 2.262157  # t of the differences of squared errors over ten segments, within which two methods are equally good
+FACTOR = 2.0  # of the squared errors of two methods that are equally good
+FARTHEST = -1000.0  # per cent: a worse fit is not printed as a number
 LEAD = 1.0  # points of one-step fit: below this lead the best simulation is also the best for a filter
+
+
+def shown(fit: float) -> str:
+    """A fit in per cent as text; "diverged" where it is far below that of a constant."""
+    return f"{fit:.1f} %" if fit > FARTHEST else "diverged"
 
 
 @saved
@@ -23,7 +30,9 @@ class Ranked(NamedTuple):
     - `model`: the fitted model, in absolute units.
     - `fits` (p,): for each output, how well a simulation by the model fits the held-out part, in per cent.
     - `one_step_fits` (p,): the same for predictions from the previous sample.
-    - `behind`: by how many standard errors the squared errors of this method exceed those of the best method.
+    - `behind`: by how many standard errors the squared errors of this method exceed those of the best method, over segments
+      of the held-out rows. `ratio`: the sum of its squared errors divided by that of the best method.
+    - `diverged`: whether its simulation ran away from the outputs.
     - `failure`: the reason why there is no fit, otherwise empty.
     """
 
@@ -34,6 +43,18 @@ class Ranked(NamedTuple):
     one_step_fits: np.ndarray
     behind: float = 0.0
     failure: str = ""
+    ratio: float = 1.0
+    diverged: bool = False
+
+    @property
+    def shown_fit(self) -> str:
+        """The fit as text, in per cent; "diverged" where the simulation ran away."""
+        return "diverged" if self.diverged else shown(self.fit_percent)
+
+    @property
+    def shown_behind(self) -> str:
+        """`behind` as text, of at most six characters."""
+        return f"{self.behind:.1f}" if abs(self.behind) < 1000 else "> 1000"
 
     @property
     def name(self) -> str:
@@ -67,8 +88,9 @@ class Ranked(NamedTuple):
 
     @property
     def alike(self) -> bool:
-        """Whether the difference from the best method is within the noise: `behind` is less than 2."""
-        return not self.failure and bool(self.behind < NOISE)
+        """Whether the method is as good as the best one within the noise, and better than the mean of the outputs."""
+        good = not self.failure and not self.diverged and self.fit_percent > 0
+        return bool(good and self.behind < NOISE and self.ratio < FACTOR)
 
 
 @saved

@@ -96,3 +96,31 @@ class OrderRanking(NamedTuple):
         lead = getattr(second, self.criterion) - getattr(first, self.criterion)
         doubt = ": a small lead, so compare both" if lead < 2 else ""
         return f"{choice}, {lead:.1f} ahead of na = {second.na}, nb = {second.nb}, delay = {second.delay}{doubt}."
+
+
+@saved
+class DeadTime(NamedTuple):
+    """The result of `dead_time`.
+
+    - `delay`: the samples after which the inputs begin to act. None: no effect of the inputs is seen.
+    - `alike`: the delays that fit as well.
+    - `p`: the p-value of the effect of the inputs, for all the delays that were tried.
+    - `at_edge`: whether the delay is at the end of the scan, so that a larger one may fit better.
+    - `most`: the largest delay that was tried.
+    """
+
+    delay: int | None
+    alike: tuple[int, ...]
+    p: float
+    at_edge: bool
+    most: int
+
+    @property
+    def sentence(self) -> str:
+        """The dead time as a sentence."""
+        if self.delay is None:
+            return f"No effect of the input is seen within {self.most} samples (p = {self.p:.2g})."
+        if self.at_edge:
+            return f"The dead time of {self.delay} samples is at the edge of the search: try delays above {self.most}."
+        others = [str(d) for d in self.alike if d != self.delay]
+        return f"The dead time is {self.delay} samples" + (f"; {', '.join(others)} fit as well." if others else ".")
