@@ -16,7 +16,8 @@ from ..controllers.proportional_integral import ProportionalIntegral
 from ..controllers.state_feedback import StateFeedback
 from ..data.record import Record
 from ..frozen import replace, saved
-from ..models.controlled import ControlledPlant, Failure
+from ..models.controlled import ControlledPlant
+from ..models.events import Failure
 from ..models.discretisation import exponential
 from ..models.state_space import StateSpace
 

@@ -16,6 +16,8 @@ from ..estimation.binding import check_hold, check_prior, check_prior_kind, mode
 from ..filters.wrapped import check_algorithm
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
+from ..models.disturbances import SensorFault
+from ..models.event_rows import pushes, sensed
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
@@ -28,7 +30,7 @@ from .loop import ControlLoop, LoopInputs
 from .transmit import Links, check_links, is_link
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
-NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
+NOISE, INPUT, OUTPUT, SENSOR, POSITION = range(5)  # streams of a run's random numbers
 
 
 def close_loop(
@@ -114,12 +116,14 @@ def close_loop_bank(
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
     loop = ControlLoop(
-        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
-        np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
+        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _start(flown, start),
+        flown.point.states, np.asarray(step), flown.position_sigma,
+        columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
+        freezes=any(isinstance(e, SensorFault) and e.kind == "frozen" for e in flown.events),
     )  # fmt: skip
     T = len(followed)
     t = np.arange(T) * step
-    rows = _rows(loop, flown.phase_rows(t), followed, seed, first + np.arange(runs))
+    rows = _rows(loop, flown, t, followed, seed, first + np.arange(runs))
     intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
     if simulator is not None:
         used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
@@ -132,7 +136,7 @@ def close_loop_bank(
             raise RunError(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
-    return ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
+    return ClosedLoopBank(replace(_closed(info, t, followed, used, names), events=flown.events), outcomes)
 
 
 def _plant(given: Plant) -> tuple[Any, Any]:
@@ -168,36 +172,48 @@ def _closed(info: Info, t: np.ndarray, reference: np.ndarray, engine: str, names
 
 
 @forks.jit(static_argnames=("T", "sizes"))
-def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
-    """Noises and uniform numbers of each run, (runs, T, size)."""
+def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, ...]):
+    """The random numbers of each run, (runs, T, size): normal and uniform ones, by stream."""
 
     def one(i: Array):
         key = jax.random.fold_in(jax.random.key(seed), i)
-        noise = jax.random.normal(jax.random.fold_in(key, NOISE), (T, sizes[0]))
-        uniform = [jax.random.uniform(jax.random.fold_in(key, stream), (T, size), float)
-                   for stream, size in ((INPUT, sizes[1]), (OUTPUT, sizes[2]))]  # fmt: skip
-        return noise, *uniform
+
+        def drawn(stream: int, size: int) -> Any:
+            key_ = jax.random.fold_in(key, stream)
+            return jax.random.uniform(key_, (T, size), float) if stream in (INPUT, OUTPUT) else jax.random.normal(
+                key_, (T + 1 if stream == POSITION else T, size)
+            )
+
+        return [drawn(stream, size) for stream, size in enumerate(sizes)]
 
     return jax.vmap(one)(which)
 
 
-def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> LoopInputs:
+def _rows(
+    loop: ControlLoop, plant: ControlledPlant, t: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray
+) -> LoopInputs:
     """The rows of the runs with these indices."""
     T, runs = len(reference), len(which)
+    phases, faults = plant.phase_rows(t), sensed(plant.events, plant.model, t)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
-    sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
-    noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
-    phase = np.eye(len(loop.plant.A))[phases]
+    unused = plant.model.m if plant.mode == "moving" else 0  # one for each actuator, which has no noise
+    sizes = (noises + unused, *(0 if link is None else max(link.draws, 1) for link in loop.links),
+             0 if faults is None else plant.model.p, 0 if plant.position_sigma is None else plant.model.m)  # fmt: skip
+    noise, input_draw, output_draw, sensor, position = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
+    push = pushes(plant.events, [stage.model for stage in plant.stages()], phases, t, float(loop.dt))
+    shared = (reference, np.eye(len(plant.events) + 1)[phases], push, faults)
+    reference, phase, push, faults = jax.tree_util.tree_map(lambda rows: np.broadcast_to(rows, (runs, *rows.shape)), shared)
     return LoopInputs(
-        noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
-        np.broadcast_to(phase, (runs, *phase.shape)), np.ones((runs, T), bool),
+        noise[..., :noises], input_draw, output_draw, reference, phase, np.ones((runs, T), bool), push, faults,
+        None if faults is None else sensor,
+        None if plant.position_sigma is None else np.stack([position[:, :-1], position[:, 1:]], axis=2),
     )  # fmt: skip
 
 
-def _x0(plant: ControlledPlant, start: Numbers | None) -> np.ndarray:
-    """The initial state, with the actuators at rest."""
-    x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
-    return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
+def _start(plant: ControlledPlant, start: Numbers | None) -> tuple[np.ndarray, np.ndarray]:
+    """The deviation of the initial state, and the actuators at rest."""
+    x = np.zeros(plant.model.n) if start is None else np.asarray(start, float) - plant.point.states
+    return x, np.asarray(plant.point.inputs, float)
 
 
 def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
