@@ -15,6 +15,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "ARMAX": "models.armax",
     "ARX": "models.arx",
+    "Actuated": "filters.actuated",
     "Actuator": "models.actuator",
     "ActuatorChange": "models.events",
     "AdaptiveIdentification": "identifiers.adaptive_identification",
@@ -141,6 +142,7 @@ _HOMES = {
     "smooth_bank": "estimation.smooth_bank",
     "stability_radius": "analysis.rho",
     "stack": "estimation.stack",
+    "through_actuators": "data.through_actuators",
     "trans_kalman": "design.trans_kalman",
     "trust": "estimation.trust",
     "uncorrelated": "models.uncorrelated",

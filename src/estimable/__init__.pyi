@@ -87,6 +87,8 @@ from .identifiers.recursive_output_error import RecursiveOutputError as Recursiv
 from .identifiers.subspace import Subspace as Subspace
 from .models.armax import ARMAX as ARMAX
 from .models.arx import ARX as ARX
+from .filters.actuated import Actuated as Actuated
+from .data.through_actuators import through_actuators as through_actuators
 from .models.events import Change as Change
 from .models.controlled import ControlledPlant as ControlledPlant
 from .models.disturbances import SensorFault as SensorFault

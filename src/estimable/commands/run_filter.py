@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import catalogue, checks, diagnostics
 from ..data.record import Record
+from ..data.through_actuators import through_actuators
 from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..results import Estimate, Names
@@ -80,7 +81,14 @@ def read_measured(
             f"the model is continuous, and the times of the samples of {path} are not given: give --time NAME (a column) "
             "or --dt SECONDS, or either in section [record] of the model file."
         )
-    return read_record(path, outputs=names.outputs, inputs=names.inputs, **options), options
+    record = read_record(path, outputs=names.outputs, inputs=names.inputs, **options)
+    return positions(record, file), options
+
+
+def positions(record: Record, file: ModelFile) -> Record:
+    """The record with positions in place of the commands of the file's actuators."""
+    known = {name: actuator for name, actuator in file.actuators.items() if name in record.inputs}
+    return through_actuators(record, known) if known else record
 
 
 def gain_filter(file: ModelFile) -> str:

@@ -13,6 +13,7 @@ from ..models.prior import Prior
 from ..protocols import Wrapper
 from ..results import Info, Interval, Sample
 from . import wrapped
+from .actuated import Actuated
 
 
 @frozen
@@ -61,6 +62,10 @@ class MovingWindow(Wrapper[Copies]):
         faults.whole("length", self.length, 1)
         if self.state_prior is not None:
             faults.instance("state_prior", self.state_prior, Prior, " None means diffuse.")
+        if isinstance(self.algorithm, Actuated):
+            faults.add(
+                "`algorithm` must not be Actuated: a window starts it anew. Put Actuated around the MovingWindow."
+            )
         faults.finish()
         self._check_sizes(faults)
         faults.finish()

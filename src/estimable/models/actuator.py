@@ -1,9 +1,8 @@
 """An actuator between a command and an input of a plant."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from ..annotations import Numbers
 from ..frozen import frozen, set_field
 
 ROUND = 1e-6  # of a step: a delay this near to an integer number of steps is one
-LONGEST = 10_000  # steps of a delay
 
 
 @frozen
@@ -57,27 +55,52 @@ class Actuator:
         faults.finish()
         set_field(self, **read)
 
-    def steps_late(self, dt: float) -> tuple[int, float]:
-        """The delay as whole steps of `dt` seconds, and the rest in seconds."""
-        steps = self.delay / dt
-        whole = math.floor(steps + ROUND)
-        return whole, max(0.0, steps - whole - ROUND) and (steps - whole) * dt
-
     @property
-    def stops(self) -> tuple[float, float]:
+    def stops(self) -> tuple[Any, Any]:
         """The smallest and the largest input: the limits less the operating point."""
-        low, high = (-np.inf, np.inf) if self.limits is None else self.limits
-        return low - self.operating_point, high - self.operating_point
+        limits = np.array([-np.inf, np.inf]) if self.limits is None else np.asarray(self.limits)
+        return limits[..., 0] - self.operating_point, limits[..., 1] - self.operating_point
 
     @property
-    def fastest(self) -> float:
+    def fastest(self) -> Any:
         """The largest speed; infinite without a limit."""
         return np.inf if self.rate is None else self.rate
 
     @property
-    def reach(self) -> float:
+    def reach(self) -> Any:
         """The distance from the command below which the lag is slower than the rate limit."""
-        return self.fastest / self.bandwidth if self.bandwidth < np.inf else 0.0 if self.rate is not None else np.inf
+        if self.rate is None:
+            return np.inf
+        return np.where(np.isinf(self.bandwidth), 0.0, self.rate / np.asarray(self.bandwidth))
+
+
+class Part(NamedTuple):
+    """A part of a step in which each command is constant: its length (.., m), the time from it to the end of the step, and the
+    age in steps of the command that acts."""
+
+    seconds: np.ndarray
+    after: np.ndarray
+    age: np.ndarray
+
+
+def parts_of(delay: np.ndarray, dt: float, *, held: bool = False) -> list[Part]:
+    """The parts of a step of `dt` seconds under delays (.., m): two where a delay is not an integer number of steps.
+
+    `held`: positions are held over a step, so that delays are rounded up to steps.
+    """
+    steps = delay / dt
+    age = np.floor(steps + ROUND).astype(int)
+    rest = np.where(steps - age > ROUND, (steps - age) * dt, 0.0)
+    if held:
+        age, rest = age + (rest > 0), np.zeros(rest.shape)
+    whole = Part(dt - rest, np.zeros(rest.shape), age)
+    return [Part(rest, dt - rest, age + 1), whole] if np.any(rest) else [whole]
+
+
+def ages(parts: list[Part]) -> list[np.ndarray]:
+    """For each part, 1 for the command that acts among the last L, the newest first, (.., L, m)."""
+    count = 1 + max(int(part.age.max()) for part in parts)
+    return [(np.arange(count)[:, None] == part.age[..., None, :]).astype(float) for part in parts]
 
 
 Actuators: TypeAlias = Mapping[str, Actuator] | Actuator

@@ -84,7 +84,9 @@ class ControlledPlant:
             if bandwidth is None or faults.sentences or not isinstance(model, StateSpace):
                 return None
             each = (None,) * model.m if limits is None else limits.T
-            return {name: Actuator(bandwidth, limits=own, rate=rate) for name, own in zip(model.inputs, each, strict=True)}
+            return {
+                name: Actuator(bandwidth, limits=own, rate=rate) for name, own in zip(model.inputs, each, strict=True)
+            }
         if limits is not None or rate is not None:
             faults.add("`limits` and `rate` are those of the Actuator: give them there.")
         return by_input(self.actuator, model.inputs if isinstance(model, StateSpace) else (), "actuator", faults)

@@ -110,7 +110,9 @@ def pushes(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndar
 def _upset(event: Upset, model: StateSpace, t: np.ndarray, dt: float) -> np.ndarray:
     rates = event.rates(model)
     n = model.n
-    step = over(model.A, np.eye(n), np.zeros((n, n)), dt, hold="zero_order")[1] if model.is_continuous else dt * np.eye(n)
+    step = (
+        over(model.A, np.eye(n), np.zeros((n, n)), dt, hold="zero_order")[1] if model.is_continuous else dt * np.eye(n)
+    )
     return np.outer(_acts(event, t), step @ rates)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..frozen import frozen, static
 from ..kernels.small import factors
-from .actuator import Actuator
+from .actuator import Actuator, ages, parts_of
 from .discretisation import over
 from .events import PlantPhase
 
@@ -115,7 +115,9 @@ def _matrices(phase: PlantPhase, dt: float):
 def _by_phase(values: Any) -> np.ndarray:
     """One entry for each phase; a single one where all are equal."""
     stacked = np.stack([np.asarray(value, float) for value in values])
-    return stacked[:1] if np.array_equal(stacked, np.broadcast_to(stacked[:1], stacked.shape), equal_nan=True) else stacked
+    return (
+        stacked[:1] if np.array_equal(stacked, np.broadcast_to(stacked[:1], stacked.shape), equal_nan=True) else stacked
+    )
 
 
 def _limits(plant: Any) -> Any:
@@ -137,7 +139,9 @@ def _motion(phases: list[PlantPhase], plant: Any, dt: float) -> Motion:
     drives = [phase.drives for phase in phases]
     driven = np.array([[0 if d is None else 2 if d.to is None else 1 for d in row] for row in drives], float)
     target, place = (
-        np.array([[empty if d is None or getattr(d, name) is None else getattr(d, name) for d in row] for row in drives])
+        np.array(
+            [[empty if d is None or getattr(d, name) is None else getattr(d, name) for d in row] for row in drives]
+        )
         for name, empty in (("to", 0.0), ("place", np.nan))
     )
     limited, any_driven = bool(np.any(np.isfinite(rate))), bool(np.any(driven))
@@ -158,31 +162,19 @@ def _pieces(
     phases: list[PlantPhase], moving: list[list[Actuator]], mode: str, dt: float, limited: bool
 ) -> tuple[Piece, ...]:
     """The parts of a step: two where a delay is not an integer number of steps."""
-    late = np.array([[_late(actuator, mode, dt) for actuator in phase.actuators] for phase in phases])  # (P, m, 2)
-    whole, rest = late[..., 0].astype(int), late[..., 1]
-    count = 1 + int(whole.max()) + (1 if np.any(rest) else 0)
-    ages = np.arange(count)[None, :, None]
-    pieces = []
-    for seconds, after, age in (
-        (rest, dt - rest, whole + 1),  # first the command that is one step older
-        (dt - rest, np.zeros(rest.shape), whole),
-    ):
-        if not np.any(seconds):
-            continue
+    delay = np.array([[actuator.delay for actuator in phase.actuators] for phase in phases])
+    parts, pieces = parts_of(delay, dt, held=mode == "direct"), []
+    for part, chosen in zip(parts, ages(parts), strict=True):
         responses = [
-            [_response(phase, i, moving[k][i], seconds[k, i], after[k, i], mode, limited) for i in range(phase.model.m)]
+            [
+                _response(phase, i, moving[k][i], part.seconds[k, i], part.after[k, i], mode, limited)
+                for i in range(phase.model.m)
+            ]
             for k, phase in enumerate(phases)
         ]
-        scale = np.divide(2.0, seconds, out=np.zeros_like(seconds), where=seconds > 0)
-        chosen = (ages == age[:, None, :]).astype(float)
-        pieces.append(Piece(_by_phase(seconds), _by_phase(scale), _by_phase(chosen), *_gathered(responses)))
+        scale = np.divide(2.0, part.seconds, out=np.zeros_like(part.seconds), where=part.seconds > 0)
+        pieces.append(Piece(*map(_by_phase, (part.seconds, scale, chosen)), *_gathered(responses)))
     return tuple(pieces)
-
-
-def _late(actuator: Actuator, mode: str, dt: float) -> tuple[int, float]:
-    """The delay as whole steps and the rest; where positions are held over the step, rounded up to steps."""
-    whole, rest = actuator.steps_late(dt)
-    return (whole + (rest > 0), 0.0) if mode == "direct" else (whole, rest)
 
 
 class Response(NamedTuple):

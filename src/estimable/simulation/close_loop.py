@@ -13,6 +13,7 @@ from ..controllers.state_feedback import check_controller
 from ..engines import choice
 from ..errors import RunError
 from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
+from ..filters.actuated import Actuated
 from ..filters.wrapped import check_algorithm
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
@@ -62,8 +63,8 @@ def close_loop(
     - `controller`: the control law, such as `StateFeedback`.
     - `estimator` and `prior`: as in `estimate`. The model of the estimator may differ from the plant; outputs are matched by
       name. The estimator uses the measured position of the actuator where there is one (`ControlledPlant(actuator=...)`).
-      Otherwise it uses the command that arrived, which the link must then acknowledge, unless the estimator supports unknown
-      arrivals.
+      Otherwise, and inside `Actuated`, it uses the command that arrived, which the link must then acknowledge, unless the
+      estimator supports unknown arrivals.
     - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are not used.
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
     - `seed`: of the noises and links.
@@ -115,11 +116,13 @@ def close_loop_bank(
     followed, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
     _check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
+    commanded = isinstance(estimator, Actuated)
+    ready = estimator.from_rest(flown.point.inputs) if commanded else estimator
     loop = ControlLoop(
-        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _start(flown, start),
+        flown.steps(step), ready.sampled(Clock.every(step, _hold(flown, estimator))), controller, links, _start(flown, start),
         flown.point.states, np.asarray(step), flown.position_sigma,
         columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
-        freezes=any(isinstance(e, SensorFault) and e.kind == "frozen" for e in flown.events),
+        commanded=commanded, freezes=any(isinstance(e, SensorFault) and e.kind == "frozen" for e in flown.events),
     )  # fmt: skip
     T = len(followed)
     t = np.arange(T) * step
@@ -153,6 +156,11 @@ def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
     return estimator
 
 
+def _hold(plant: ControlledPlant, estimator: Algorithm[Any]) -> str:
+    """How the inputs that the estimator knows vary between samples: commands are held, measured positions move."""
+    return "zero_order" if isinstance(estimator, Actuated) else plant.hold
+
+
 def _everything(info: Info, keep: str) -> Info:
     loop = {name: value for name, value in info.extra["loop"].items() if name != "interval"}
     return replace(info, extra={**info.extra, "loop": loop})
@@ -180,8 +188,10 @@ def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, ...]):
 
         def drawn(stream: int, size: int) -> Any:
             key_ = jax.random.fold_in(key, stream)
-            return jax.random.uniform(key_, (T, size), float) if stream in (INPUT, OUTPUT) else jax.random.normal(
-                key_, (T + 1 if stream == POSITION else T, size)
+            return (
+                jax.random.uniform(key_, (T, size), float)
+                if stream in (INPUT, OUTPUT)
+                else jax.random.normal(key_, (T + 1 if stream == POSITION else T, size))
             )
 
         return [drawn(stream, size) for stream, size in enumerate(sizes)]
@@ -202,7 +212,9 @@ def _rows(
     noise, input_draw, output_draw, sensor, position = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
     push = pushes(plant.events, [stage.model for stage in plant.stages()], phases, t, float(loop.dt))
     shared = (reference, np.eye(len(plant.events) + 1)[phases], push, faults)
-    reference, phase, push, faults = jax.tree_util.tree_map(lambda rows: np.broadcast_to(rows, (runs, *rows.shape)), shared)
+    reference, phase, push, faults = jax.tree_util.tree_map(
+        lambda rows: np.broadcast_to(rows, (runs, *rows.shape)), shared
+    )
     return LoopInputs(
         noise[..., :noises], input_draw, output_draw, reference, phase, np.ones((runs, T), bool), push, faults,
         None if faults is None else sensor,
@@ -286,7 +298,7 @@ def _check_blocks(
 ) -> None:
     """Check that the blocks fit together."""
     model, inner = plant.model, model_of(estimator)
-    check_hold(inner, plant.hold, faults)
+    check_hold(inner, _hold(plant, estimator), faults)
     check_links(links, lost, model.m, model.p, "zero_order", faults)
     controller.check(estimator.names, faults)
     if controller.size != model.m:
@@ -307,7 +319,7 @@ def _check_blocks(
         )
     if controller.acts_on == "predicted":
         _check_first(plant, controller, estimator, faults)
-    if plant.actuator is None and not (
+    if (plant.actuator is None or isinstance(estimator, Actuated)) and not (
         not is_link(links.input) or links.input.acknowledged or estimator.takes_unknown_arrivals
     ):
         faults.add(

@@ -161,7 +161,8 @@ class ControlLoop:
         block = None if row.begin is None else (row.begin, row.place)
         u = standing if self.plant.moves else jnp.zeros(self.plant.B.shape[-1])
         belief, info = self._learn(state, measured, seen, u, extra=block)
-        known = replace(info, extra={**(info.extra or {}), "input": standing})
+        extra = info.extra or {}
+        known = replace(info, extra={**extra, "input": extra["position"] if self.commanded else standing})
         control, u, reported = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
         rest = state.applied if self.lost == "hold" else jnp.zeros(u.shape)
