@@ -1,5 +1,7 @@
 """Every event against a simulation of its own: a few lines of Runge-Kutta, cut where the motion changes its law."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -63,7 +65,7 @@ class World:
         arrivals = {start + f for f in np.mod(self.delay, DT) if 1e-9 < f < DT - 1e-9}
         cuts = [start, *sorted(arrivals | {cut for cut in self.cuts if start < cut < end}), end]
         z = np.concatenate([self.x, self.p])
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+        for a, b in pairwise(cuts):
             c = self.command(a)
             while a < b - 1e-13:
                 self.arrived = np.isinf(self.b) & (np.abs(c - z[2:]) < 1e-12)

@@ -22,6 +22,7 @@ class FilterRun(NamedTuple):
 
     `judged`: the estimate whose innovations show whether the model explains the record. For a change detector (which counts
     process noise many times) it is that of the algorithm inside, restarted at each detected change; else `result`.
+    `commanded`: the record holds commands, which actuators of the model file turned into positions.
     """
 
     filter: str
@@ -34,6 +35,7 @@ class FilterRun(NamedTuple):
     reading: dict[str, Any]
     settings: dict[str, Any]
     judged: Estimate
+    commanded: bool = False
 
 
 def as_data(run: FilterRun) -> dict[str, Any]:
@@ -134,4 +136,6 @@ def run_filter(
     if name == "change-detection":
         onsets = [change.onset for change in diagnostics.changes(result)]
         judged = estimate_between_changes(algorithm.algorithm, measured, file.prior, onsets)
-    return FilterRun(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)
+    return FilterRun(
+        name, algorithm, file.prior, measured, result, record, model, options, chosen, judged, bool(file.actuators)
+    )

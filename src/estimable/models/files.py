@@ -144,11 +144,8 @@ def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
             faults.add(f"a model file has no section [{name}].{checks.suggestion(name, KEYS)}")
         elif not isinstance(section, dict):
             faults.add(f"{name!r} must be a section [{name}] with keys {checks.listed(KEYS[name])}.")
-        elif name == "actuators":
-            for channel, given in section.items():
-                _check_actuator(channel, given, faults)
         else:
-            _check_names(name, section, KEYS[name], faults)
+            _check_section(name, section, faults)
     for name in ("model", "prior"):
         if name not in sections:
             faults.add(f"the section [{name}] is missing.")
@@ -164,6 +161,14 @@ def _check_names(section: str, given: Iterable[str], keys: tuple[str, ...], faul
         if key not in keys:
             near = checks.suggestion(key, keys)
             faults.add(f"[{section}] has no key {key!r}. Its keys are {checks.listed(keys)}.{near}")
+
+
+def _check_section(name: str, section: dict[str, Any], faults: checks.Faults) -> None:
+    if name != "actuators":
+        _check_names(name, section, KEYS[name], faults)
+        return
+    for channel, given in section.items():
+        _check_actuator(channel, given, faults)
 
 
 def _check_actuator(channel: str, given: Any, faults: checks.Faults) -> None:

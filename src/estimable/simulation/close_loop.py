@@ -7,14 +7,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import checks, forks
+from .. import forks
 from ..annotations import Array, Numbers
-from ..controllers.state_feedback import check_controller
-from ..engines import choice
 from ..errors import RunError
-from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
 from ..filters.actuated import Actuated
-from ..filters.wrapped import check_algorithm
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.disturbances import SensorFault
@@ -23,12 +19,14 @@ from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIdentifier
+from ..protocols import Algorithm, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
 from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
 from . import python_loop, window_loop
+from .late_outputs import Reordered, longest_delay
 from .loop import ControlLoop, LoopInputs
-from .transmit import Links, check_links, is_link
+from .loop_checks import check_call, check_run, known_hold
+from .transmit import Links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
 NOISE, INPUT, OUTPUT, SENSOR, POSITION = range(5)  # streams of a run's random numbers
@@ -65,7 +63,8 @@ def close_loop(
       name. The estimator uses the measured position of the actuator where there is one (`ControlledPlant(actuator=...)`).
       Otherwise, and inside `Actuated`, it uses the command that arrived, which the link must then acknowledge, unless the
       estimator supports unknown arrivals.
-    - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are not used.
+    - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are used if the link says late="use": the
+      estimator goes back to the sample at which they were measured (1 + the longest delay times the cost).
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
     - `seed`: of the noises and links.
     - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
@@ -113,16 +112,18 @@ def close_loop_bank(
     links = Links(input_link, output_link)
     flown, simulator = _plant(plant)
     estimator = _for_channels(estimator, flown)
-    followed, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
-    _check_run(seed, runs, first, on_failure, engine)
+    followed, step = check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
+    check_run(seed, runs, first, on_failure, engine)
     names = estimator.names
     commanded = isinstance(estimator, Actuated)
     ready = estimator.from_rest(flown.point.inputs) if commanded else estimator
+    ready, longest = ready.sampled(Clock.every(step, known_hold(flown, estimator))), longest_delay(output_link)
+    ready = Reordered(ready, longest, flown.model.m, len(names.outputs)) if longest else ready
     loop = ControlLoop(
-        flown.steps(step), ready.sampled(Clock.every(step, _hold(flown, estimator))), controller, links, _start(flown, start),
+        flown.steps(step), ready, controller, links, _start(flown, start),
         flown.point.states, np.asarray(step), flown.position_sigma,
         columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
-        commanded=commanded, freezes=any(isinstance(e, SensorFault) and e.kind == "frozen" for e in flown.events),
+        commanded=commanded, late=longest > 0, freezes=_freezes(flown),
     )  # fmt: skip
     T = len(followed)
     t = np.arange(T) * step
@@ -156,9 +157,9 @@ def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
     return estimator
 
 
-def _hold(plant: ControlledPlant, estimator: Algorithm[Any]) -> str:
-    """How the inputs that the estimator knows vary between samples: commands are held, measured positions move."""
-    return "zero_order" if isinstance(estimator, Actuated) else plant.hold
+def _freezes(plant: ControlledPlant) -> bool:
+    """Whether a sensor may repeat its last reading."""
+    return any(isinstance(event, SensorFault) and event.kind == "frozen" for event in plant.events)
 
 
 def _everything(info: Info, keep: str) -> Info:
@@ -226,120 +227,3 @@ def _start(plant: ControlledPlant, start: Numbers | None) -> tuple[np.ndarray, n
     """The deviation of the initial state, and the actuators at rest."""
     x = np.zeros(plant.model.n) if start is None else np.asarray(start, float) - plant.point.states
     return x, np.asarray(plant.point.inputs, float)
-
-
-def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
-    faults = checks.Faults()
-    faults.whole("seed", seed, 0)
-    faults.whole("runs", runs, 1, checks.MOST_ROWS)
-    faults.whole("first", first, 0)
-    faults.choice("on_failure", on_failure, ("raise", "keep"))
-    choice.check(engine, faults)
-    faults.finish()
-
-
-def _check_call(
-    plant: ControlledPlant,
-    controller: Controller[Any],
-    estimator: Algorithm[Any],
-    links: Links,
-    reference: Numbers,
-    prior: Prior | None,
-    dt: float | None,
-    start: Numbers | None,
-    lost: str,
-) -> tuple[np.ndarray, Any]:
-    """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
-    faults = checks.Faults()
-    faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError is also possible.")
-    check_controller(controller, faults)
-    check_algorithm(estimator, faults)
-    faults.finish()
-    check_prior_kind(estimator, prior, faults)
-    faults.finish()
-    model, inner = plant.model, model_of(estimator)
-    if estimator.has_state_prior:
-        check_prior(prior, inner, faults)
-    step = _read_step(model, inner, dt, faults)
-    _check_blocks(plant, controller, estimator, links, lost, faults)
-    given = np.asarray(reference)[:, None] if checks.depth(reference) == 1 else reference
-    r = controller.references
-    faults.learn("r", r, f"the controller follows {checks.counted(r, 'reference')}")
-    followed = faults.array("reference", given, "T r")
-    if followed is not None and len(followed) == 0:
-        faults.add("`reference` must have at least one row in time.")
-    if start is not None:
-        faults.learn("n", model.n, f"the plant has {checks.counted(model.n, 'state')}")
-        faults.array("start", start, "n")
-    faults.finish()
-    assert followed is not None
-    return followed, step
-
-
-def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.Faults) -> Any:
-    """The step in seconds: that of a discrete model, or `dt`."""
-    own = [m.dt for m in (model, inner) if m.dt]
-    if dt is None and not own:
-        faults.add("`dt` must be given, in seconds: the plant is continuous.")
-        return None
-    step = own[0] if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
-    if step is not None and any(abs(step - other) > 1e-9 * step for other in own):
-        faults.add(f"the plant, the estimator and `dt` must have the same step. Got {checks.listed([*own, step])} s.")
-    return step
-
-
-def _check_blocks(
-    plant: ControlledPlant,
-    controller: Controller[Any],
-    estimator: Algorithm[Any],
-    links: Links,
-    lost: str,
-    faults: checks.Faults,
-) -> None:
-    """Check that the blocks fit together."""
-    model, inner = plant.model, model_of(estimator)
-    check_hold(inner, _hold(plant, estimator), faults)
-    check_links(links, lost, model.m, model.p, "zero_order", faults)
-    controller.check(estimator.names, faults)
-    if controller.size != model.m:
-        faults.add(f"`controller` has {checks.counted(controller.size, 'input')}, but the plant has {model.m}.")
-    for name in estimator.names.outputs:
-        if name not in model.outputs:
-            faults.add(f"the estimator needs the output {name!r}, but the plant has {checks.listed(model.outputs)}.")
-    if tuple(estimator.names.inputs) != tuple(model.inputs):
-        faults.add(
-            f"the estimator must have the plant's inputs, {checks.listed(model.inputs)}. It has "
-            f"{checks.listed(estimator.names.inputs)}."
-        )
-    through = any(np.any(phase.D) for phase in plant.phases()) and plant.actuator is None
-    if controller.acts_on == "filtered" and (through or inner.feeds_through(list(range(inner.m)))):
-        faults.add(
-            "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
-            "actuator, or delay the input by a sample."
-        )
-    if controller.acts_on == "predicted":
-        _check_first(plant, controller, estimator, faults)
-    if (plant.actuator is None or isinstance(estimator, Actuated)) and not (
-        not is_link(links.input) or links.input.acknowledged or estimator.takes_unknown_arrivals
-    ):
-        faults.add(
-            "`input_link` never acknowledges, so that the estimator would not know the applied inputs: measure them "
-            "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
-        )
-
-
-def _check_first(
-    plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], faults: checks.Faults
-) -> None:
-    """Check the requirements of a controller that acts before the sample is measured."""
-    if not isinstance(estimator, Anticipating):
-        faults.add(
-            "`controller` acts on a prediction, but the estimator does not report one: use JointOutputError or "
-            f"RecursiveOutputError. Got {type(estimator).__name__}."
-        )
-    if plant.actuator is not None:
-        faults.add(
-            "`controller` acts on a prediction, and needs a plant whose inputs act directly: leave out `actuator`."
-        )
-    for phase in plant.phases():
-        controller.check_plant(phase, faults)

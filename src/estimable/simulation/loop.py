@@ -21,8 +21,8 @@ from .transmit import Links
 class LoopInputs:
     """The inputs of the loop at one instant: unit normal noises, uniform draws of the links, the reference, and the phase of
     the plant (its entry 1, the others 0). `push` (n,): what disturbances add to the next state; `sensed`: what failures of
-    sensors do, with the draw `sensor_noise` (p,); `position_noise` (2, m): of the positions measured now and at the next sample. `begin`, `place`: data of a
-    window from the previous block (`window_loop`)."""
+    sensors do, with the draw `sensor_noise` (p,); `position_noise` (2, m): of the positions measured
+    now and at the next sample. `begin`, `place`: data of a window from the previous block (`window_loop`)."""
 
     noise: Any
     input_draw: Any
@@ -77,7 +77,8 @@ class Decided:
 class ControlLoop:
     """A plant, an estimator and a controller in a closed loop. `start`: the first state and the first positions. `origin`: the
     states at the operating point. `columns`: the plant's outputs that the estimator uses. `commanded`: the estimator moves the
-    actuators itself (`Actuated`). `freezes`: a sensor may repeat its last reading."""
+    actuators itself (`Actuated`). `freezes`: a sensor may repeat its last reading. `late`: outputs that arrive
+    late are used (`Reordered`)."""
 
     plant: Steps
     estimator: Any
@@ -91,6 +92,7 @@ class ControlLoop:
     lost: str = static(default="zero")
     commanded: bool = static(default=False)
     freezes: bool = static(default=False)
+    late: bool = static(default=False)
 
     def at(self, k: int | Array) -> "ControlLoop":
         """The loop at row k."""
@@ -156,9 +158,10 @@ class ControlLoop:
     def decide(self, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
         """Correct with the outputs that arrive, act, and send the command."""
         measured, output = self._read(state, measured, row)
-        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        seen = seen & (measured == measured)
+        delay, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        seen = (jnp.isfinite(delay) if self.late else delay == 0) & (measured == measured)
         block = None if row.begin is None else (row.begin, row.place)
+        block = entries(delay, list(self.columns)) if self.late else block
         u = standing if self.plant.moves else jnp.zeros(self.plant.B.shape[-1])
         belief, info = self._learn(state, measured, seen, u, extra=block)
         extra = info.extra or {}
@@ -204,8 +207,8 @@ class ControlLoop:
         through = apply(now.D, effective(now, moved.position))
         measured = now.rest + apply(now.C, state.x) + through + apply(now.V, row.noise[:p])
         measured, output = self._read(state, measured, row)
-        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
-        seen = seen & (measured == measured)
+        delay, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        seen = (delay == 0) & (measured == measured)
         known = self.links.input is None or self.links.input.acknowledged
         input = applied if known else u
         belief, info = self._learn(state, measured, seen, input, arrived=None if known else jnp.full(m, jnp.nan))
@@ -266,11 +269,11 @@ def _begin(link: Link, size: int) -> Any:
 
 
 def _measure(link: Link, state: Tree, measured: Array, draw: Array):
-    """The outputs that arrived in time."""
+    """The delays of the outputs, in steps; infinite where one is lost."""
     if link is None:
-        return jnp.ones(measured.shape, bool), None
+        return jnp.zeros(measured.shape), None
     state, delivery = link.send(state, measured, draw)
-    return delivery.arrived, state
+    return delivery.delay, state
 
 
 def _command(link: Link, state: Tree, u: Array, draw: Array):
