@@ -222,3 +222,24 @@ def test_about_an_operating_point_a_failure_takes_its_share_of_the_whole_positio
                          dt=0.1, prior=es.Prior([0.0], [[1.0]]))  # fmt: skip
     assert_allclose(same.state[:21] + 5.0, closed.state[:21], atol=1e-12)
     assert_allclose(same.input[-1], 0.1, atol=1e-12)
+
+
+def test_a_noisy_position_is_what_the_estimator_and_the_controller_receive():
+    model = es.StateSpace([[-0.2]], [[1.0]], Q=[[0.01]], R=[[0.04]], dt=0)
+    law = es.StateFeedback([[0.5]], reference_gain=[[1.0]], input_feedback=[[0.2]])
+    given = {"reference": np.sin(0.05 * np.arange(400)), "seed": 1, "dt": 0.1, "prior": es.Prior([0.0], [[0.0]])}
+    loops = {
+        sigma: es.close_loop_bank(
+            es.ControlledPlant(model, actuator=5.0, position_sigma=sigma), law, es.Kalman(model), runs=20, **given
+        )
+        for sigma in (None, 0.5)
+    }
+    closed = loops[0.5].runs
+    noise = (closed.known_input - closed.input)[:, :, 0]
+    assert abs(noise.std() - 0.5) < 0.02
+    assert abs(np.mean(noise[:, 1:] * noise[:, :-1])) < 0.02
+    read = given["reference"] - 0.5 * closed.info.mean[..., 0] - 0.2 * closed.known_input[..., 0]
+    assert_allclose(closed.command[..., 0], read, atol=1e-12)
+    for sigma, bank in loops.items():
+        error, variance = (bank.runs.info.mean - bank.runs.state)[..., 0], bank.runs.info.covariance[..., 0, 0]
+        assert 0.9 < np.mean(error[:, 50:] ** 2 / variance[:, 50:]) < 1.15, sigma

@@ -265,3 +265,22 @@ def test_a_filter_of_commands_moves_the_healthy_actuators_as_the_plant_does():
     assert_allclose(both[0].mean, both[1].mean, atol=1e-12)
     z = (closed.mean - closed.state) / np.sqrt(np.diagonal(closed.info.covariance, axis1=1, axis2=2))
     assert np.sqrt(np.mean(z**2)) < 1.3
+
+
+def test_banks_equal_single_runs_bit_for_bit_also_of_plants_with_different_events():
+    model = es.StateSpace(MODEL.A, MODEL.B, MODEL.C, Q=0.1 * np.eye(2), R=0.01 * np.eye(2), dt=0, states=MODEL.states,
+                          inputs=MODEL.inputs, outputs=MODEL.outputs)  # fmt: skip
+    law = es.StateFeedback([[0.3, 0.1], [0.1, 0.2]], reference_gain=np.eye(2))
+    happen = [[es.Stuck(1.0, "left")], [es.Stuck(0.4, "left")], [es.SensorFault(1.0, "gyro", "frozen")], []]
+    plants = [es.ControlledPlant(model, actuator=SIDES, events=events) for events in happen]
+    given = {"reference": COMMANDS, "seed": 5, "dt": DT, "prior": PRIOR, "engine": "native"}
+    mixed = es.close_loop_bank(plants, law, es.Kalman(model), **given)
+    alike = es.close_loop_bank(plants[1], law, es.Kalman(model), runs=9, **given)
+    for i, plant in enumerate(plants):
+        single = es.close_loop_bank(plant, law, es.Kalman(model), runs=1, first=i, **given)[0]
+        for one in (mixed[i], alike[i]) if i == 1 else (mixed[i],):
+            assert [type(event) for event in one.events] == [type(event) for event in plant.events]
+            for name in ("state", "input", "output", "command", "mean", "covariance"):
+                assert_array_equal(getattr(one, name), getattr(single, name), err_msg=name)
+    with pytest.raises(es.InputError, match="`plant` is a list of 4, one for each run"):
+        es.close_loop_bank(plants, law, es.Kalman(model), runs=3, **given)

@@ -14,7 +14,6 @@ from ..kernels.small import apply
 from ..protocols import Controller, SharedController
 from ..results import Info, Names
 
-
 POINT = {"states": "n", "inputs": "m", "references": "r"}  # of a law, with their sizes
 
 

@@ -89,6 +89,11 @@ class MovingWindow(Wrapper[Copies]):
         if rows < self.length:
             faults.add(f"the window has {self.length} samples, but the record only {rows}: no window is ever full.")
 
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """False: it needs the exact input."""
+        return False
+
     def init(self, prior: Prior) -> Copies:
         """The states of the copies before y[0]: the one that will fill the first full window, and those before it."""
         fresh, first = map(self.algorithm.init, self.priors(prior))

@@ -35,6 +35,7 @@ class ControlledPlant:
     - `limits` (2,) or (2, m): the smallest and the largest position. `rate`: its largest change per second, one number. An
       `Actuator` has its own.
     - `position_sigma`: the standard deviation of the measured positions, one number or (m,). None: measured without error.
+      `Kalman` and `UnknownGain` count it as process noise; windows, change detectors and nonlinear filters ignore it.
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
     - `events`: a list of events, in any order: `Failure`, `Change`, `Stuck`, `Floating`, `HardOver`, `Offset`,

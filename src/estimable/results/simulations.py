@@ -83,11 +83,13 @@ class ClosedLoopBank:
     """The result of `close_loop_bank`: many runs of one loop.
 
     `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t`, `reference` and `events` are common
-    to all runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run.
+    to all runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run. `events`: the events of each
+    run where the runs have different plants, else None.
     """
 
     runs: ClosedLoop
     outcomes: tuple[Outcome, ...] = static()
+    events: Any = None
 
     def __repr__(self) -> str:
         failed = sum(outcome.code != 0 for outcome in self.outcomes)
@@ -98,6 +100,8 @@ class ClosedLoopBank:
 
     def __getitem__(self, i: int) -> ClosedLoop:
         shared = {name: getattr(self.runs, name) for name in ("t", "reference", "events")}
+        if self.events is not None:
+            shared["events"] = self.events[i]
         one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, **dict.fromkeys(shared)))
         return replace(one, outcome=self.outcomes[i], **shared)
 

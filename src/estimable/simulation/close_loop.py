@@ -2,6 +2,7 @@
 # pyright: reportUnnecessaryIsInstance=false
 """Simulation of a plant under a controller that acts on an estimate."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -21,10 +22,10 @@ from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
-from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
-from . import python_loop, window_loop
+from ..results import ClosedLoop, ClosedLoopBank, Info, Names, Outcome
+from . import plants_apart, python_loop, window_loop
 from .late_outputs import Reordered, longest_delay
-from .loop import ControlLoop, LoopInputs
+from .loop import ControlLoop, LoopInputs, intervals_of
 from .loop_checks import check_call, check_run, known_hold
 from .transmit import Links
 
@@ -86,13 +87,13 @@ def close_loop(
 
 
 def close_loop_bank(
-    plant: Plant,
+    plant: Plant | Sequence[Plant],
     controller: Controller[Any],
     estimator: Algorithm[Any],
     *,
     reference: Numbers,
     seed: int,
-    runs: int,
+    runs: int | None = None,
     prior: Prior | None,
     dt: float | None = None,
     start: Numbers | None = None,
@@ -105,34 +106,35 @@ def close_loop_bank(
 ) -> ClosedLoopBank:
     """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
+    `plant` may be a list of plants, such as one plant with different `events`, one for each run (leave `runs` out).
     The arguments, the order within a sample and the errors are those of `close_loop`. `first`: the number of the first run.
     Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number
     of runs. Returns a `ClosedLoopBank`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
+    plants = [_plant(one) for one in (plant if isinstance(plant, list | tuple) else [plant])]
+    runs = len(plants) if runs is None and isinstance(plant, list | tuple) else runs
     links = Links(input_link, output_link)
-    flown, simulator = _plant(plant)
-    estimator = _for_channels(estimator, flown)
-    followed, step = check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
-    check_run(seed, runs, first, on_failure, engine)
-    names = estimator.names
-    commanded = isinstance(estimator, Actuated)
-    ready = estimator.from_rest(flown.point.inputs) if commanded else estimator
-    ready, longest = ready.sampled(Clock.every(step, known_hold(flown, estimator))), longest_delay(output_link)
-    ready = Reordered(ready, longest, flown.model.m, len(names.outputs)) if longest else ready
-    loop = ControlLoop(
-        flown.steps(step), ready, controller, links, _start(flown, start),
-        flown.point.states, np.asarray(step), flown.position_sigma,
-        columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
-        commanded=commanded, late=longest > 0, freezes=_freezes(flown),
-    )  # fmt: skip
-    T = len(followed)
-    t = np.arange(T) * step
-    rows = _rows(loop, flown, t, followed, seed, first + np.arange(runs))
-    intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
-    if simulator is not None:
-        used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
+    followed, step = None, None
+    for flown, _ in plants:
+        known = _for_channels(estimator, flown)
+        followed, step = check_call(flown, controller, known, links, reference, prior, dt, start, lost)
+    check_run(seed, runs, first, on_failure, engine, len(plants) if isinstance(plant, list | tuple) else None)
+    assert followed is not None and runs is not None  # noqa: PT018
+    names, t = _for_channels(estimator, plants[0][0]).names, np.arange(len(followed)) * step
+
+    def prepared(flown: ControlledPlant, which: np.ndarray) -> tuple[ControlLoop, LoopInputs]:
+        loop = _loop(flown, controller, _for_channels(estimator, flown), links, start, step, lost)
+        return loop, _rows(loop, flown, t, followed, seed, which)
+
+    which, simulator = first + np.arange(runs), plants[0][1]
+    if isinstance(plant, list | tuple):
+        each = [prepared(flown, which[i : i + 1]) for i, (flown, _) in enumerate(plants)]
+        used, run = plants_apart.scan_bank(engine, each, prior, step, select=_everything)
     else:
-        used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
+        loop, rows = prepared(plants[0][0], which)
+        run_bank = window_loop.scan_bank if simulator is None else python_loop.scan_bank
+        how = engine if simulator is None else simulator
+        used, run = run_bank(how, loop, prior, rows, intervals_of(rows, step), select=_everything)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     for i, outcome in enumerate(outcomes):
@@ -140,7 +142,27 @@ def close_loop_bank(
             raise RunError(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
-    return ClosedLoopBank(replace(_closed(info, t, followed, used, names), events=flown.events), outcomes)
+    bank = ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
+    if isinstance(plant, list | tuple):
+        return replace(bank, events=tuple(flown.events for flown, _ in plants))
+    return replace(bank, runs=replace(bank.runs, events=plants[0][0].events))
+
+
+def _loop(
+    plant: ControlledPlant, controller: Controller[Any], estimator: Any, links: Links, start: Numbers | None, step: Any,
+    lost: str,
+) -> ControlLoop:  # fmt: skip
+    """The loop of a plant, for steps of `step` seconds."""
+    names, commanded = estimator.names, isinstance(estimator, Actuated)
+    ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
+    ready, longest = ready.sampled(Clock.every(step, known_hold(plant, estimator))), longest_delay(links.output)
+    return ControlLoop(
+        plant.steps(step), Reordered(ready, longest, plant.model.m, len(names.outputs)) if longest else ready, controller,
+        links, _start(plant, start), plant.point.states, np.asarray(step), plant.position_sigma,
+        _input_covariance(plant, estimator, commanded),
+        columns=tuple(plant.model.outputs.index(name) for name in names.outputs), lost=lost,
+        commanded=commanded, late=longest > 0, freezes=_freezes(plant),
+    )  # fmt: skip
 
 
 def _plant(given: Plant) -> tuple[Any, Any]:
@@ -155,6 +177,12 @@ def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
     if isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier):
         return estimator.for_channels(plant.model.inputs, plant.model.outputs)
     return estimator
+
+
+def _input_covariance(plant: ControlledPlant, estimator: Algorithm[Any], commanded: bool) -> Any:
+    """The variance of the measured positions: over several samples, errors of linear pieces add up as one at each sample."""
+    known = plant.position_sigma is None or commanded or not estimator.takes_uncertain_inputs
+    return None if known else np.diag(plant.position_sigma**2)
 
 
 def _freezes(plant: ControlledPlant) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ..annotations import Array, Tree
 from ..frozen import frozen, replace, static
@@ -76,7 +77,8 @@ class Decided:
 @frozen
 class ControlLoop:
     """A plant, an estimator and a controller in a closed loop. `start`: the first state and the first positions. `origin`: the
-    states at the operating point. `columns`: the plant's outputs that the estimator uses. `commanded`: the estimator moves the
+    states at the operating point. `input_covariance` (m, m): of the measured positions, for estimators that use
+    it. `columns`: the plant's outputs that the estimator uses. `commanded`: the estimator moves the
     actuators itself (`Actuated`). `freezes`: a sensor may repeat its last reading. `late`: outputs that arrive
     late are used (`Reordered`)."""
 
@@ -88,6 +90,7 @@ class ControlLoop:
     origin: Any
     dt: Any
     position_sigma: Any
+    input_covariance: Any
     columns: tuple[int, ...] = static()
     lost: str = static(default="zero")
     commanded: bool = static(default=False)
@@ -185,7 +188,7 @@ class ControlLoop:
             "state": x + self.origin,
             "input": acting,
             "known_input": known,
-            "interval": Interval(known, known_end, None, self.dt),
+            "interval": Interval(known, known_end, None, self.dt, self.input_covariance),
         }
         after = replace(
             state, belief=decided.belief, control=decided.control, links=decided.links, applied=decided.applied,
@@ -238,7 +241,7 @@ class ControlLoop:
 
     def predict(self, state: LoopState, interval: Interval) -> LoopState:
         """The prediction of the estimator, from the inputs that it knows."""
-        seen = Interval(state.input, state.input_end, None, interval.dt)
+        seen = Interval(state.input, state.input_end, None, interval.dt, self.input_covariance)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
     def _learn(
@@ -254,6 +257,12 @@ class ControlLoop:
         y = jnp.where(seen, measured, 0.0)
         sample = Sample(entries(y, columns), entries(seen, columns), u, arrived, extra)
         return self.estimator.correct(state.belief, sample)
+
+
+def intervals_of(rows: LoopInputs, step: float) -> Interval:
+    """The intervals of the rows of many runs. Their inputs are those of the loop."""
+    runs, T = rows.seen.shape[:2]
+    return Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
 
 
 def entries(vector: Array, columns: Sequence[int]):

@@ -27,11 +27,13 @@ def known_hold(plant: ControlledPlant, estimator: Algorithm[Any]) -> str:
     return "zero_order" if isinstance(estimator, Actuated) else plant.hold
 
 
-def check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
+def check_run(seed: int, runs: int | None, first: int, on_failure: str, engine: str, plants: int | None) -> None:
     """Check the arguments that say what runs, and how."""
     faults = checks.Faults()
     faults.whole("seed", seed, 0)
-    faults.whole("runs", runs, 1, checks.MOST_ROWS)
+    faults.whole("runs", runs, 1, checks.MOST_ROWS)  # pyright: ignore[reportArgumentType]
+    if plants is not None and runs != plants:
+        faults.add(f"`plant` is a list of {plants}, one for each run: leave `runs` out. Got {checks.short(runs)}.")
     faults.whole("first", first, 0)
     faults.choice("on_failure", on_failure, ("raise", "keep"))
     choice.check(engine, faults)

@@ -18,8 +18,8 @@ from .loop import ControlLoop, Decided, LoopInputs, LoopState
 
 def scan_bank(
     simulator: Plant, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
-) -> xla.Run:
-    """The result of `xla.scan_bank`, for loops that differ in their rows."""
+) -> tuple[str, xla.Run]:
+    """The result of `choice.scan_bank`, for loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
         for i in range(len(rows.seen))
@@ -27,7 +27,7 @@ def scan_bank(
     info = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
     codes = np.asarray(info.outcome)
     failed_at = np.argmax(codes != 0, axis=1)
-    return xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
+    return "python", xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
 
 
 def _of_run(part: tuple[LoopInputs, Interval], i: int) -> Any:
