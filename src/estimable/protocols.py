@@ -89,6 +89,11 @@ class Algorithm(ABC, Generic[State]):
         """Whether `Info.innovation_covariance` is given."""
         return True
 
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """Whether `Interval.u_covariance` and `u_diffusion` may be given."""
+        return False
+
     def check_record(self, rows: int, faults: Faults) -> None:
         """Report a fault if a record with this many rows is too short."""
         return
@@ -143,6 +148,11 @@ class Wrapper(Algorithm[State]):
     def takes_unknown_arrivals(self) -> bool:
         """Whether the wrapped algorithm supports inputs of unknown arrival."""
         return self.algorithm.takes_unknown_arrivals
+
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """Whether the wrapped algorithm knows what to do with the variance of an input."""
+        return self.algorithm.takes_uncertain_inputs
 
     @property
     def has_innovation_covariance(self) -> bool:

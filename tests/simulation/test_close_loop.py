@@ -186,3 +186,60 @@ def test_a_continuous_plant_needs_a_step():
 def test_a_plant_that_cannot_be_controlled_is_refused(given, sentence):
     with pytest.raises(es.InputError, match=sentence):
         es.ControlledPlant(**{"model": MODEL, **given})
+
+
+def test_about_an_operating_point_every_signal_is_moved_by_it():
+    x0, u0, y0 = np.array([3.0, -2.0]), np.array([1.5]), np.array([10.0, 20.0])
+    point = {"states": x0, "inputs": u0, "outputs": y0}
+    model = es.StateSpace(
+        [[-0.2, 0.4], [-0.3, -0.5]], [[0.5], [1.0]], Q=0.01 * np.eye(2), R=np.diag([0.1, 0.2]), dt=0, **NAMES
+    )
+    absolute = es.StateSpace(model.A, model.B, Q=model.Q, R=model.R, dt=0, operating_point=point, **NAMES)
+    law = {"feedback": [[0.2, 0.3]], "reference_gain": [[0.4]], "input_feedback": [[0.1]]}
+    given = {"seed": 3, "dt": 0.5, "output_link": es.BernoulliLink(0.8)}
+    side = es.Actuator(4.0, limits=(-0.25, 0.3), rate=0.5)
+    about = run(es.ControlledPlant(model, actuator=side), es.StateFeedback(**law), es.Kalman(model), **given)
+    side = es.Actuator(4.0, limits=(1.25, 1.8), rate=0.5)
+    there = es.StateFeedback(**law, operating_point={"states": x0, "inputs": u0, "references": [7.0]})
+    moved = run(es.ControlledPlant(absolute, actuator=side), there, es.Kalman(absolute), reference=REFERENCE + 7.0,
+                start=x0, prior=es.Prior(x0, np.eye(2)), **given)  # fmt: skip
+    for name, origin in (("state", x0), ("mean", x0), ("input", u0), ("command", u0), ("output", y0)):
+        assert_allclose(getattr(moved, name) - origin, getattr(about, name), atol=1e-11, err_msg=name)
+    assert about.applied.min() == -0.25
+
+
+def test_about_an_operating_point_a_failure_takes_its_share_of_the_whole_position():
+    model = es.StateSpace([[0.0]], [[1.0]], R=[[1.0]], dt=0, operating_point={"states": [5.0], "inputs": [2.0]})
+    hold = es.StateFeedback([[0.0]], operating_point={"inputs": [2.0]})
+    plant = es.ControlledPlant(model, actuator=50.0, events=[es.Failure(1.0, 0.8)])
+    closed = es.close_loop(plant, hold, es.Kalman(model), reference=np.zeros((31, 0)), seed=1, dt=0.1, start=[5.0],
+                           prior=es.Prior([5.0], [[1.0]]))  # fmt: skip
+    assert_allclose(closed.state[:, 0], 5.0 - 0.4 * np.maximum(closed.t - 1.0, 0.0), atol=1e-12)
+    deviations = es.StateSpace([[0.0]], [[1.0]], R=[[1.0]], dt=0)
+    side = es.Actuator(50.0, operating_point=2.0, limits=(0.0, 2.1))
+    plant = es.ControlledPlant(deviations, actuator=side, events=[es.Failure(1.0, 0.8), es.HardOver(2.0, "u1", 9.0)])
+    same = es.close_loop(plant, es.StateFeedback([[0.0]]), es.Kalman(deviations), reference=np.zeros((31, 0)), seed=1,
+                         dt=0.1, prior=es.Prior([0.0], [[1.0]]))  # fmt: skip
+    assert_allclose(same.state[:21] + 5.0, closed.state[:21], atol=1e-12)
+    assert_allclose(same.input[-1], 0.1, atol=1e-12)
+
+
+def test_a_noisy_position_is_what_the_estimator_and_the_controller_receive():
+    model = es.StateSpace([[-0.2]], [[1.0]], Q=[[0.01]], R=[[0.04]], dt=0)
+    law = es.StateFeedback([[0.5]], reference_gain=[[1.0]], input_feedback=[[0.2]])
+    given = {"reference": np.sin(0.05 * np.arange(400)), "seed": 1, "dt": 0.1, "prior": es.Prior([0.0], [[0.0]])}
+    loops = {
+        sigma: es.close_loop_bank(
+            es.ControlledPlant(model, actuator=5.0, position_sigma=sigma), law, es.Kalman(model), runs=20, **given
+        )
+        for sigma in (None, 0.5)
+    }
+    closed = loops[0.5].runs
+    noise = (closed.known_input - closed.input)[:, :, 0]
+    assert abs(noise.std() - 0.5) < 0.02
+    assert abs(np.mean(noise[:, 1:] * noise[:, :-1])) < 0.02
+    read = given["reference"] - 0.5 * closed.info.mean[..., 0] - 0.2 * closed.known_input[..., 0]
+    assert_allclose(closed.command[..., 0], read, atol=1e-12)
+    for sigma, bank in loops.items():
+        error, variance = (bank.runs.info.mean - bank.runs.state)[..., 0], bank.runs.info.covariance[..., 0, 0]
+        assert 0.9 < np.mean(error[:, 50:] ** 2 / variance[:, 50:]) < 1.15, sigma

@@ -65,6 +65,7 @@ def _script(run: FilterRun) -> str:
             "record = es.read_record(",
             f"    {run.record_path.name!r}, outputs=file.model.outputs, inputs=file.model.inputs{reading},",
             ")",
+            *(("record = es.through_actuators(record, file.actuators)",) if run.commanded else ()),
             f"algorithm = es.catalogue.build({run.filter!r}, file{settings})",
             "result = es.estimate(algorithm, record, prior=file.prior)",
             "result.plot().show()",

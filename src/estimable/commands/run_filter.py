@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import catalogue, checks, diagnostics
 from ..data.record import Record
+from ..data.through_actuators import through_actuators
 from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..results import Estimate, Names
@@ -21,6 +22,7 @@ class FilterRun(NamedTuple):
 
     `judged`: the estimate whose innovations show whether the model explains the record. For a change detector (which counts
     process noise many times) it is that of the algorithm inside, restarted at each detected change; else `result`.
+    `commanded`: the record holds commands, which actuators of the model file turned into positions.
     """
 
     filter: str
@@ -33,6 +35,7 @@ class FilterRun(NamedTuple):
     reading: dict[str, Any]
     settings: dict[str, Any]
     judged: Estimate
+    commanded: bool = False
 
 
 def as_data(run: FilterRun) -> dict[str, Any]:
@@ -80,7 +83,14 @@ def read_measured(
             f"the model is continuous, and the times of the samples of {path} are not given: give --time NAME (a column) "
             "or --dt SECONDS, or either in section [record] of the model file."
         )
-    return read_record(path, outputs=names.outputs, inputs=names.inputs, **options), options
+    record = read_record(path, outputs=names.outputs, inputs=names.inputs, **options)
+    return positions(record, file), options
+
+
+def positions(record: Record, file: ModelFile) -> Record:
+    """The record with positions in place of the commands of the file's actuators."""
+    known = {name: actuator for name, actuator in file.actuators.items() if name in record.inputs}
+    return through_actuators(record, known) if known else record
 
 
 def gain_filter(file: ModelFile) -> str:
@@ -126,4 +136,6 @@ def run_filter(
     if name == "change-detection":
         onsets = [change.onset for change in diagnostics.changes(result)]
         judged = estimate_between_changes(algorithm.algorithm, measured, file.prior, onsets)
-    return FilterRun(name, algorithm, file.prior, measured, result, record, model, options, chosen, judged)
+    return FilterRun(
+        name, algorithm, file.prior, measured, result, record, model, options, chosen, judged, bool(file.actuators)
+    )

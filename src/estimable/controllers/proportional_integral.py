@@ -23,7 +23,8 @@ class ProportionalIntegral(SharedController[Array]):
     Here r is the reference, x^ the estimated state, and i the measured positions of the actuators. M x^ are the states that
     should follow the reference. The integral removes a constant error of these states.
 
-    Settings: `feedback` F, `reference_gain` N and `input_feedback` L as in `StateFeedback`; `integral` J (m, r); `tracked`
+    Settings: `feedback` F, `reference_gain` N, `input_feedback` L and `operating_point` as in `StateFeedback`;
+    `integral` J (m, r); `tracked`
     M (r, n); `dt` in seconds; `limits` (2,) or (2, m): the smallest and the largest input (default None). Where an input is at
     its limit, an error that would drive it further is not integrated (anti-windup).
 
@@ -42,6 +43,7 @@ class ProportionalIntegral(SharedController[Array]):
     tracked: Any
     dt: Any
     input_feedback: Any = None
+    operating_point: Any = None
     limits: Any = None
 
     @property

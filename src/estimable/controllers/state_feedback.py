@@ -14,6 +14,8 @@ from ..kernels.small import apply
 from ..protocols import Controller, SharedController
 from ..results import Info, Names
 
+POINT = {"states": "n", "inputs": "m", "references": "r"}  # of a law, with their sizes
+
 
 def check_states(feedback: Array, names: Names, faults: checks.Faults) -> None:
     """Check that the estimator has as many states as `feedback` (m, n) takes."""
@@ -32,7 +34,9 @@ class StateFeedback(SharedController[tuple[()]]):
     Here r is the reference, x^ the estimated state, and i the measured positions of the actuators.
 
     Settings: `feedback` F (m, n), such as `lqr_gain(...).feedback`; `reference_gain` N (m, r) (default None: no reference);
-    `input_feedback` L (m, m) (default None: positions are not fed back).
+    `input_feedback` L (m, m) (default None: positions are not fed back); `operating_point`: {"states", "inputs",
+    "references"}, the point about which the law is linear (default None: zero). x^, i, r and u are then absolute:
+    u - u0 = N (r - r0) - F (x^ - x0) - L (i - u0).
 
     The law uses the filtered estimate and ignores its covariance. For an actuator that may lose its effect, use
     `GainReconfiguration`; for an offset that must vanish, `ProportionalIntegral`.
@@ -48,6 +52,7 @@ class StateFeedback(SharedController[tuple[()]]):
     _: KW_ONLY
     reference_gain: Any = None
     input_feedback: Any = None
+    operating_point: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -87,7 +92,30 @@ def read_law(law: Any, faults: checks.Faults) -> dict[str, Any]:
         m = faults.sizes.get("m", 1)
         default = np.zeros((m, m if size is None else size))
         read[name] = default if given is None else faults.array(name, given, axes)
+    if read["reference_gain"] is not None:
+        faults.learn("r", read["reference_gain"].shape[-1], "`reference_gain` is (m, r)")
+    read["operating_point"] = _read_point(law.operating_point, faults)
     return read
+
+
+def _read_point(given: Any, faults: checks.Faults) -> Any:
+    """The operating point of a law: {part: numbers}; zero where a part is omitted. None: zero."""
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        faults.add(
+            "`operating_point` must be a mapping {'states': ..., 'inputs': ..., 'references': ...}. Got "
+            f"{checks.short(given)}."
+        )
+        return None
+    for part in given:
+        if part not in POINT:
+            near = checks.suggestion(part, POINT)
+            faults.add(f"`operating_point` may have the keys {checks.listed(POINT)}. Got {part!r}.{near}")
+    return {
+        part: faults.array(f"operating_point {part}", given.get(part, np.zeros(faults.sizes.get(axis, 1))), axis)
+        for part, axis in POINT.items()
+    }
 
 
 def check_controller(controller: Controller[Any], faults: checks.Faults) -> None:
@@ -110,9 +138,13 @@ def check_inner(controller: Controller[Any], around: str, faults: checks.Faults)
 
 
 def demand(law: Any, estimate: Info, reference: Array) -> Any:
-    """N r - F x^: the demand on the plant."""
-    wanted = apply(jnp.asarray(law.reference_gain), jnp.asarray(reference)) if law.references else 0.0
-    return wanted - apply(jnp.asarray(law.feedback), jnp.asarray(estimate.mean))
+    """u0 + N (r - r0) - F (x^ - x0): the demand on the plant."""
+    point, r, x = law.operating_point, jnp.asarray(reference), jnp.asarray(estimate.mean)
+    if point is not None:
+        r, x = r - jnp.asarray(point["references"]), x - jnp.asarray(point["states"])
+    wanted = apply(jnp.asarray(law.reference_gain), r) if law.references else 0.0
+    wanted = wanted - apply(jnp.asarray(law.feedback), x)
+    return wanted if point is None else wanted + jnp.asarray(point["inputs"])
 
 
 def shared(wanted: Array, effect: Array | float) -> Any:
@@ -121,6 +153,10 @@ def shared(wanted: Array, effect: Array | float) -> Any:
 
 
 def of_input(law: Any, estimate: Info) -> Any:
-    """L i, with i the actuator positions."""
+    """L (i - u0), with i the actuator positions."""
     extra = estimate.extra or {}
-    return apply(jnp.asarray(law.input_feedback), jnp.asarray(extra["input"])) if "input" in extra else 0.0
+    if "input" not in extra:
+        return 0.0
+    i = jnp.asarray(extra["input"])
+    about = i if law.operating_point is None else i - jnp.asarray(law.operating_point["inputs"])
+    return apply(jnp.asarray(law.input_feedback), about)

@@ -62,6 +62,11 @@ class Kalman(Smoothable[Belief]):
         """Names of states, inputs and outputs."""
         return Names(self.model.states, self.model.inputs, self.model.outputs)
 
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """True: the variance of an input adds to the process noise."""
+        return True
+
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
         return replace(self, ready=sample(self.model, clock), model=None)

@@ -117,6 +117,11 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         gains = gain_blocks.gain_names(self.directions, self.gain.size, model)
         return Names(model.states, model.inputs, model.outputs, gains)
 
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """True: the variance of an input adds to the process noise."""
+        return True
+
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model and each block of B(θ) discretised, and its noises factored."""
         return replace(self, ready=sample(self._in_blocks(), clock), walk_factor=factors(self.walk), model=None)

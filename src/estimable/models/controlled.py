@@ -8,59 +8,13 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
-from ..kernels.small import factors
+from .actuator import Actuator, by_input
+from .events import Event, PlantPhase
+from .operating_point import OperatingPoint
 from .output_error import OutputError, past_states
+from .plant_steps import Steps, steps_of
+from .sampled import point_of
 from .state_space import StateSpace
-
-
-@frozen
-class Failure:
-    """An event of a run: from `time` [s] on, the effect of the inputs is multiplied by `gain`, one number or (m,).
-
-    >>> Failure(4.5, 0.2).gain.tolist()
-    [0.2]
-    """
-
-    time: Any
-    gain: Any
-
-    def __post_init__(self):
-        faults = checks.Faults()
-        time = faults.number("time", self.time, lower=0.0, unit="seconds")
-        gain = faults.array("gain", [self.gain] if checks.depth(self.gain) == 0 else self.gain, "m")
-        faults.finish()
-        set_field(self, time=time, gain=gain)
-
-    def after(self, model: StateSpace) -> StateSpace:
-        """The model after the event."""
-        return replace(model, B=model.B * self.gain, D=model.D * self.gain)
-
-
-@frozen
-class Change:
-    """An event of a run: from `time` [s] on, the plant follows another `model`. Its state does not jump.
-
-    `model` is a `StateSpace`. If the plant is an `OutputError`, give an `OutputError`: its parameters change, and the past
-    outputs and inputs remain.
-
-    >>> Change(10.0, StateSpace([[0.5]], [[1.0]], dt=1)).model.A.tolist()
-    [[0.5]]
-    """
-
-    time: Any
-    model: Any
-
-    def __post_init__(self):
-        faults = checks.Faults()
-        time = faults.number("time", self.time, lower=0.0, unit="seconds")
-        model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
-        faults.instance("model", model, StateSpace)
-        faults.finish()
-        set_field(self, time=time, model=model)
-
-    def after(self, model: StateSpace) -> StateSpace:
-        """The model after the event."""
-        return self.model
 
 
 @frozen
@@ -68,24 +22,29 @@ class ControlledPlant:
     """A plant for `close_loop`: a model, its actuators, and events during the run, such as failures.
 
     The inputs of `model` are the positions of the actuators. Without `actuator` they equal the commands of the controller.
-    With it, the position i of an actuator follows its command by di/dt = `actuator` (command - i). The position is measured
-    without error. It moves between samples; with `held` it is constant over each sample and jumps at the next.
+    With it, each position follows its command (`Actuator`), and the response of the plant to the moving position is exact.
+    Positions are measured. With `held` a position is constant over each sample and jumps at the next.
 
     Settings:
 
-    - `model`: a `StateSpace`, or an `OutputError`, whose states are past outputs and inputs.
-    - `actuator`: the bandwidth in 1/s, one number. None: no actuator.
+    - `model`: a `StateSpace`, or an `OutputError`, whose states are past outputs and inputs. With an operating point, all
+      signals are in absolute units.
+    - `actuator`: an `Actuator` for all inputs, {input: Actuator} (the others follow at once), or a bandwidth in 1/s. None: no
+      actuator.
     - `held`: True if the position is constant over each sample.
-    - `limits` (2,) or (2, m): the smallest and the largest command. `rate`: the largest change of a command per second, one
-      number. Both limit the position as well, which follows the command.
+    - `limits` (2,) or (2, m): the smallest and the largest position. `rate`: its largest change per second, one number. An
+      `Actuator` has its own.
+    - `position_sigma`: the standard deviation of the measured positions, one number or (m,). None: measured without error.
+      `Kalman` and `UnknownGain` count it as process noise; windows, change detectors and nonlinear filters ignore it.
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
-    - `events`: a list of `Failure`s and `Change`s, in any order.
+    - `events`: a list of events, in any order: `Failure`, `Change`, `Stuck`, `Floating`, `HardOver`, `Offset`,
+      `ActuatorChange`, `Upset`, `Gust`, `SensorFault`.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
     >>> plant = ControlledPlant(model, actuator=20.0, events=[Failure(1.0, 0.5)])
-    >>> plant.steps(0.1).A.shape  # two phases, a state and an actuator
-    (2, 2, 2)
+    >>> plant.steps(0.1).gain.tolist()  # in two phases
+    [[1.0], [0.5]]
     """
 
     model: Any
@@ -94,6 +53,7 @@ class ControlledPlant:
     held: bool = static(default=False)
     limits: Any = None
     rate: Any = None
+    position_sigma: Any = None
     quantum: Any = None
     resolution: Any = None
     events: Any = ()
@@ -103,93 +63,79 @@ class ControlledPlant:
         model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
         if faults.instance("model", model, StateSpace):
             _check_model(model, self, faults)
-        actuator = None if self.actuator is None else faults.number("actuator", self.actuator, above=0.0)
         rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
-        limits, events = read_limits(self.limits, faults), _read_events(self.events, model, faults)
+        limits = read_limits(self.limits, faults)
+        actuator = None if self.actuator is None else self._read_actuator(model, limits, rate, faults)
+        events = _read_events(self.events, model, faults)
         quantum, resolution = (_read_steps(name, getattr(self, name), size, faults) for name, size in
                                (("quantum", "m"), ("resolution", "p")))  # fmt: skip
+        sigma = _read_steps("position_sigma", self.position_sigma, "m", faults)
+        if sigma is not None and self.actuator is None:
+            faults.add("`position_sigma` needs an `actuator`, whose position is measured.")
         faults.finish()
         set_field(
             self, model=model, actuator=actuator, rate=rate, limits=limits, quantum=quantum, resolution=resolution,
-            events=events,
+            events=events, position_sigma=sigma,
         )  # fmt: skip
+
+    def _read_actuator(self, model: Any, limits: Any, rate: float | None, faults: checks.Faults) -> Any:
+        """{input: Actuator}."""
+        if isinstance(self.actuator, int | float | np.ndarray | np.number):
+            bandwidth = faults.number("actuator", self.actuator, above=0.0)
+            if bandwidth is None or faults.sentences or not isinstance(model, StateSpace):
+                return None
+            each = (None,) * model.m if limits is None else limits.T
+            return {
+                name: Actuator(bandwidth, limits=own, rate=rate) for name, own in zip(model.inputs, each, strict=True)
+            }
+        if limits is not None or rate is not None:
+            faults.add("`limits` and `rate` are those of the Actuator: give them there.")
+        return by_input(self.actuator, model.inputs if isinstance(model, StateSpace) else (), "actuator", faults)
+
+    @property
+    def mode(self) -> str:
+        """How inputs move: "direct" (with the commands), "held" (actuators, held over a sample) or "moving"."""
+        return "direct" if self.actuator is None else "held" if self.held else "moving"
 
     @property
     def hold(self) -> str:
         """How the input varies between samples: "zero_order" or "first_order"."""
-        return "zero_order" if self.actuator is None or self.held else "first_order"
+        return "first_order" if self.mode == "moving" else "zero_order"
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The operating point of the model; zero if it has none."""
+        return point_of(self.model)
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """The actuator of each input."""
+        if self.actuator is not None:
+            return tuple(self.actuator.get(name, Actuator(np.inf)) for name in self.model.inputs)
+        each = (None,) * self.model.m if self.limits is None else self.limits.T
+        return tuple(Actuator(np.inf, limits=own, rate=self.rate) for own in each)
+
+    def stages(self) -> list[PlantPhase]:
+        """The initial plant with its actuators, and both after each event."""
+        m = self.model.m
+        stages = [PlantPhase(self.model, self.actuators, (None,) * m, np.ones(m), np.zeros(m))]
+        for event in self.events:
+            stages.append(event.after(stages[-1]))
+        return stages
 
     def phases(self) -> list[StateSpace]:
-        """The initial model, and the model after each event."""
-        models = [self.model]
-        for event in self.events:
-            models.append(event.after(models[-1]) if isinstance(event, Change) else self._failed(event, models))
-        return models
-
-    def _failed(self, event: Failure, models: list[StateSpace]) -> StateSpace:
-        """The model of the last `Change`, with its inputs scaled by the gain of the failure."""
-        changed = [e.model for e in self.events[: len(models) - 1] if isinstance(e, Change)]
-        return event.after(changed[-1] if changed else self.model)
+        """The initial model, and the model after each event, with the gains of its inputs in B and D."""
+        return [
+            replace(stage.model, B=stage.model.B * stage.gain, D=stage.model.D * stage.gain) for stage in self.stages()
+        ]
 
     def phase_rows(self, t: np.ndarray) -> np.ndarray:
         """The index of the phase of each row, (T,)."""
         return np.sum([t >= event.time - 1e-9 for event in self.events] + [np.zeros(len(t))], axis=0).astype(int)
 
-    def steps(self, dt: float) -> "Steps":
+    def steps(self, dt: float) -> Steps:
         """The matrices of a step over `dt` seconds, phase by phase."""
-        each = [_step(model, self, dt) for model in self.phases()]
-        A, B, C, W = (np.stack(matrices) for matrices in zip(*each, strict=True))
-        m, n = self.model.m, self.model.n
-        return Steps(
-            A, B, C, np.stack([model.D for model in self.phases()]), W, np.asarray(factors(self.model.R)),
-            None if self.actuator is None else np.eye(m, n + m, n), self.limits, _reach(self, dt), self.quantum,
-            self.resolution,
-        )  # fmt: skip
-
-
-@frozen
-class Steps:
-    """x+ = A x + B c + W e', y = C x + D c + V e, i = L x (None: i = c), phase by phase; c within `limits` and within
-    `reach` of i; c rounded to `quantum`, y to `resolution`."""
-
-    A: Any
-    B: Any
-    C: Any
-    D: Any
-    W: Any
-    V: Any
-    L: Any
-    limits: Any
-    reach: Any
-    quantum: Any
-    resolution: Any
-
-
-def _reach(plant: ControlledPlant, dt: float) -> float | None:
-    """How far a command may be from the input: the initial speed of the actuator is then its largest rate."""
-    if plant.rate is None:
-        return None
-    return plant.rate * dt if plant.actuator is None else plant.rate / plant.actuator
-
-
-def _step(model: StateSpace, plant: ControlledPlant, dt: float):
-    """A, B, C and W over a step: of the plant, or of plant and actuators together."""
-    n, m, p = model.n, model.m, model.p
-    if plant.actuator is None:
-        now = model.discretise(dt) if model.is_continuous else model
-        return now.A, now.B, now.C, now.G @ np.asarray(factors(now.Q))
-    C = np.hstack([model.C, np.zeros((p, m))])
-    if plant.held:
-        now, decay = model.discretise(dt), np.exp(-plant.actuator * dt)
-        A = np.block([[now.A, now.B], [np.zeros((m, n)), decay * np.eye(m)]])
-        B = np.vstack([np.zeros((n, m)), (1 - decay) * np.eye(m)])
-        return A, B, C, np.vstack([np.asarray(factors(now.Q)), np.zeros((m, n))])
-    both = StateSpace(
-        np.block([[model.A, model.B], [np.zeros((m, n)), -plant.actuator * np.eye(m)]]),
-        np.vstack([np.zeros((n, m)), plant.actuator * np.eye(m)]), G=np.vstack([model.G, np.zeros((m, model.G.shape[1]))]),
-        Q=model.Q, dt=0,
-    ).discretise(dt)  # fmt: skip
-    return both.A, both.B, C, np.asarray(factors(both.Q))
+        return steps_of(self.stages(), self, dt)
 
 
 def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:
@@ -200,8 +146,6 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
         faults.add("`model` must have R, the covariance of the measurement noise. For noise-free outputs give zeros.")
     if model.varying or model.S is not None or model.B_end is not None:
         faults.add("`model` must be constant, without cross noise S and without B_end.")
-    if model.operating_point is not None:
-        faults.add("`model` must be a model of deviations: leave out `operating_point`, and give deviations from it.")
     if plant.actuator is not None and not model.is_continuous:
         faults.add("`model` must be continuous (dt = 0), because `actuator` moves between samples.")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
@@ -233,20 +177,13 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
 
 def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
     """The events in order of time, checked against the model."""
-    if not isinstance(events, list | tuple) or not all(isinstance(event, Failure | Change) for event in events):
+    if not isinstance(events, list | tuple) or not all(isinstance(event, Event) for event in events):
         faults.add(
-            f"`events` must be a list of Failure(time, gain) and Change(time, model). Got {checks.short(events)}."
+            "`events` must be a list of Failure(time, gain), Stuck(time, input) and other events. Got "
+            f"{checks.short(events)}."
         )
         return ()
-    for event in events:
-        if isinstance(event, Failure) and len(event.gain) not in (1, faults.sizes.get("m", 1)):
-            faults.add(f"`events`: a Failure has {len(event.gain)} gains, and {faults.sources['m']}.")
-        if isinstance(event, Change) and _sizes(event.model) != _sizes(model):
-            faults.add(
-                "`events`: a Change must be to a model with as many states, inputs and outputs, and the same dt."
-            )
+    if isinstance(model, StateSpace):
+        for event in events:
+            event.check(model, faults)
     return tuple(sorted(events, key=lambda event: event.time))
-
-
-def _sizes(model: StateSpace) -> tuple:
-    return tuple(getattr(model, name, None) for name in ("n", "m", "p", "dt"))

@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks, writing
 from ..annotations import Tree
 from ..frozen import saved
+from .actuator import Actuator, Actuators, by_input
 from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
 from .prior import Prior
@@ -25,6 +26,7 @@ KEYS = {
     "gain": ("mean", "covariance", "diffuse", "walk", "forgetting", "directions", "fixed", "feedthrough"),
     "record": ("time", "dt", "hold", "lost", "units", "na_values"),
     "unknown": ("inputs",),
+    "actuators": ("bandwidth", "limits", "rate", "delay", "operating_point", "floats_to"),  # of each input
 }
 SETTINGS = KEYS["gain"][3:]
 REQUIRED = {
@@ -51,6 +53,7 @@ class ModelFile(NamedTuple):
     - `gain`: the section [gain]. None: the file has no such section.
     - `unknown`: the names of the unknown inputs.
     - `record`: arguments of `read_record`.
+    - `actuators`: {input: `Actuator`}. The record then holds the commands of these inputs (`through_actuators`).
     """
 
     model: StateSpace
@@ -58,16 +61,18 @@ class ModelFile(NamedTuple):
     gain: GainSection | None = None
     unknown: tuple[str, ...] = ()
     record: dict[str, Any] = {}  # noqa: RUF012  never changed
+    actuators: dict[str, Actuator] = {}  # noqa: RUF012  never changed
 
 
 def read_model(path: str | Path) -> ModelFile:
     """Read a model file: the model, its prior, and optionally an unknown gain, unknown inputs and options of records.
 
     A TOML file has the sections [model] (keys dt, states, outputs, A, C, R, and optionally inputs, B, D, Q, G, S) and [prior]
-    (mean, covariance, and optionally diffuse). The sections [operating_point], [gain], [record] and [unknown] are optional.
+    (mean, covariance, and optionally diffuse). The sections [operating_point], [gain], [record], [unknown] and, for each
+    commanded input, [actuators.NAME] are optional.
 
     A Python file (.py) is executed. It defines `model` (a `StateSpace` or a `NonlinearModel`) and `prior`. It may define
-    `gain` (a `GainSection`; for a nonlinear model it describes the parameters), `unknown` and `record`.
+    `gain` (a `GainSection`; for a nonlinear model it describes the parameters), `unknown`, `record` and `actuators`.
 
     Returns a `ModelFile`. Raises `InputError` if the file does not exist or is not TOML, if a key is missing, unknown or of a
     wrong shape, or if its Python code fails.
@@ -99,7 +104,7 @@ def _from_python(path: Path) -> ModelFile:
         if not isinstance(found.get(name), kinds):
             faults.add(f"a Python model file must define `{name}`, {words}.")
     faults.finish()
-    optional = {name: found[name] for name in ("gain", "unknown", "record") if name in found}
+    optional = {name: found[name] for name in ("gain", "unknown", "record", "actuators") if name in found}
     file = ModelFile(found["model"], found["prior"], **optional)
     _check_file(file, faults)
     faults.finish()
@@ -125,7 +130,9 @@ def _from_sections(sections: dict[str, Any]) -> ModelFile:
     section = None
     if gain is not None and gain_prior is not None:
         section = GainSection(gain_prior, {key: gain[key] for key in SETTINGS if key in gain})
-    file = ModelFile(model, prior, section, unknown, record)
+    actuators = {name: _actuator(name, given, faults) for name, given in sections.get("actuators", {}).items()}
+    faults.finish()
+    file = ModelFile(model, prior, section, unknown, record, actuators)
     _check_file(file, faults)
     faults.finish()
     return file._replace(unknown=tuple(unknown))
@@ -138,7 +145,7 @@ def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
         elif not isinstance(section, dict):
             faults.add(f"{name!r} must be a section [{name}] with keys {checks.listed(KEYS[name])}.")
         else:
-            _check_names(name, section, KEYS[name], faults)
+            _check_section(name, section, faults)
     for name in ("model", "prior"):
         if name not in sections:
             faults.add(f"the section [{name}] is missing.")
@@ -156,6 +163,34 @@ def _check_names(section: str, given: Iterable[str], keys: tuple[str, ...], faul
             faults.add(f"[{section}] has no key {key!r}. Its keys are {checks.listed(keys)}.{near}")
 
 
+def _check_section(name: str, section: dict[str, Any], faults: checks.Faults) -> None:
+    if name != "actuators":
+        _check_names(name, section, KEYS[name], faults)
+        return
+    for channel, given in section.items():
+        _check_actuator(channel, given, faults)
+
+
+def _check_actuator(channel: str, given: Any, faults: checks.Faults) -> None:
+    """Check the keys of the section [actuators.channel]."""
+    if not isinstance(given, dict):
+        faults.add(
+            f"[actuators] {channel} must be a section [actuators.{channel}] with keys {checks.listed(KEYS['actuators'])}."
+        )
+        return
+    _check_names(f"actuators.{channel}", given, KEYS["actuators"], faults)
+    if "bandwidth" not in given:
+        faults.add(f"[actuators.{channel}] needs bandwidth, in 1/s (inf: no lag).")
+
+
+def _actuator(channel: str, given: dict[str, Any], faults: checks.Faults) -> Any:
+    try:
+        return Actuator(**given)
+    except checks.InputError as error:
+        faults.sentences += [f"[actuators.{channel}] {fault}" for fault in error.faults]
+        return None
+
+
 def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior | None:
     try:
         return Prior(given["mean"], given["covariance"], diffuse=given.get("diffuse"))
@@ -166,7 +201,7 @@ def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior 
 
 def _check_file(file: ModelFile, faults: checks.Faults) -> None:
     """Check that the prior, gain, unknown inputs and record options fit the model."""
-    model, prior, gain, unknown, record = file
+    model, prior, gain, unknown, record, actuators = file
     if prior.size != model.n:
         faults.add(f"[prior] must describe n = {model.n} states: {model.size_source}. Got {prior.size}.")
     for name in faults.names("[unknown] inputs", unknown, "", ""):
@@ -179,6 +214,12 @@ def _check_file(file: ModelFile, faults: checks.Faults) -> None:
     elif gain is not None:
         _check_names("gain", gain.settings, SETTINGS, faults)
     _check_record(record, faults)
+    if actuators:
+        by_input(actuators, model.inputs, "actuators", faults)
+        if isinstance(record, dict) and record.get("hold", HOLDS[0]) != HOLDS[0]:
+            faults.add(
+                '[record] hold must be "zero_order" with [actuators]: commands are constant from sample to sample.'
+            )
 
 
 def _check_record(record: Any, faults: checks.Faults) -> None:
@@ -209,6 +250,7 @@ def write_model(
     gain: GainSection | None = None,
     unknown: tuple[str, ...] = (),
     record: dict[str, Any] | None = None,
+    actuators: Actuators | None = None,
 ) -> None:
     """Write a TOML model file that `read_model` reads back exactly.
 
@@ -217,7 +259,10 @@ def write_model(
     """
     import tomli_w
 
-    _check_writable(ModelFile(model, prior, gain, unknown, record or {}))
+    given = (
+        dict.fromkeys(getattr(model, "inputs", ()), actuators) if isinstance(actuators, Actuator) else actuators or {}
+    )
+    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, dict(given)))
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
         "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},
@@ -232,6 +277,8 @@ def write_model(
         sections["record"] = record
     if unknown:
         sections["unknown"] = {"inputs": unknown}
+    if given:
+        sections["actuators"] = {name: vars(actuator) for name, actuator in given.items()}
     text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
     writing.write(path, lambda stream: stream.write(text.encode()))
 

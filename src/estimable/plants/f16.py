@@ -16,8 +16,9 @@ from ..controllers.proportional_integral import ProportionalIntegral
 from ..controllers.state_feedback import StateFeedback
 from ..data.record import Record
 from ..frozen import replace, saved
-from ..models.controlled import ControlledPlant, Failure
+from ..models.controlled import ControlledPlant
 from ..models.discretisation import exponential
+from ..models.events import Failure
 from ..models.state_space import StateSpace
 
 A = np.array([[-1.3433, 0.9946], [3.5, -1.0521]])

@@ -8,7 +8,8 @@ import numpy as np
 from ..controllers.tracking import Tracking
 from ..identifiers.joint_output_error import JointOutputError
 from ..identifiers.recursive_output_error import RecursiveOutputError
-from ..models.controlled import Change, ControlledPlant
+from ..models.controlled import ControlledPlant
+from ..models.events import Change
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..networks.links import BernoulliLink

@@ -43,6 +43,7 @@ class ClosedLoop(Kept):
     - `command` (T, m): the commands of the controller.
     - `applied` (T, m): the commands that the actuators apply, within their limits.
     - `input` (T, m): the positions of the actuators, which act on the plant.
+    - `known_input` (T, m): what the estimator knows of them: the measured positions, or the applied commands.
     - `arrived` (T, m): whether each command arrived.
     - `info`: the reports of the estimator. They are also properties: `mean`, `covariance`, `gain`, `gain_covariance` and
       others, with `extra` for results that only this estimator has, such as `alarm`.
@@ -50,6 +51,7 @@ class ClosedLoop(Kept):
     - `outcome`: whether the run failed, at which sample, and why.
     - `engine`: the engine that ran.
     - `names`: the names of the columns of the estimator.
+    - `events`: what happened to the plant during the run, in order of time.
     """
 
     t: Annotated[Any, "T"]
@@ -59,12 +61,14 @@ class ClosedLoop(Kept):
     command: Annotated[Any, "T m"]
     applied: Annotated[Any, "T m"]
     input: Annotated[Any, "T m"]
+    known_input: Annotated[Any, "T m"]
     arrived: Annotated[Any, "T m"]
     info: Annotated[Info, "T"]
     control: Annotated[Any, "T"]
     outcome: Outcome = static()
     engine: str = static()
     names: Names = static()
+    events: Any = ()
 
     def __repr__(self) -> str:
         ended = self.outcome.sentence or f"engine {self.engine}"
@@ -78,12 +82,14 @@ class ClosedLoop(Kept):
 class ClosedLoopBank:
     """The result of `close_loop_bank`: many runs of one loop.
 
-    `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t` and `reference` are common to all
-    runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run.
+    `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t`, `reference` and `events` are common
+    to all runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run. `events`: the events of each
+    run where the runs have different plants, else None.
     """
 
     runs: ClosedLoop
     outcomes: tuple[Outcome, ...] = static()
+    events: Any = None
 
     def __repr__(self) -> str:
         failed = sum(outcome.code != 0 for outcome in self.outcomes)
@@ -93,8 +99,10 @@ class ClosedLoopBank:
         return len(self.outcomes)
 
     def __getitem__(self, i: int) -> ClosedLoop:
-        shared = {"t": self.runs.t, "reference": self.runs.reference}
-        one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, t=None, reference=None))
+        shared = {name: getattr(self.runs, name) for name in ("t", "reference", "events")}
+        if self.events is not None:
+            shared["events"] = self.events[i]
+        one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, **dict.fromkeys(shared)))
         return replace(one, outcome=self.outcomes[i], **shared)
 
 

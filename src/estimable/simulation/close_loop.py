@@ -2,33 +2,35 @@
 # pyright: reportUnnecessaryIsInstance=false
 """Simulation of a plant under a controller that acts on an estimate."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from .. import checks, forks
+from .. import forks
 from ..annotations import Array, Numbers
-from ..controllers.state_feedback import check_controller
-from ..engines import choice
 from ..errors import RunError
-from ..estimation.binding import check_hold, check_prior, check_prior_kind, model_of
-from ..filters.wrapped import check_algorithm
+from ..filters.actuated import Actuated
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
+from ..models.disturbances import SensorFault
+from ..models.event_rows import pushes, sensed
 from ..models.output_error import OutputError
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm, Anticipating, Controller, Link, RecursiveIdentifier
+from ..protocols import Algorithm, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
-from ..results import ClosedLoop, ClosedLoopBank, Info, Interval, Names, Outcome
-from . import python_loop, window_loop
-from .loop import ControlLoop, LoopInputs
-from .transmit import Links, check_links, is_link
+from ..results import ClosedLoop, ClosedLoopBank, Info, Names, Outcome
+from . import plants_apart, python_loop, window_loop
+from .late_outputs import Reordered, longest_delay
+from .loop import ControlLoop, LoopInputs, intervals_of
+from .loop_checks import check_call, check_run, known_hold
+from .transmit import Links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
-NOISE, INPUT, OUTPUT = 0, 1, 2  # streams of a run's random numbers
+NOISE, INPUT, OUTPUT, SENSOR, POSITION = range(5)  # streams of a run's random numbers
 
 
 def close_loop(
@@ -60,9 +62,10 @@ def close_loop(
     - `controller`: the control law, such as `StateFeedback`.
     - `estimator` and `prior`: as in `estimate`. The model of the estimator may differ from the plant; outputs are matched by
       name. The estimator uses the measured position of the actuator where there is one (`ControlledPlant(actuator=...)`).
-      Otherwise it uses the command that arrived, which the link must then acknowledge, unless the estimator supports unknown
-      arrivals.
-    - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are not used.
+      Otherwise, and inside `Actuated`, it uses the command that arrived, which the link must then acknowledge, unless the
+      estimator supports unknown arrivals.
+    - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are used if the link says late="use": the
+      estimator goes back to the sample at which they were measured (1 + the longest delay times the cost).
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
     - `seed`: of the noises and links.
     - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
@@ -84,13 +87,13 @@ def close_loop(
 
 
 def close_loop_bank(
-    plant: Plant,
+    plant: Plant | Sequence[Plant],
     controller: Controller[Any],
     estimator: Algorithm[Any],
     *,
     reference: Numbers,
     seed: int,
-    runs: int,
+    runs: int | None = None,
     prior: Prior | None,
     dt: float | None = None,
     start: Numbers | None = None,
@@ -103,28 +106,35 @@ def close_loop_bank(
 ) -> ClosedLoopBank:
     """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
+    `plant` may be a list of plants, such as one plant with different `events`, one for each run (leave `runs` out).
     The arguments, the order within a sample and the errors are those of `close_loop`. `first`: the number of the first run.
     Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number
     of runs. Returns a `ClosedLoopBank`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
+    plants = [_plant(one) for one in (plant if isinstance(plant, list | tuple) else [plant])]
+    runs = len(plants) if runs is None and isinstance(plant, list | tuple) else runs
     links = Links(input_link, output_link)
-    flown, simulator = _plant(plant)
-    estimator = _for_channels(estimator, flown)
-    followed, step = _check_call(flown, controller, estimator, links, reference, prior, dt, start, lost)
-    _check_run(seed, runs, first, on_failure, engine)
-    names = estimator.names
-    loop = ControlLoop(
-        flown.steps(step), estimator.sampled(Clock.every(step, flown.hold)), controller, links, _x0(flown, start),
-        np.asarray(step), columns=tuple(flown.model.outputs.index(name) for name in names.outputs), lost=lost,
-    )  # fmt: skip
-    T = len(followed)
-    t = np.arange(T) * step
-    rows = _rows(loop, flown.phase_rows(t), followed, seed, first + np.arange(runs))
-    intervals = Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
-    if simulator is not None:
-        used, run = "python", python_loop.scan_bank(simulator, loop, prior, rows, intervals, select=_everything)
+    followed, step = None, None
+    for flown, _ in plants:
+        known = _for_channels(estimator, flown)
+        followed, step = check_call(flown, controller, known, links, reference, prior, dt, start, lost)
+    check_run(seed, runs, first, on_failure, engine, len(plants) if isinstance(plant, list | tuple) else None)
+    assert followed is not None and runs is not None  # noqa: PT018
+    names, t = _for_channels(estimator, plants[0][0]).names, np.arange(len(followed)) * step
+
+    def prepared(flown: ControlledPlant, which: np.ndarray) -> tuple[ControlLoop, LoopInputs]:
+        loop = _loop(flown, controller, _for_channels(estimator, flown), links, start, step, lost)
+        return loop, _rows(loop, flown, t, followed, seed, which)
+
+    which, simulator = first + np.arange(runs), plants[0][1]
+    if isinstance(plant, list | tuple):
+        each = [prepared(flown, which[i : i + 1]) for i, (flown, _) in enumerate(plants)]
+        used, run = plants_apart.scan_bank(engine, each, prior, step, select=_everything)
     else:
-        used, run = window_loop.scan_bank(engine, loop, prior, rows, intervals, select=_everything)
+        loop, rows = prepared(plants[0][0], which)
+        run_bank = window_loop.scan_bank if simulator is None else python_loop.scan_bank
+        how = engine if simulator is None else simulator
+        used, run = run_bank(how, loop, prior, rows, intervals_of(rows, step), select=_everything)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     for i, outcome in enumerate(outcomes):
@@ -132,7 +142,27 @@ def close_loop_bank(
             raise RunError(
                 outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
             )
-    return ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
+    bank = ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
+    if isinstance(plant, list | tuple):
+        return replace(bank, events=tuple(flown.events for flown, _ in plants))
+    return replace(bank, runs=replace(bank.runs, events=plants[0][0].events))
+
+
+def _loop(
+    plant: ControlledPlant, controller: Controller[Any], estimator: Any, links: Links, start: Numbers | None, step: Any,
+    lost: str,
+) -> ControlLoop:  # fmt: skip
+    """The loop of a plant, for steps of `step` seconds."""
+    names, commanded = estimator.names, isinstance(estimator, Actuated)
+    ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
+    ready, longest = ready.sampled(Clock.every(step, known_hold(plant, estimator))), longest_delay(links.output)
+    return ControlLoop(
+        plant.steps(step), Reordered(ready, longest, plant.model.m, len(names.outputs)) if longest else ready, controller,
+        links, _start(plant, start), plant.point.states, np.asarray(step), plant.position_sigma,
+        _input_covariance(plant, estimator, commanded),
+        columns=tuple(plant.model.outputs.index(name) for name in names.outputs), lost=lost,
+        commanded=commanded, late=longest > 0, freezes=_freezes(plant),
+    )  # fmt: skip
 
 
 def _plant(given: Plant) -> tuple[Any, Any]:
@@ -147,6 +177,17 @@ def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
     if isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier):
         return estimator.for_channels(plant.model.inputs, plant.model.outputs)
     return estimator
+
+
+def _input_covariance(plant: ControlledPlant, estimator: Algorithm[Any], commanded: bool) -> Any:
+    """The variance of the measured positions: over several samples, errors of linear pieces add up as one at each sample."""
+    known = plant.position_sigma is None or commanded or not estimator.takes_uncertain_inputs
+    return None if known else np.diag(plant.position_sigma**2)
+
+
+def _freezes(plant: ControlledPlant) -> bool:
+    """Whether a sensor may repeat its last reading."""
+    return any(isinstance(event, SensorFault) and event.kind == "frozen" for event in plant.events)
 
 
 def _everything(info: Info, keep: str) -> Info:
@@ -168,150 +209,49 @@ def _closed(info: Info, t: np.ndarray, reference: np.ndarray, engine: str, names
 
 
 @forks.jit(static_argnames=("T", "sizes"))
-def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, int, int]):
-    """Noises and uniform numbers of each run, (runs, T, size)."""
+def _draw(seed: int, which: np.ndarray, T: int, sizes: tuple[int, ...]):
+    """The random numbers of each run, (runs, T, size): normal and uniform ones, by stream."""
 
     def one(i: Array):
         key = jax.random.fold_in(jax.random.key(seed), i)
-        noise = jax.random.normal(jax.random.fold_in(key, NOISE), (T, sizes[0]))
-        uniform = [jax.random.uniform(jax.random.fold_in(key, stream), (T, size), float)
-                   for stream, size in ((INPUT, sizes[1]), (OUTPUT, sizes[2]))]  # fmt: skip
-        return noise, *uniform
+
+        def drawn(stream: int, size: int) -> Any:
+            key_ = jax.random.fold_in(key, stream)
+            return (
+                jax.random.uniform(key_, (T, size), float)
+                if stream in (INPUT, OUTPUT)
+                else jax.random.normal(key_, (T + 1 if stream == POSITION else T, size))
+            )
+
+        return [drawn(stream, size) for stream, size in enumerate(sizes)]
 
     return jax.vmap(one)(which)
 
 
-def _rows(loop: ControlLoop, phases: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray) -> LoopInputs:
+def _rows(
+    loop: ControlLoop, plant: ControlledPlant, t: np.ndarray, reference: np.ndarray, seed: int, which: np.ndarray
+) -> LoopInputs:
     """The rows of the runs with these indices."""
     T, runs = len(reference), len(which)
+    phases, faults = plant.phase_rows(t), sensed(plant.events, plant.model, t)
     noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
-    sizes = (noises, *(0 if link is None else max(link.draws, 1) for link in loop.links))
-    noise, input_draw, output_draw = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
-    phase = np.eye(len(loop.plant.A))[phases]
+    unused = plant.model.m if plant.mode == "moving" else 0  # one for each actuator, which has no noise
+    sizes = (noises + unused, *(0 if link is None else max(link.draws, 1) for link in loop.links),
+             0 if faults is None else plant.model.p, 0 if plant.position_sigma is None else plant.model.m)  # fmt: skip
+    noise, input_draw, output_draw, sensor, position = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
+    push = pushes(plant.events, [stage.model for stage in plant.stages()], phases, t, float(loop.dt))
+    shared = (reference, np.eye(len(plant.events) + 1)[phases], push, faults)
+    reference, phase, push, faults = jax.tree_util.tree_map(
+        lambda rows: np.broadcast_to(rows, (runs, *rows.shape)), shared
+    )
     return LoopInputs(
-        noise, input_draw, output_draw, np.broadcast_to(reference, (runs, *reference.shape)),
-        np.broadcast_to(phase, (runs, *phase.shape)), np.ones((runs, T), bool),
+        noise[..., :noises], input_draw, output_draw, reference, phase, np.ones((runs, T), bool), push, faults,
+        None if faults is None else sensor,
+        None if plant.position_sigma is None else np.stack([position[:, :-1], position[:, 1:]], axis=2),
     )  # fmt: skip
 
 
-def _x0(plant: ControlledPlant, start: Numbers | None) -> np.ndarray:
-    """The initial state, with the actuators at rest."""
-    x = np.zeros(plant.model.n) if start is None else np.asarray(start, float)
-    return x if plant.actuator is None else np.append(x, np.zeros(plant.model.m))
-
-
-def _check_run(seed: int, runs: int, first: int, on_failure: str, engine: str) -> None:
-    faults = checks.Faults()
-    faults.whole("seed", seed, 0)
-    faults.whole("runs", runs, 1, checks.MOST_ROWS)
-    faults.whole("first", first, 0)
-    faults.choice("on_failure", on_failure, ("raise", "keep"))
-    choice.check(engine, faults)
-    faults.finish()
-
-
-def _check_call(
-    plant: ControlledPlant,
-    controller: Controller[Any],
-    estimator: Algorithm[Any],
-    links: Links,
-    reference: Numbers,
-    prior: Prior | None,
-    dt: float | None,
-    start: Numbers | None,
-    lost: str,
-) -> tuple[np.ndarray, Any]:
-    """The reference (T, r) and the step in seconds; an `InputError` with every fault."""
-    faults = checks.Faults()
-    faults.instance("plant", plant, ControlledPlant, " A StateSpace or an OutputError is also possible.")
-    check_controller(controller, faults)
-    check_algorithm(estimator, faults)
-    faults.finish()
-    check_prior_kind(estimator, prior, faults)
-    faults.finish()
-    model, inner = plant.model, model_of(estimator)
-    if estimator.has_state_prior:
-        check_prior(prior, inner, faults)
-    step = _read_step(model, inner, dt, faults)
-    _check_blocks(plant, controller, estimator, links, lost, faults)
-    given = np.asarray(reference)[:, None] if checks.depth(reference) == 1 else reference
-    r = controller.references
-    faults.learn("r", r, f"the controller follows {checks.counted(r, 'reference')}")
-    followed = faults.array("reference", given, "T r")
-    if followed is not None and len(followed) == 0:
-        faults.add("`reference` must have at least one row in time.")
-    if start is not None:
-        faults.learn("n", model.n, f"the plant has {checks.counted(model.n, 'state')}")
-        faults.array("start", start, "n")
-    faults.finish()
-    assert followed is not None
-    return followed, step
-
-
-def _read_step(model: StateSpace, inner: Any, dt: float | None, faults: checks.Faults) -> Any:
-    """The step in seconds: that of a discrete model, or `dt`."""
-    own = [m.dt for m in (model, inner) if m.dt]
-    if dt is None and not own:
-        faults.add("`dt` must be given, in seconds: the plant is continuous.")
-        return None
-    step = own[0] if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
-    if step is not None and any(abs(step - other) > 1e-9 * step for other in own):
-        faults.add(f"the plant, the estimator and `dt` must have the same step. Got {checks.listed([*own, step])} s.")
-    return step
-
-
-def _check_blocks(
-    plant: ControlledPlant,
-    controller: Controller[Any],
-    estimator: Algorithm[Any],
-    links: Links,
-    lost: str,
-    faults: checks.Faults,
-) -> None:
-    """Check that the blocks fit together."""
-    model, inner = plant.model, model_of(estimator)
-    check_hold(inner, plant.hold, faults)
-    check_links(links, lost, model.m, model.p, "zero_order", faults)
-    controller.check(estimator.names, faults)
-    if controller.size != model.m:
-        faults.add(f"`controller` has {checks.counted(controller.size, 'input')}, but the plant has {model.m}.")
-    for name in estimator.names.outputs:
-        if name not in model.outputs:
-            faults.add(f"the estimator needs the output {name!r}, but the plant has {checks.listed(model.outputs)}.")
-    if tuple(estimator.names.inputs) != tuple(model.inputs):
-        faults.add(
-            f"the estimator must have the plant's inputs, {checks.listed(model.inputs)}. It has "
-            f"{checks.listed(estimator.names.inputs)}."
-        )
-    through = any(np.any(phase.D) for phase in plant.phases()) and plant.actuator is None
-    if controller.acts_on == "filtered" and (through or inner.feeds_through(list(range(inner.m)))):
-        faults.add(
-            "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
-            "actuator, or delay the input by a sample."
-        )
-    if controller.acts_on == "predicted":
-        _check_first(plant, controller, estimator, faults)
-    if plant.actuator is None and not (
-        not is_link(links.input) or links.input.acknowledged or estimator.takes_unknown_arrivals
-    ):
-        faults.add(
-            "`input_link` never acknowledges, so that the estimator would not know the applied inputs: measure them "
-            "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
-        )
-
-
-def _check_first(
-    plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], faults: checks.Faults
-) -> None:
-    """Check the requirements of a controller that acts before the sample is measured."""
-    if not isinstance(estimator, Anticipating):
-        faults.add(
-            "`controller` acts on a prediction, but the estimator does not report one: use JointOutputError or "
-            f"RecursiveOutputError. Got {type(estimator).__name__}."
-        )
-    if plant.actuator is not None:
-        faults.add(
-            "`controller` acts on a prediction, and needs a plant whose inputs act directly: leave out `actuator`."
-        )
-    for phase in plant.phases():
-        controller.check_plant(phase, faults)
+def _start(plant: ControlledPlant, start: Numbers | None) -> tuple[np.ndarray, np.ndarray]:
+    """The deviation of the initial state, and the actuators at rest."""
+    x = np.zeros(plant.model.n) if start is None else np.asarray(start, float) - plant.point.states
+    return x, np.asarray(plant.point.inputs, float)

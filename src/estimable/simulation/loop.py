@@ -5,21 +5,25 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ..annotations import Array, Tree
 from ..frozen import frozen, replace, static
 from ..kernels.small import apply
-from ..models.controlled import Steps
+from ..models.plant_steps import Steps
 from ..models.prior import Prior
 from ..protocols import Link
 from ..results import Info, Interval, Sample
+from .plant_motion import acting, effective, move, phase_of, placed
 from .transmit import Links
 
 
 @frozen
 class LoopInputs:
     """The inputs of the loop at one instant: unit normal noises, uniform draws of the links, the reference, and the phase of
-    the plant (its entry 1, the others 0). `begin`, `place`: data of a window from the previous block (`window_loop`)."""
+    the plant (its entry 1, the others 0). `push` (n,): what disturbances add to the next state; `sensed`: what failures of
+    sensors do, with the draw `sensor_noise` (p,); `position_noise` (2, m): of the positions measured
+    now and at the next sample. `begin`, `place`: data of a window from the previous block (`window_loop`)."""
 
     noise: Any
     input_draw: Any
@@ -27,33 +31,44 @@ class LoopInputs:
     reference: Any
     phase: Any
     seen: Any
+    push: Any = None
+    sensed: Any = None
+    sensor_noise: Any = None
+    position_noise: Any = None
     begin: Any = None
     place: Any = None
 
 
 @frozen
 class LoopState:
-    """The states of the plant, the estimator, the controller and the links; `applied` (m,): the last command of the
-    actuators, `input`, `input_end`: their positions over the following interval. `last`: the completed outputs of the last
+    """The states of the plant, the estimator, the controller and the links. x: the deviation of the state; `position` (m,): of
+    the actuators; `commands` (L, m): the last ones, the newest first, where actuators delay them; `applied` (m,): the last
+    command; `input`, `input_end`: what the estimator knows of the inputs over the next
+    interval; `output`: the last reading of each sensor, where one may freeze. `last`: the completed outputs of the last
     sample, and 1 for those seen, for a controller that acts before a sample (else None)."""
 
     x: Any
+    position: Any
+    commands: Any
     belief: Any
     control: Any
     links: Any
     applied: Any
     input: Any
     input_end: Any
+    output: Any = None
     last: Any = None
 
 
 @frozen
 class Decided:
-    """The result of a sample before the plant moves: the states of estimator, controller and links, and the applied input."""
+    """The result of a sample before the plant moves: the states of estimator, controller and links, the readings, and the
+    applied command."""
 
     belief: Any
     control: Any
     links: Any
+    output: Any
     applied: Any
     info: Info
     report: Any
@@ -61,16 +76,26 @@ class Decided:
 
 @frozen
 class ControlLoop:
-    """A plant, an estimator and a controller in a closed loop. `columns`: the plant's outputs that the estimator uses."""
+    """A plant, an estimator and a controller in a closed loop. `start`: the first state and the first positions. `origin`: the
+    states at the operating point. `input_covariance` (m, m): of the measured positions, for estimators that use
+    it. `columns`: the plant's outputs that the estimator uses. `commanded`: the estimator moves the
+    actuators itself (`Actuated`). `freezes`: a sensor may repeat its last reading. `late`: outputs that arrive
+    late are used (`Reordered`)."""
 
     plant: Steps
     estimator: Any
     controller: Any
     links: Links
-    x0: Any
+    start: Any
+    origin: Any
     dt: Any
+    position_sigma: Any
+    input_covariance: Any
     columns: tuple[int, ...] = static()
     lost: str = static(default="zero")
+    commanded: bool = static(default=False)
+    freezes: bool = static(default=False)
+    late: bool = static(default=False)
 
     def at(self, k: int | Array) -> "ControlLoop":
         """The loop at row k."""
@@ -78,21 +103,22 @@ class ControlLoop:
 
     def init(self, prior: Prior | None) -> LoopState:
         """The state before the first sample."""
-        m = self.plant.B.shape[-1]
-        nothing = jnp.zeros(m)
+        x, rest = (jnp.asarray(part) for part in self.start)
         links = tuple(None if link is None else _begin(link, size) for link, size in
-                      ((self.links.input, m), (self.links.output, self.plant.C.shape[-2])))  # fmt: skip
-        p = len(self.columns)
-        last = (jnp.zeros(p), jnp.zeros(p)) if self.acts_first else None
+                      ((self.links.input, rest.shape[0]), (self.links.output, self.plant.C.shape[-2])))  # fmt: skip
+        p, L = len(self.columns), self.plant.history
         return LoopState(
-            jnp.asarray(self.x0),
+            x,
+            rest,
+            jnp.broadcast_to(rest, (L, rest.shape[0])) if L > 1 else None,
             self.estimator.init(prior),
             self.controller.init(),
             links,
-            nothing,
-            nothing,
-            nothing,
-            last,
+            rest,
+            rest,
+            rest,
+            jnp.full(self.plant.C.shape[-2], jnp.nan) if self.freezes else None,
+            (jnp.zeros(p), jnp.zeros(p)) if self.acts_first else None,
         )
 
     @property
@@ -102,49 +128,76 @@ class ControlLoop:
 
     def correct(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
         """Measure, correct, act, and move the plant; or act, measure, correct, where the controller acts first."""
+        now = phase_of(self.plant, row.phase)
         if self.acts_first:
-            return self._act_first(state, row)
-        now = _phase(self.plant, row.phase)
-        p = now.V.shape[0]
-        measured = apply(now.C, state.x) + apply(now.V, row.noise[:p])
-        standing = state.applied if now.L is None else apply(jnp.asarray(now.L), state.x)
+            return self._act_first(now, state, row)
+        p, position = now.V.shape[0], placed(now, state.position)
+        measured = now.rest + apply(now.C, state.x) + apply(now.V, row.noise[:p])
+        if now.moves:
+            measured = measured + apply(now.D, effective(now, position))
+        standing = self._standing(state, acting(now, position), row)
         decided = self.decide(state, measured, standing, row)
-        x = apply(now.A, state.x) + apply(now.B, decided.applied) + apply(now.W, row.noise[p:])
-        end = decided.applied if now.L is None else apply(jnp.asarray(now.L), x)
-        return self.go_on(state, decided, x, decided.applied if now.L is None else standing, end)
+        commands = self._commands(state, decided.applied)
+        moved = move(now, state.x, position, commands, row.noise[p:])
+        x = moved.x if row.push is None else moved.x + row.push
+        after = replace(state, x=x, position=moved.position, commands=commands if state.commands is not None else None)
+        if self.commanded or not now.moves:
+            return self.go_on(after, decided, state.x, moved.acting, decided.applied, decided.applied)
+        end = self._measured(acting(now, moved.position), row, 1)
+        return self.go_on(after, decided, state.x, moved.acting, standing, end)
+
+    def _standing(self, state: LoopState, position: Array, row: LoopInputs) -> Any:
+        """What is known of the inputs at a sample: the measured positions, or the last command."""
+        return state.applied if self.commanded or not self.plant.moves else self._measured(position, row, 0)
+
+    def _measured(self, position: Array, row: LoopInputs, end: int) -> Any:
+        """The measured positions at the sample (`end` = 0) or at the next one."""
+        return position if row.position_noise is None else position + self.position_sigma * row.position_noise[end]
+
+    def _commands(self, state: LoopState, applied: Array) -> Any:
+        """The last commands, the newest first."""
+        return applied[None] if state.commands is None else jnp.concatenate([applied[None], state.commands[:-1]])
 
     def decide(self, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
         """Correct with the outputs that arrive, act, and send the command."""
-        measured = _rounded(measured, self.plant.resolution)
-        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        measured, output = self._read(state, measured, row)
+        delay, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        seen = (jnp.isfinite(delay) if self.late else delay == 0) & (measured == measured)
         block = None if row.begin is None else (row.begin, row.place)
-        belief, info = self._learn(state, measured, seen, jnp.zeros(self.plant.B.shape[-1]), extra=block)
-        known = replace(info, extra={**(info.extra or {}), "input": standing})
+        block = entries(delay, list(self.columns)) if self.late else block
+        u = standing if self.plant.moves else jnp.zeros(self.plant.B.shape[-1])
+        belief, info = self._learn(state, measured, seen, u, extra=block)
+        extra = info.extra or {}
+        known = replace(info, extra={**extra, "input": extra["position"] if self.commanded else standing})
         control, u, reported = self.controller.act(state.control, known, row.reference)
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
         rest = state.applied if self.lost == "hold" else jnp.zeros(u.shape)
-        applied = _within(self.plant, jnp.where(came, arrived, rest), standing)
+        applied = _within(self.plant, jnp.where(came, arrived, rest), state.applied)
         report = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
                 **{f"controller_{name}": value for name, value in reported.items()}}  # fmt: skip
-        return Decided(belief, control, (carrier, sensors), applied, info, report)
+        return Decided(belief, control, (carrier, sensors), output, applied, info, report)
 
     def go_on(
-        self, state: LoopState, decided: Decided, x: Array, input: Array, input_end: Array
+        self, state: LoopState, decided: Decided, x: Array, acting: Array, known: Array, known_end: Array
     ) -> tuple[LoopState, Info]:
-        """The state of the loop after the plant has moved to x, and the report of the sample."""
-        n = len(x) - (0 if self.plant.L is None else self.plant.B.shape[-1])
+        """The state of the loop after the plant has moved, and the report of the sample: the state x (n,), the positions that
+        act, and the inputs that the estimator knows at both ends of the interval.
+        """
         report = {
             **decided.report,
-            "state": state.x[:n],
-            "input": input,
-            "interval": Interval(input, input_end, None, self.dt),
+            "state": x + self.origin,
+            "input": acting,
+            "known_input": known,
+            "interval": Interval(known, known_end, None, self.dt, self.input_covariance),
         }
-        after = LoopState(x, decided.belief, decided.control, decided.links, decided.applied, input, input_end)
+        after = replace(
+            state, belief=decided.belief, control=decided.control, links=decided.links, applied=decided.applied,
+            output=decided.output, input=known, input_end=known_end,
+        )  # fmt: skip
         return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": report})
 
-    def _act_first(self, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
-        """Act, measure, correct, and move the plant."""
-        now = _phase(self.plant, row.phase)
+    def _act_first(self, now: Steps, state: LoopState, row: LoopInputs) -> tuple[LoopState, Info]:
+        """Act, measure, correct, and move the plant, which has no actuators."""
         p, m = now.V.shape[0], now.B.shape[-1]
         believed, (completed, was_seen) = self.estimator.ahead(state.belief), state.last
         known = replace(believed, extra={**believed.extra, "completed": completed, "seen": was_seen})
@@ -152,23 +205,43 @@ class ControlLoop:
         arrived, came, carrier = _command(self.links.input, state.links[0], u, row.input_draw)
         rest = state.applied if self.lost == "hold" else jnp.zeros(m)
         applied = _within(now, jnp.where(came, arrived, rest), state.applied)
-        measured = apply(now.C, state.x) + apply(now.D, applied) + apply(now.V, row.noise[:p])
-        measured = _rounded(measured, self.plant.resolution)
-        seen, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        commands = self._commands(state, applied)
+        moved = move(now, state.x, placed(now, state.position), commands, row.noise[p:])
+        through = apply(now.D, effective(now, moved.position))
+        measured = now.rest + apply(now.C, state.x) + through + apply(now.V, row.noise[:p])
+        measured, output = self._read(state, measured, row)
+        delay, sensors = _measure(self.links.output, state.links[1], measured, row.output_draw)
+        seen = (delay == 0) & (measured == measured)
         known = self.links.input is None or self.links.input.acknowledged
         input = applied if known else u
         belief, info = self._learn(state, measured, seen, input, arrived=None if known else jnp.full(m, jnp.nan))
-        x = apply(now.A, state.x) + apply(now.B, applied) + apply(now.W, row.noise[p:])
+        x = moved.x if row.push is None else moved.x + row.push
         last = info.extra["completed"], jnp.where(entries(seen, list(self.columns)), 1.0, 0.0)
-        after = LoopState(x, belief, control, (carrier, sensors), applied, input, input, last)
+        after = replace(
+            state, x=x, position=moved.position, commands=commands if state.commands is not None else None, belief=belief,
+            control=control, links=(carrier, sensors), applied=applied, input=input, input_end=input, output=output, last=last,
+        )  # fmt: skip
         report = {"output": jnp.where(seen, measured, jnp.nan), "command": u, "arrived": came, "applied": applied,
-                "state": state.x, "input": applied,
+                "state": state.x + self.origin, "input": moved.acting, "known_input": input,
                 **{f"controller_{name}": value for name, value in reported.items()}}  # fmt: skip
         return after, replace(info, extra={"estimator": info.extra or {}, "loop": report})
 
+    def _read(self, state: LoopState, measured: Array, row: LoopInputs) -> tuple[Any, Any]:
+        """What the sensors read, NaN where nothing, and the readings to repeat where a sensor may freeze."""
+        if row.sensed is None:
+            return _rounded(measured, self.plant.resolution), None
+        faults = row.sensed
+        reading = faults.scale * measured + faults.shift
+        reading = _rounded(reading + faults.sigma * row.sensor_noise, self.plant.resolution)
+        reading = jnp.where(faults.forced == faults.forced, faults.forced, reading)
+        if self.freezes:
+            first = state.output != state.output  # before the first reading there is none to repeat
+            reading = jnp.where((faults.frozen > 0) & ~first, state.output, reading)
+        return jnp.where(faults.dropped > 0, jnp.nan, reading), reading if self.freezes else None
+
     def predict(self, state: LoopState, interval: Interval) -> LoopState:
-        """The prediction of the estimator, from the applied inputs."""
-        seen = Interval(state.input, state.input_end, None, interval.dt)
+        """The prediction of the estimator, from the inputs that it knows."""
+        seen = Interval(state.input, state.input_end, None, interval.dt, self.input_covariance)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
     def _learn(
@@ -186,21 +259,15 @@ class ControlLoop:
         return self.estimator.correct(state.belief, sample)
 
 
+def intervals_of(rows: LoopInputs, step: float) -> Interval:
+    """The intervals of the rows of many runs. Their inputs are those of the loop."""
+    runs, T = rows.seen.shape[:2]
+    return Interval(np.zeros((runs, T, 0)), np.zeros((runs, T, 0)), None, np.full((runs, T), step))
+
+
 def entries(vector: Array, columns: Sequence[int]):
     """Entries picked one by one, which a straight line of scalars supports."""
     return jnp.concatenate([vector[i : i + 1] for i in columns])
-
-
-def _phase(plant: Steps, weight: Array) -> Steps:
-    """The matrices of the phase whose weight is 1."""
-
-    def chosen(stack: Array):
-        M = jnp.asarray(stack[0])
-        for i in range(1, len(stack)):
-            M = jnp.where(weight[i] > 0, jnp.asarray(stack[i]), M)
-        return M
-
-    return replace(plant, **{name: chosen(getattr(plant, name)) for name in "ABCDW"}, V=jnp.asarray(plant.V))
 
 
 def _begin(link: Link, size: int) -> Any:
@@ -211,11 +278,11 @@ def _begin(link: Link, size: int) -> Any:
 
 
 def _measure(link: Link, state: Tree, measured: Array, draw: Array):
-    """The outputs that arrived in time."""
+    """The delays of the outputs, in steps; infinite where one is lost."""
     if link is None:
-        return jnp.ones(measured.shape, bool), None
+        return jnp.zeros(measured.shape), None
     state, delivery = link.send(state, measured, draw)
-    return delivery.arrived, state
+    return delivery.delay, state
 
 
 def _command(link: Link, state: Tree, u: Array, draw: Array):

@@ -18,8 +18,8 @@ from .loop import ControlLoop, Decided, LoopInputs, LoopState
 
 def scan_bank(
     simulator: Plant, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
-) -> xla.Run:
-    """The result of `xla.scan_bank`, for loops that differ in their rows."""
+) -> tuple[str, xla.Run]:
+    """The result of `choice.scan_bank`, for loops that differ in their rows."""
     infos = [
         _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
         for i in range(len(rows.seen))
@@ -27,7 +27,7 @@ def scan_bank(
     info = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
     codes = np.asarray(info.outcome)
     failed_at = np.argmax(codes != 0, axis=1)
-    return xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
+    return "python", xla.Run(info, None, codes[np.arange(len(codes)), failed_at], failed_at, None)
 
 
 def _of_run(part: tuple[LoopInputs, Interval], i: int) -> Any:
@@ -39,15 +39,16 @@ def _fly(
 ) -> Info:
     """One run, its infos in rows."""
     rows, intervals = drawn
-    state = replace(loop.init(prior), x=np.append(flight.state, flight.input), input=flight.input)
-    C, V = np.asarray(loop.plant.C[0])[:, : len(flight.state)], np.asarray(loop.plant.V)
+    state = replace(loop.init(prior), x=flight.state, position=flight.input)
+    C, V = np.asarray(loop.plant.C[0]), np.asarray(loop.plant.V)
     infos = []
     for k in range(len(rows.seen)):
         row, interval = _of_run((rows, intervals), k)
         measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
         decided = _decide(loop, state, measured, standing, row)
+        x = flight.state
         flight.move(np.asarray(decided.applied))
-        x = np.append(flight.state, flight.input)
+        state = replace(state, x=flight.state, position=flight.input)
         state, info = _go_on(loop, state, decided, x, standing, flight.input, interval)
         infos.append(select(info, "all"))
     return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
@@ -62,5 +63,6 @@ def _decide(loop: ControlLoop, state: LoopState, measured: Array, standing: Arra
 def _go_on(
     loop: ControlLoop, state: LoopState, decided: Decided, x: Array, standing: Array, end: Array, interval: Interval
 ) -> tuple[LoopState, Info]:
-    state, info = loop.go_on(state, decided, x, standing, end)
+    known = (decided.applied, decided.applied) if loop.commanded else (standing, end)
+    state, info = loop.go_on(state, decided, x, standing, *known)
     return loop.predict(state, interval), info

@@ -108,7 +108,7 @@ class _Select(NamedTuple):
         again, loop = estimator.pop("again"), extra["loop"]
         output = entries(loop["output"], self.columns)
         seen = output == output
-        sample = Sample(jnp.where(seen, output, 0.0), seen, jnp.zeros(loop["input"].shape))
+        sample = Sample(jnp.where(seen, output, 0.0), seen, loop["known_input"])
         selected = self.select(replace(info, extra={**extra, "estimator": estimator}), keep)
         return (selected, again), (sample, loop["interval"])
 
