@@ -123,6 +123,9 @@ WRONG = Direction("B[x1, u1]", "B", (0, 0))
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
+    "StateSpace with a schedule": lambda: StateSpace(
+        [[0.9]], R=[[1.0]], dt=1, schedule={"speed": {"at": [1.0, 2.0], "A": [[[0.9]], [[0.8]]]}}
+    ),
     "StateSpace continuous": lambda: StateSpace([[-1.0]], dt=0).discretise(0.1, hold="first_order"),
     "OperatingPoint": lambda: MODEL.operating_point,
     "Prior": lambda: PRIOR,

@@ -12,6 +12,7 @@ from ..analysis.loss_tolerance import loss_tolerance
 from ..analysis.observability import observability, reachability
 from ..analysis.unknown_input_existence import unknown_input_existence
 from ..errors import EstimableError
+from ..estimation.following import model_along
 from ..models.files import ModelFile, read_model
 from ..models.state_space import StateSpace
 from ..results import (
@@ -98,17 +99,18 @@ def _gains(file: ModelFile, path: Path) -> GainInformation:
     settings = {} if file.gain is None else file.gain.settings
     given = {name: settings[name] for name in ("directions", "feedthrough") if name in settings}
     prior = None if file.gain is None else file.gain.prior
-    return gain_information(file.model, record, state=file.prior, gain=prior, **given)
+    return gain_information(model_along(file.model, record), record, state=file.prior, gain=prior, **given)
 
 
 def sampled(file: ModelFile, dt: float | None) -> StateSpace:
-    """The model, sampled if `dt` or the section [record] of the file gives a step."""
+    """The (nominal) model, sampled if `dt` or the section [record] of the file gives a step."""
+    model = file.model.nominal if isinstance(file.model, StateSpace) else file.model
     if not file.model.is_continuous:
         if dt is not None:
             checks.refuse(f"--dt is for continuous models: this one has dt = {file.model.dt:g} s.")
-        return file.model
+        return model
     step = file.record.get("dt") if dt is None else dt
-    return file.model if step is None else file.model.discretise(step)
+    return model if step is None else model.discretise(step)
 
 
 def _horizon(model: StateSpace, horizon: float | None) -> float | None:

@@ -83,7 +83,9 @@ def read_measured(
             f"the model is continuous, and the times of the samples of {path} are not given: give --time NAME (a column) "
             "or --dt SECONDS, or either in section [record] of the model file."
         )
-    record = read_record(path, outputs=names.outputs, inputs=names.inputs, **options)
+    others = (*names.outputs, *names.inputs)
+    followed = tuple(name for name in file.model.scheduled_by if name not in others)
+    record = read_record(path, outputs=names.outputs + followed, inputs=names.inputs, **options)
     return positions(record, file), options
 
 

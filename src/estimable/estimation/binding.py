@@ -15,6 +15,7 @@ from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Info, Interval, Names, Sample, Stacked
+from .following import along_record
 from .time_unit import check_time_unit
 
 FLATTEST = 1e28  # variance of an output by the prior, relative to its noise: beyond it, rounding shows in the estimates
@@ -64,6 +65,8 @@ def bind(
     faults = checks.Faults()
     _check_kinds(algorithm, record, prior, faults)
     faults.finish()
+    if algorithms is None:
+        algorithm = along_record(algorithm, record)
     model, names, rows = model_of(algorithm), algorithm.names, bank or record
     outputs = columns(names.outputs, record.outputs, "output", "y", faults)
     if faults.sentences and record.y.shape[-2] == len(names.outputs) < record.y.shape[-1]:

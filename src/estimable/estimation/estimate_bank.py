@@ -16,6 +16,7 @@ from ..results import EstimateBank, Outcome, Stacked
 from . import windows
 from .binding import Bound, bind, select
 from .estimate import check_options
+from .following import bank_along_records
 from .stack import stack
 
 Part: TypeAlias = Algorithm[Any] | Record | Prior | Stacked | Sequence[Any] | None  # of a bank: one, or several
@@ -46,6 +47,7 @@ def estimate_bank(
     """
     check_options(on_failure, engine, keep)
     parts = [several(part) for part in (algorithms, records, prior)]
+    parts[0] = bank_along_records(*parts[:2])
     bound = bind_bank(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items

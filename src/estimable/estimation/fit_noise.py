@@ -1,6 +1,6 @@
 """Tune noise levels by the likelihood of records."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..results import NoiseFit
 from ..results.fits import not_converged
 from .binding import bind
 from .climb import MOST, Climbed, Limits, climb
+from .following import along_record
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import Free, Part, parts
 from .slopes import Ascent, Rows, ascent_over
@@ -69,13 +70,13 @@ def fit_noise(
     (('Q[x1]', 'R[y1]'), True)
     """
     algorithm = _read(algorithm, progress)
-    found, runs = _prepare(algorithm, record, prior, free)
+    found, each, runs = _prepare(algorithm, record, prior, free)
 
-    def build(θ: np.ndarray) -> Setup:
-        return Setup(tuned(algorithm, found, θ), prior)
+    def build(along: Algorithm[Any]) -> Callable[[np.ndarray], Setup]:
+        return lambda θ: Setup(tuned(along, found, θ), prior)
 
     def at(θ: np.ndarray) -> Ascent:
-        return ascent_over([build] * len(runs), θ, runs)
+        return ascent_over([build(along) for along in each], θ, runs)
 
     begin = np.concatenate([part.begin() for part in found])
     with bar("steps, at most", MOST, shown=progress, after=AFTER) as advance:
@@ -102,13 +103,17 @@ def _read(given: object, progress: bool) -> Algorithm[Any]:
 
 def _prepare(
     algorithm: Algorithm[Any], record: Record | Sequence[Record], prior: Prior, free: Free
-) -> tuple[list[Part], list[Rows]]:
-    """The free covariances, and the rows of each record."""
+) -> tuple[list[Part], list[Algorithm[Any]], list[Rows]]:
+    """The free covariances, and for each record the algorithm along it and the rows."""
     faults = checks.Faults()
     found = parts(algorithm, free, faults)
     records = several("record", record, faults)
     faults.finish()
-    return found, [Rows.of(bind(algorithm, one, prior)) for one in records]
+    each = [along_record(algorithm, one) for one in records]
+    for along in each[:1]:
+        parts(along, free, faults)  # a covariance that follows a channel cannot be free
+    faults.finish()
+    return found, each, [Rows.of(bind(along, one, prior)) for along, one in zip(each, records, strict=True)]
 
 
 def tuned(algorithm: Algorithm[Any], found: list[Part], θ: np.ndarray) -> Any:

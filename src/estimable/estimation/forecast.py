@@ -102,14 +102,14 @@ def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
     x = info.mean if info.gain is None else np.concatenate([info.mean, info.gain], axis=1)
     point = bound.algorithm.ready.point.states
     x = x - np.concatenate([point, np.zeros(x.shape[1] - len(point))])
-    rows = jax.tree_util.tree_map(lambda leaf: leaf[T:], (bound.samples, bound.intervals))
-    return np.asarray(_measured(bound.algorithm, *rows, x))
+    samples, intervals = jax.tree_util.tree_map(lambda leaf: leaf[T:], (bound.samples, bound.intervals))
+    return np.asarray(_measured(bound.algorithm, T + np.arange(len(x)), samples, intervals, x))
 
 
 @forks.jit
-def _measured(algorithm: Smoothable[Any], samples: Sample, intervals: Interval, x: Array):
-    def row(sample: Sample, interval: Interval, x: Array):
-        measurement = algorithm.at(0).instant(sample, interval).measurement
+def _measured(algorithm: Smoothable[Any], rows: Array, samples: Sample, intervals: Interval, x: Array):
+    def row(k: Array, sample: Sample, interval: Interval, x: Array):
+        measurement = algorithm.at(k).instant(sample, interval).measurement
         return measurement.C @ x + measurement.d
 
-    return jax.vmap(row)(samples, intervals, x)
+    return jax.vmap(row)(rows, samples, intervals, x)

@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks, forks
 from ..annotations import Array, Numbers, Tree
 from ..data.messy import WILD, name_wild
-from ..data.record import LOST, UNIFORM
+from ..data.record import LOST
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
 from ..errors import EstimableError, RunError
@@ -21,6 +21,8 @@ from ..models.sampled import Clock
 from ..protocols import Algorithm
 from ..results import Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
+from .following import Following, Given, Values, channels_of, nominal
+from .online_arguments import KnownInputs, step_length
 from .online_steps import Quick
 from .resuming import check_state
 from .turns import wait
@@ -43,12 +45,16 @@ def _predict(algorithm: Algorithm[Any], k: int | Array, state: Tree, interval: I
 
 @frozen
 class Progress:
-    """The complete state of a run: the algorithm, its state, the held input, the last info, and the position."""
+    """The complete state of a run: the algorithm, its state, the held input, the last info, and the position.
+
+    `schedule`: the current values of the channels that the matrices of the model follow.
+    """
 
     algorithm: Any
     state: Any
     held: Any
     info: Info | None = None
+    schedule: Any = None
     dt: float | None = static(default=None)
     sample: int = static(default=0)
     corrected: bool = static(default=False)
@@ -84,6 +90,8 @@ class Online:
         self._asked = engine
         self._turn = [True]  # without its item while a call runs
         self._wild_is_named = False
+        self._known = KnownInputs(progress.algorithm)
+        self._follows = Following(progress.algorithm, progress.schedule) if channels_of(progress.algorithm) else None
         self._quick = self._machine_code(progress)
 
     @property
@@ -92,7 +100,8 @@ class Online:
         turn = self._turn
         wait(turn)
         try:
-            return self._progress_now()
+            now = self._progress_now()
+            return now if self._follows is None else replace(now, schedule=self._follows.values)
         finally:
             turn.append(True)
 
@@ -137,11 +146,21 @@ class Online:
         """The report of the last `correct`; None before the first."""
         return self._now.info
 
-    def correct(self, y: Numbers, u: Numbers | None = None, *, arrived: Numbers | None = None) -> Info:
+    def correct(
+        self,
+        y: Numbers,
+        u: Numbers | None = None,
+        *,
+        arrived: Numbers | None = None,
+        schedule: Values | None = None,
+    ) -> Info:
         """Update the estimate with the outputs y (p,) of this sample, NaN where missing, and return the report (an `Info`).
 
         `u` (m,) is needed only where the input enters y directly (D is not zero). Sensors that report one after the other at
         the same instant may be passed in several calls, with NaN for the others.
+
+        `schedule`: the present values of the channels that the matrices of a scheduled model follow. A channel that is an
+        output or an input of the model is read from y or u. Otherwise a value holds until the next is given.
         """
         turn = self._turn
         try:
@@ -149,6 +168,8 @@ class Online:
         except IndexError:
             wait(turn)
         try:
+            if self._follows is not None or schedule is not None:
+                self._follow(y=y, u=u, schedule=schedule)
             quick = self._quick
             if quick is not None and arrived is None and quick.correct(y, u) == 0:
                 self._progress = None
@@ -168,9 +189,9 @@ class Online:
             faults.add(
                 "`correct` was called twice without `predict`: the cross noise `S` of a sample can be used only once."
             )
-        if u is None and model.feeds_through(self._inputs):
+        if u is None and self._known.direct:
             faults.add("`u` must be given to correct: the input enters y directly (`D` is not zero).")
-        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        applied = self._applied(u, arrived, faults)
         faults.finish()
         seen = self._without_wild(seen)
         if quick is not None and self._is_prepared(quick, "correct"):
@@ -181,7 +202,7 @@ class Online:
             return quick.info
         fate = None
         if self.algorithm.takes_unknown_arrivals:
-            fate = np.full(len(self._inputs), np.nan) if arrived is None else np.asarray(arrived, float)
+            fate = np.full(len(self._known.columns), np.nan) if arrived is None else np.asarray(arrived, float)
         sample, now = Sample(np.nan_to_num(seen, nan=0.0), ~np.isnan(seen), applied, fate), self._progress_now()
         state, info = _correct(self._at_step(now.dt), now.sample, now.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
@@ -204,8 +225,9 @@ class Online:
         u_end: Numbers | None = None,
         arrived: Numbers | None = None,
         dt: float | None = None,
+        schedule: Values | None = None,
     ) -> None:
-        """Move to the next sample, `dt` seconds later, under the input u (m,).
+        """Move to the next sample, `dt` seconds later, under the input u (m,). `schedule`: as in `correct`.
 
         `u_end` (m,): the input at the next sample, for an input that moves linearly between samples (hold "first_order").
         `dt`: by default the step of a discrete model; for a continuous one the step of the last call.
@@ -216,6 +238,8 @@ class Online:
         except IndexError:
             wait(turn)
         try:
+            if self._follows is not None or schedule is not None:
+                self._follow(u=u, schedule=schedule)
             quick = self._quick
             if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
                 self._progress = None
@@ -229,13 +253,13 @@ class Online:
     ) -> None:
         """`predict`, with all checks of its arguments."""
         quick, faults = self._quick, checks.Faults()
-        step = self._step(dt, faults)
+        step = step_length(model_of(self.algorithm), dt, self._now.dt, faults)
         self._check_room(faults)
-        if u is None and self._inputs:
-            faults.add(f"`u` must be given to predict: the model has {self._counted_inputs()}.")
-        applied = self._applied(u, arrived, faults) if u is not None else self._rest()
+        if u is None and self._known.columns:
+            faults.add(f"`u` must be given to predict: the model has {self._known.counted}.")
+        applied = self._applied(u, arrived, faults)
         end = applied
-        if self._now.hold == "first_order" and self._inputs:
+        if self._now.hold == "first_order" and self._known.columns:
             if u_end is None:
                 faults.add('`u_end` must be given to predict: the input moves between samples (hold = "first_order").')
             else:
@@ -259,13 +283,25 @@ class Online:
         try:
             if progress.algorithm.takes_unknown_arrivals:
                 raise UnsupportedError("inputs of unknown arrival are not supported")
-            return Quick(progress)
+            return Quick(replace(progress, algorithm=nominal(progress.algorithm)))
         except EstimableError:
             raise
         except Exception as reason:
             why = reason
         self._pass_over(why)
         return None
+
+    def _follow(self, **given: Given) -> None:
+        """Set the matrices of a scheduled model for the values of a call."""
+        follows, faults = self._follows, checks.Faults()
+        if follows is None:
+            checks.refuse("`schedule` is for a model with a schedule: the matrices of this one follow no channel.")
+        values = follows.read(faults, **given)
+        faults.finish()
+        if not np.array_equal(values, follows.values):
+            follows.values, self._sampled = values, {}
+        if self._quick is not None and self._quick.at is not (algorithm := follows.now):
+            self._quick.follow(algorithm)
 
     def _is_prepared(self, quick: Quick, kind: str, dt: float = 0.0) -> bool:
         """Whether machine code is ready for a step; otherwise XLA continues."""
@@ -297,50 +333,12 @@ class Online:
 
         save(path, self)
 
-    def _step(self, dt: float | None, faults: checks.Faults) -> Any:
-        model = model_of(self.algorithm)
-        if dt is None:
-            if model.is_continuous and self._now.dt is None:
-                faults.add("`dt` must be given to the first predict: the model is continuous.")
-            return self._now.dt if model.is_continuous else model.dt
-        dt = faults.number("dt", dt, above=0.0, unit="seconds")
-        if (
-            dt is not None
-            and model.dt is not None
-            and not model.is_continuous
-            and abs(dt - model.dt) > UNIFORM * model.dt
-        ):
-            faults.add(
-                f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed."
-            )
-        return dt
-
-    def _applied(self, u: Numbers, arrived: Numbers | None, faults: checks.Faults) -> Any:
-        """The input that the actuator applies: u where it arrived, else zero or the held input."""
-        faults.learn("m", len(self._inputs), f"the model has {self._counted_inputs()}")
-        sent = faults.array("u", u, "m")
-        if arrived is None or sent is None:
-            return sent
-        fate = faults.array("arrived", arrived, "m", nan=True)
-        if self.algorithm.takes_unknown_arrivals:
-            return sent
-        if fate is not None and not np.all((fate == 0) | (fate == 1)):
-            faults.add("`arrived` must be 1 (applied) or 0 (lost): this algorithm needs every input.")
-        return np.where(fate == 1, sent, self._progress_now().held if self._base.lost == "hold" else 0.0)
-
-    def _rest(self) -> np.ndarray:
-        point = model_of(self.algorithm).operating_point
-        return np.zeros(len(self._inputs)) if point is None else point.inputs[self._inputs]
-
-    @property
-    def _inputs(self) -> list[int]:
-        """The model's known inputs: all but those of an `UnknownInput`."""
-        inputs = model_of(self.algorithm).inputs
-        return [inputs.index(name) for name in self.algorithm.names.inputs]
-
-    def _counted_inputs(self) -> str:
-        known = "" if len(self._inputs) == model_of(self.algorithm).m else "known "
-        return checks.counted(len(self._inputs), f"{known}input")
+    def _applied(self, u: Numbers | None, arrived: Numbers | None, faults: checks.Faults) -> Any:
+        """The input that the actuator applies; at rest where none is given."""
+        if u is None:
+            return self._known.rest
+        lost = self._progress_now().held if arrived is not None and self._base.lost == "hold" else 0.0
+        return self._known.applied(u, arrived, lost, faults)
 
     def _check_room(self, faults: checks.Faults) -> None:
         steps = model_of(self.algorithm).steps
@@ -354,7 +352,8 @@ class Online:
         if dt not in self._sampled:
             if len(self._sampled) >= 64:
                 self._sampled.clear()
-            self._sampled[dt] = self.algorithm.sampled(Clock.every(dt, self._base.hold))
+            now = self.algorithm if self._follows is None else self._follows.now
+            self._sampled[dt] = now.sampled(Clock.every(dt, self._base.hold))
         return self._sampled[dt]
 
 
@@ -391,5 +390,5 @@ def online(
         check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()
-    state = _init(algorithm.sampled(Clock.every(model.dt, hold)), prior)
+    state = _init(nominal(algorithm).sampled(Clock.every(model.dt, hold)), prior)
     return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost), engine)

@@ -96,6 +96,7 @@ class Quick:
         self.rest = np.zeros(len(inputs)) if point is None else point.inputs[inputs]
         self.lengths: dict[float, tuple[np.ndarray, np.ndarray | None]] = {}
         self.places: dict[Any, list[Place]] = {}
+        self.at: Any = self.algorithm
         self._begin((progress.state, progress.held))
 
     def correct(self, y: Numbers, u: Numbers | None) -> int | None:
@@ -140,6 +141,13 @@ class Quick:
             self.sample += 1
             self.dt = self.clock
         return code
+
+    def follow(self, algorithm: Algorithm[Any]) -> None:
+        """Continue with an algorithm that differs in its numbers: those of a scheduled model at another value."""
+        self.at = algorithm
+        self.lengths = {}
+        numbers = self._numbers(self.clock or 0.0)
+        self.fixed[:], self.rows = numbers
 
     def prepare(self, kind: str, dt: float = 0.0) -> None:
         """Prepare the step of this kind from here, of `dt` seconds for a continuous model. Raises `UnsupportedError`."""
@@ -188,7 +196,7 @@ class Quick:
         return self.lengths[dt]
 
     def _sampled(self, dt: float) -> tuple[Any, list[np.ndarray]]:
-        return looked_up(self.algorithm.sampled(Clock.every(dt, self.hold)), self.model.steps or 1)
+        return looked_up(self.at.sampled(Clock.every(dt, self.hold)), self.model.steps or 1)
 
     def _begin(self, state: tuple[Tree, Array]) -> None:
         """The start of the run, and the steps of a cycle; `correct` may come before the first length is known."""

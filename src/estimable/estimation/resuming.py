@@ -10,6 +10,7 @@ from ..annotations import Tree
 from ..models.sampled import Clock
 from ..results import Interval, Sample
 from .binding import model_of
+from .following import nominal
 
 
 def check_state(progress: Any) -> None:
@@ -30,7 +31,7 @@ def _cycle(progress: Any, state: Tree, u: np.ndarray) -> Any:
     """The state one sample later, with the held input, and the report of that sample."""
     model = model_of(progress.algorithm)
     dt, y = float(progress.dt or model.dt or 1.0), np.zeros(model.p)
-    algorithm = progress.algorithm.sampled(Clock.every(dt, progress.hold)).at(0)
+    algorithm = nominal(progress.algorithm).sampled(Clock.every(dt, progress.hold)).at(0)
     interval = Interval(u, u, None, np.asarray(dt))
     if progress.corrected:
         state = algorithm.predict(state, interval)

@@ -13,6 +13,7 @@ from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import Outcome, Score
 from .binding import bind
+from .following import along_record
 from .named_numbers import NamedNumber, Setup, fields_of
 from .slopes import Rows, ascent
 
@@ -59,7 +60,7 @@ def score(
             f"`algorithm` must report the covariance of its innovations: {type(algorithm).__name__} reports none."
         )
     entries = _read(algorithm, prior, with_respect_to)
-    start = Setup(algorithm, prior)
+    start = Setup(along_record(algorithm, record), prior)
     ran, found = ascent(lambda by: start.moved(entries, by), np.zeros(len(entries)), Rows.of(bound), engine)
     outcome = Outcome.of(found.code, found.failed_at, bound.t)
     if outcome.code:

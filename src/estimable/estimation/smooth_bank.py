@@ -17,6 +17,7 @@ from ..results import EstimateBank, Stacked
 from . import two_filters
 from .estimate import check_options
 from .estimate_bank import bind_bank, outcomes_of, several
+from .following import bank_along_records
 from .smooth import check_smoothable
 
 
@@ -42,7 +43,7 @@ def smooth_bank(
     """
     check_options(on_failure, engine, "all")
     parts = [several(part) for part in (algorithms, records, prior)]
-    parts[0] = _for_smoothing(parts[0])
+    parts[0] = bank_along_records(_for_smoothing(parts[0]), parts[1])
     bound = bind_bank(*parts)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = parts[2].items if isinstance(parts[2], Stacked) else parts[2]

@@ -144,6 +144,10 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
         faults.add("`model` must have an input to control. It has none.")
     if model.R is None:
         faults.add("`model` must have R, the covariance of the measurement noise. For noise-free outputs give zeros.")
+    if model.schedule:
+        faults.add(
+            "`model` must be constant: give model.along({channel: value}), and a `Change` to another value during the run."
+        )
     if model.varying or model.S is not None or model.B_end is not None:
         faults.add("`model` must be constant, without cross noise S and without B_end.")
     if plant.actuator is not None and not model.is_continuous:

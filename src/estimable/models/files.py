@@ -27,6 +27,7 @@ KEYS = {
     "record": ("time", "dt", "hold", "lost", "units", "na_values"),
     "unknown": ("inputs",),
     "actuators": ("bandwidth", "limits", "rate", "delay", "operating_point", "floats_to"),  # of each input
+    "schedule": ("at", *MATRICES),  # of the section of each channel, such as [schedule.airspeed]
 }
 SETTINGS = KEYS["gain"][3:]
 REQUIRED = {
@@ -68,8 +69,9 @@ def read_model(path: str | Path) -> ModelFile:
     """Read a model file: the model, its prior, and optionally an unknown gain, unknown inputs and options of records.
 
     A TOML file has the sections [model] (keys dt, states, outputs, A, C, R, and optionally inputs, B, D, Q, G, S) and [prior]
-    (mean, covariance, and optionally diffuse). The sections [operating_point], [gain], [record], [unknown] and, for each
-    commanded input, [actuators.NAME] are optional.
+    (mean, covariance, and optionally diffuse). The sections [operating_point], [gain], [record], [unknown], for each
+    commanded input [actuators.NAME], and for matrices that follow a channel [schedule.CHANNEL] (at, and tables of A, B, ..)
+    are optional.
 
     A Python file (.py) is executed. It defines `model` (a `StateSpace` or a `NonlinearModel`) and `prior`. It may define
     `gain` (a `GainSection`; for a nonlinear model it describes the parameters), `unknown`, `record` and `actuators`.
@@ -117,7 +119,8 @@ def _from_sections(sections: dict[str, Any]) -> ModelFile:
     faults.finish()
     given = sections["model"]
     try:
-        model = StateSpace(**given, operating_point=sections.get("operating_point"))
+        parts = {name: sections[name] for name in ("operating_point", "schedule") if name in sections}
+        model = StateSpace(**given, **parts)
     except checks.InputError as error:
         faults.sentences += [f"[model] {fault}" for fault in error.faults]
         model = None
@@ -146,6 +149,10 @@ def _check_keys(sections: dict[str, Any], faults: checks.Faults) -> None:
             faults.add(f"{name!r} must be a section [{name}] with keys {checks.listed(KEYS[name])}.")
         else:
             _check_section(name, section, faults)
+    _check_required(sections, faults)
+
+
+def _check_required(sections: dict[str, Any], faults: checks.Faults) -> None:
     for name in ("model", "prior"):
         if name not in sections:
             faults.add(f"the section [{name}] is missing.")
@@ -164,11 +171,11 @@ def _check_names(section: str, given: Iterable[str], keys: tuple[str, ...], faul
 
 
 def _check_section(name: str, section: dict[str, Any], faults: checks.Faults) -> None:
-    if name != "actuators":
+    if name == "actuators":
+        for channel, given in section.items():
+            _check_actuator(channel, given, faults)
+    elif name != "schedule":
         _check_names(name, section, KEYS[name], faults)
-        return
-    for channel, given in section.items():
-        _check_actuator(channel, given, faults)
 
 
 def _check_actuator(channel: str, given: Any, faults: checks.Faults) -> None:
@@ -271,6 +278,8 @@ def write_model(
     if model.operating_point is not None:
         point = model.operating_point
         sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}
+    if model.schedule:
+        sections["schedule"] = {one.channel: {"at": one.at} | one.tables for one in model.schedule}
     if gain is not None:
         sections["gain"] = _prior_section(gain.prior) | gain.settings
     if record:
@@ -307,6 +316,10 @@ def _check_writable(file: ModelFile) -> None:
     faults.finish()
     if file.model.varying or file.model.B_end is not None:
         faults.add("a model file holds a constant model without `B_end`: use save(path, model) for this one.")
+    if any(one.function is not None for one in file.model.schedule or ()):
+        faults.add(
+            "a model file holds a `schedule` as a table, not as a function: give a table, or write the model in Python."
+        )
     if file.model.R is None:
         faults.add("a model file needs `R`, the covariance of the measurement noise.")
     _check_file(file, faults)

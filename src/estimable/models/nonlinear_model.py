@@ -139,6 +139,7 @@ class NonlinearModel:
     steps = None  # it has no time-varying matrices
     B_end = S = None
     operating_point = None
+    scheduled_by = ()
 
     def check_at(self, x: np.ndarray, u: np.ndarray, faults: checks.Faults) -> None:
         """f, h and G must be finite at the prior mean x (n,) and the first input u (m,); traced values are not checked."""

@@ -13,7 +13,7 @@ from ..frozen import frozen, replace, static
 from ..kernels.small import factors
 from .discretisation import over, wandering
 from .operating_point import OperatingPoint
-from .state_space import StateSpace
+from .state_space import StateSpace, refuse_schedule
 
 
 class Clock(NamedTuple):
@@ -72,6 +72,7 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
 
     Leading axes of a stacked model stay in front. Traceable for a discrete model. Raises `InputError` without R.
     """
+    refuse_schedule(model)
     if model.R is None:
         checks.refuse(
             "`R`, the covariance of the measurement noise, is needed here. For noise-free outputs give zeros."

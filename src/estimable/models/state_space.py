@@ -1,5 +1,6 @@
 """The linear state-space model with its noises."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -7,10 +8,11 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from ..frozen import frozen, set_field, static
+from ..frozen import frozen, replace, set_field, static
 from .control import arguments_of, to_control
 from .discretisation import HOLDS, over, read_steps
 from .operating_point import OperatingPoint
+from .schedule import along, read_schedule, read_values
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S", "B_end")
 SINGULAR = 1e14  # condition number above which a change of basis loses all digits
@@ -33,6 +35,10 @@ class StateSpace:
     - `states`, `inputs`, `outputs`: names of the channels (default x1.., u1.., y1..). The names match a record to the model.
     - `operating_point`: {"states", "inputs", "outputs"}, the point about which the model is linear, in absolute units. With
       it records, priors and results are in absolute units too.
+    - `schedule`: {channel: table or function}: matrices that follow a measured channel of the record, such as the airspeed. A
+      table is {"at": values (S,), "A": (S, n, n), ..}, with linear interpolation; a function returns {"A": .., ..} at one
+      value of the channel. The drivers read the channel from the record by name. A, B, .. themselves are then nominal: they
+      hold where the schedule gives nothing, and in the functions that analyse a model.
     - `B_end` (n, m): the effect of u[k+1] on x[k+1], for an input that moves linearly between samples (first-order hold).
 
     Raises `InputError` with all faults at once: wrong shapes, covariances not symmetric or indefinite, wrong names.
@@ -57,6 +63,7 @@ class StateSpace:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
     operating_point: Any = None
+    schedule: Any = None
     varying: tuple[str, ...] = static(default=(), init=False)
 
     def __post_init__(self):
@@ -71,12 +78,16 @@ class StateSpace:
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
         }
-        point = None
+        point = schedule = None
         if not faults.sentences:
             point = OperatingPoint.of(self.operating_point, matrices["C"], matrices["D"], faults)
+            schedule = read_schedule(self.schedule, matrices, faults)
+            if schedule and (_varying(matrices) or matrices["B_end"] is not None):
+                faults.add("a model with a `schedule` must have constant nominal matrices and no `B_end`.")
         faults.finish()
-        varying = tuple(name for name in MATRICES if matrices[name] is not None and np.ndim(matrices[name]) == 3)
-        set_field(self, dt=dt, operating_point=point, varying=varying, **matrices, **names)
+        set_field(
+            self, dt=dt, operating_point=point, schedule=schedule, varying=_varying(matrices), **matrices, **names
+        )
 
     @property
     def n(self) -> int:
@@ -100,7 +111,8 @@ class StateSpace:
 
     def feeds_through(self, inputs: list[int]) -> bool:
         """Whether an input enters an output directly. `inputs` selects columns of u."""
-        return bool(np.any(self.D[..., inputs]))
+        tables = [one.tables["D"] for one in self.schedule or () if one.tables and "D" in one.tables]
+        return any(bool(np.any(D[..., inputs])) for D in (self.D, *tables))
 
     @property
     def is_continuous(self) -> bool:
@@ -111,6 +123,38 @@ class StateSpace:
     def steps(self) -> int | None:
         """The number of rows in time of the matrices that vary; None for a constant model."""
         return getattr(self, self.varying[0]).shape[0] if self.varying else None
+
+    @property
+    def scheduled_by(self) -> tuple[str, ...]:
+        """The channels that the matrices follow."""
+        return tuple(one.channel for one in self.schedule or ())
+
+    @property
+    def nominal(self) -> "StateSpace":
+        """The constant model with the nominal matrices."""
+        return replace(self, schedule=None)
+
+    def along(self, values: Mapping[str, Numbers]) -> "StateSpace":
+        """The model at given values of the channels of its `schedule`: constant at one number each, varying in time along
+        arrays (T,).
+
+        Raises `InputError` with every fault: a channel without values, a value outside its table, a matrix of a wrong shape.
+
+        >>> table = {"at": [100.0, 200.0], "B": [[[1.0]], [[4.0]]]}
+        >>> model = StateSpace([[0.9]], [[1.0]], R=[[1.0]], dt=1, schedule={"airspeed": table})
+        >>> model.along({"airspeed": 150.0}).B.tolist(), model.along({"airspeed": [100.0, 200.0]}).B.ravel().tolist()
+        ([[2.5]], [1.0, 4.0])
+        """
+        rows, constant = read_values(self.scheduled_by, values)
+        found = along(self.schedule or (), rows)
+        matrices = {name: M[0] if constant else M for name, M in found.items()}
+        varying = () if constant else tuple(name for name in MATRICES if name in matrices)
+        model = replace(self, schedule=None, varying=varying, **matrices)
+        if self.S is not None or "S" in matrices:
+            faults = checks.Faults()
+            _check_noise({name: getattr(model, name) for name in MATRICES}, self.dt, faults)
+            faults.finish()
+        return model
 
     def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
         """The discrete model of a continuous one over steps of `dt` seconds: one number, or an array (T,) with one for each row.
@@ -124,6 +168,7 @@ class StateSpace:
         >>> bool(np.isclose(slow.A[0, 0], np.exp(-0.1))), bool(np.isclose(slow.Q[0, 0], 1 - np.exp(-0.2)))
         (True, True)
         """
+        refuse_schedule(self)
         faults = checks.Faults()
         faults.choice("hold", hold, HOLDS)
         if not self.is_continuous:
@@ -142,6 +187,7 @@ class StateSpace:
         >>> StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_basis([[2.0]]).C
         array([[0.5]])
         """
+        refuse_schedule(self)
         faults = checks.Faults()
         faults.learn("n", self.n, f"the model has {checks.counted(self.n, 'state')}")
         T = np.asarray(faults.array("T", T, "n n"))
@@ -175,7 +221,23 @@ class StateSpace:
 
     def to_control(self):
         """This model as a `control.StateSpace`, without its noise covariances and operating point. Needs the extra `control`."""
+        refuse_schedule(self)
         return to_control(self)
+
+
+def refuse_schedule(model: StateSpace) -> None:
+    """Raise an error for a model whose matrices follow a channel, where one constant model is needed."""
+    if model.schedule:
+        names = checks.listed(model.scheduled_by)
+        example = ", ".join(f'"{name}": value' for name in model.scheduled_by)
+        checks.refuse(
+            f"the matrices of the model follow {names}, and their values are not given here: use model.along({{{example}}})."
+        )
+
+
+def _varying(matrices: dict) -> tuple[str, ...]:
+    """The names of the matrices with a time axis."""
+    return tuple(name for name in MATRICES if matrices[name] is not None and np.ndim(matrices[name]) == 3)
 
 
 def _condition(T: np.ndarray) -> float:

@@ -107,6 +107,8 @@ def model_items(model: StateSpace) -> Any:
         if matrix is None or (letter == "D" and not np.any(matrix)):
             continue
         yield letter + (f", {meaning}" if meaning else ""), matrix_text(np.asarray(matrix))
+    for one in model.schedule or ():
+        yield f"Follows {one.channel}", one.sentence
     point = model.operating_point
     if point is not None and np.any(point.states != 0):
         yield "Linear about", f"states {matrix_text(point.states)}, inputs {matrix_text(point.inputs)}"

@@ -2,7 +2,7 @@
 # pyright: reportUnnecessaryIsInstance=false
 """Records drawn from a model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -44,6 +44,7 @@ def simulate(
     input_link: Link | None = None,
     output_link: Link | None = None,
     lost: str = "zero",
+    schedule: Mapping[str, Numbers] | None = None,
 ) -> Simulation:
     """Draw a record of a model under the input u (T, m), with random noises. The same seed gives the same record.
 
@@ -53,6 +54,8 @@ def simulate(
     - `prior`: the initial state is drawn from it. None: the initial state is the operating point, or zero.
     - `input_link` and `output_link`: links that lose or delay packets of inputs and outputs. `lost`: what the actuator
       applies without a packet, "zero" or "hold" (its last input).
+    - `schedule`: {channel: values (T,)}, the course of each channel that the matrices of a scheduled model follow. The record
+      has it as an additional output, without noise. A channel that is an input is read from `u`.
     - `substeps`: the number of Runge-Kutta steps between samples for a continuous nonlinear model (default 8). Noise is added
       after each of them, which is exact in the limit of many.
 
@@ -63,7 +66,7 @@ def simulate(
     (3, 1)
     """
     bank = simulate_bank(model, u, seed=seed, runs=1, prior=prior, steps=steps, dt=dt, t=t, hold=hold,
-                         input_link=input_link, output_link=output_link, lost=lost)  # fmt: skip
+                         input_link=input_link, output_link=output_link, lost=lost, schedule=schedule)  # fmt: skip
     return jax.tree_util.tree_map(lambda leaf: leaf[0], bank.items)
 
 
@@ -81,6 +84,7 @@ def simulate_bank(
     input_link: Link | None = None,
     output_link: Link | None = None,
     lost: str = "zero",
+    schedule: Mapping[str, Numbers] | None = None,
 ) -> Stacked:
     """Draw many records at once, for `estimate_bank`. Run 0 equals `simulate` with the same seed.
 
@@ -95,13 +99,14 @@ def simulate_bank(
     model = model.to_state_space() if isinstance(model, OutputError) else model
     links = Links(input_link, output_link)
     _check_call(model, prior, seed, runs, steps)
+    model, followed = _along(model, u, schedule)
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
     sampled, lengths = _ready(model, record)
     forks.check()
     keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(runs))
     drawn = jax.tree_util.tree_map(np.asarray, _draw_all(sampled, lengths, record.u, prior, links, lost, keys))
     t_rows = None if record.t is None else np.broadcast_to(record.t, (runs, *record.t.shape))
-    return Stacked(_simulation(replace(_template(record, model, lost), t=t_rows), drawn), runs)
+    return Stacked(_simulation(replace(_template(record, model, lost, followed), t=t_rows), drawn, followed), runs)
 
 
 def drawn_from(
@@ -116,6 +121,7 @@ def drawn_from(
     input_link: Link | None = None,
     output_link: Link | None = None,
     lost: str = "zero",
+    schedule: Mapping[str, Numbers] | None = None,
 ) -> Callable[[Any], Simulation]:
     """Make a function that draws one `Simulation` with a random key, for `monte_carlo`. The arguments are as in `simulate`.
 
@@ -129,11 +135,12 @@ def drawn_from(
     model = model.to_state_space() if isinstance(model, OutputError) else model
     links = Links(input_link, output_link)
     _check_call(model, prior, 0, 1, steps)
+    model, followed = _along(model, u, schedule)
     record = _empty_record(model, u, steps, dt, t, hold, links, lost)
-    (sampled, lengths), template = _ready(model, record), _template(record, model, lost)
+    (sampled, lengths), template = _ready(model, record), _template(record, model, lost, followed)
 
     def draw(key: Array) -> Simulation:
-        return _simulation(template, _draw(sampled, lengths, record.u, prior, links, lost, key))
+        return _simulation(template, _draw(sampled, lengths, record.u, prior, links, lost, key), followed)
 
     return draw
 
@@ -145,16 +152,46 @@ def _ready(model: StateSpace | NonlinearModel, record: Record) -> tuple[Any, np.
     return motion.ready(model, clock), np.broadcast_to(lengths, len(record)).astype(float)
 
 
-def _template(record: Record, model: StateSpace | NonlinearModel, lost: str) -> Record:
+def _along(
+    model: StateSpace | NonlinearModel, u: Numbers | None, schedule: Mapping[str, Numbers] | None
+) -> tuple[StateSpace | NonlinearModel, dict[str, np.ndarray]]:
+    """The model along the given course of its channels, and those that the record has as additional outputs."""
+    if schedule is None and not model.scheduled_by:
+        return model, {}
+    if schedule is not None and not isinstance(schedule, Mapping):
+        checks.refuse(f"`schedule` must be a mapping of channels to values. Got {checks.short(schedule)}.")
+    given = dict(schedule or {})
+    measured = [channel for channel in model.scheduled_by if channel in model.outputs]
+    if measured:
+        checks.refuse(
+            f"the matrices of the model follow its own output {measured[0]!r}: simulate such a plant as a NonlinearModel."
+        )
+    columns: Any = np.asarray([] if u is None else u)
+    from_u = {name: columns[:, model.inputs.index(name)] for name in model.scheduled_by
+              if name in model.inputs and columns.ndim == 2 and columns.shape[1] == model.m}  # fmt: skip
+    if not isinstance(model, StateSpace):
+        checks.refuse("`schedule` is for a StateSpace with a schedule.")
+    return model.along(given | from_u), {name: np.asarray(values, float) for name, values in given.items()}
+
+
+def _template(
+    record: Record, model: StateSpace | NonlinearModel, lost: str, followed: Mapping[str, np.ndarray]
+) -> Record:
     """The record of a run without the drawn data."""
+    y = np.zeros((len(record), model.p + len(followed)))
     return Record(
-        record.y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
-        inputs=model.inputs, outputs=model.outputs,
+        y, record.u, dt=record.dt, t=record.t, hold=record.hold, lost=lost,
+        inputs=model.inputs, outputs=(*model.outputs, *followed),
     )  # fmt: skip
 
 
-def _simulation(template: Record, drawn: "SimulatedRun") -> Simulation:
-    record = replace(template, y=drawn.y, u=drawn.sent.logged, arrived=drawn.sent.arrived)
+def _simulation(template: Record, drawn: "SimulatedRun", followed: Mapping[str, np.ndarray]) -> Simulation:
+    y = drawn.y
+    if followed:
+        xp: Any = jnp if checks.is_traced(y) else np
+        columns = xp.stack([xp.asarray(values) for values in followed.values()], axis=-1)
+        y = xp.concatenate([y, xp.broadcast_to(columns, (*y.shape[:-1], len(followed)))], axis=-1)
+    record = replace(template, y=y, u=drawn.sent.logged, arrived=drawn.sent.arrived)
     return Simulation(record, drawn.x, drawn.sent.applied, drawn.measured, drawn.sent.delay, drawn.delay)
 
 
