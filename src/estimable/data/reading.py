@@ -11,7 +11,8 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from .record import Record, Units
+from .record import Record
+from .record_arguments import Texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ def read_record(
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
-    units: Units = (),
+    units: Texts = (),
     na_values: Numbers | None = None,
 ) -> Record:
     """Read a `Record` from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to version 7.2) or Parquet.

@@ -7,7 +7,8 @@ import numpy as np
 
 from .. import checks
 from ..data.messy import without_wild
-from ..data.record import Record, match, scatter
+from ..data.record import Record, match
+from ..data.record_arguments import scatter
 from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
