@@ -47,6 +47,7 @@ def as_data(run: FilterRun) -> dict[str, Any]:
         "engine": result.engine,
         "samples": len(run.record),
         "seconds": run.record.seconds,
+        "notes": list(run.record.notes),
     }
 
 

@@ -1,6 +1,6 @@
 """Records: measured outputs, logged inputs, times, and which inputs arrived."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
 from datetime import datetime
 from itertools import pairwise
@@ -14,9 +14,11 @@ from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
 from . import record_arguments as read
-from .frames import channels_of
+from .choosing import Choice, table_arguments
+from .frames import Channels, channels_of
 from .messy import measured, one_row_an_instant
 from .record_arguments import Texts, column, regular_step, scatter
+from .stamps import TimeOptions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +47,7 @@ class Record:
       A row k in `breaks` says that the state at row k does not follow from row k - 1.
     - `origin`: the date of t = 0 as a `datetime`. One without a zone is local time as the recorder wrote it.
     - `grid`: the step in seconds of the grid on which the rows were placed. None: the rows are those of the recorder.
+    - `placing`: {output: rms error}, how far placing on the grid moved the values of an output, as its stamps lie between rows.
     - `sources`: {name: "topic/channel"}, where each channel came from.
     - `notes`: sentences about how the record was read, such as the rule that decided the unit of time.
 
@@ -69,6 +72,7 @@ class Record:
     breaks: Any = static(default=())
     origin: datetime | None = static(default=None)
     grid: float | None = static(default=None)
+    placing: Any = static(default=())
     sources: Any = static(default=())
     notes: Any = static(default=())
     held: Annotated[Any, "m"] = field(
@@ -117,6 +121,7 @@ class Record:
             "breaks": read.breaks_of(self.breaks, rows, faults),
             "origin": read.origin_of(self.origin, faults),
             "grid": None if self.grid is None else faults.number("grid", self.grid, above=0.0, unit="seconds"),
+            "placing": read.numbers_of("placing", self.placing, channels, faults),
             "notes": read.notes_of(self.notes, faults),
         }
 
@@ -124,10 +129,19 @@ class Record:
     def from_pandas(
         frame: "pd.DataFrame",
         *,
-        outputs: Sequence[str],
-        inputs: Sequence[str] = (),
+        outputs: Channels,
+        inputs: Channels = (),
         time: str | None = None,
         dt: float | None = None,
+        time_unit: str | None = None,
+        time_format: str | None = None,
+        zone: str | None = None,
+        repeated: str | None = None,
+        grid: float | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        max_gap: float | None = None,
+        delay: Mapping[str, float] | None = None,
         arrived: str | Sequence[str] | None = None,
         lost: str = "zero",
         hold: str = "zero_order",
@@ -136,15 +150,21 @@ class Record:
     ) -> "Record":
         """A record from named columns of a DataFrame.
 
-        `time`: a column of seconds or of timestamps, or None: then `dt`, or the index if it is a DatetimeIndex or
-        named "time". `arrived`: columns of 1 and 0, one for each input, or one for all inputs. `na_values`: as in `read_record`.
+        `time`: a column of numbers or dates, or None: then `dt`, or the index if it holds dates or is named "time". The other
+        arguments are those of `read_record`.
 
         Raises `InputError` if a column is missing or holds anything but numbers; the message names the row.
         """
+        faults = checks.Faults()
+        choice = Choice(grid, start, stop, max_gap, delay or {}, {}, repeated, hold)
+        choice.check(faults)
+        faults.finish()
         channels = channels_of(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values
-        )
-        return Record(**channels, dt=dt, lost=lost, hold=hold, units=units)
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values,
+            options=TimeOptions(time_unit, time_format, zone),
+        )  # fmt: skip
+        channels = table_arguments(channels, choice, faults)
+        return Record(**channels, dt=dt if grid is None else None, lost=lost, hold=hold, units=units)
 
     def __repr__(self) -> str:
         lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"
@@ -191,8 +211,9 @@ class Record:
 
     @property
     def without_notes(self) -> "Record":
-        """The record without what only describes where it came from: `origin`, `grid`, `sources` and `notes`."""
-        return replace(self, origin=None, grid=None, sources=(), notes=())
+        """The record without what only describes where it came from: `origin`, `grid`, `placing`, `sources` and
+        `notes`."""
+        return replace(self, origin=None, grid=None, placing=(), sources=(), notes=())
 
     @property
     def seconds(self) -> float | None:

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import TypeAlias
+from types import UnionType
+from typing import Any, TypeAlias
 
 import numpy as np
 from jax.core import Tracer
 
 from .. import checks
 from ..annotations import Numbers
-from .frames import REMEDY
+from .stamps import REMEDY
 
 Texts: TypeAlias = Mapping[str, str] | Sequence[tuple[str, str]]  # {channel: text}
+Numeric: TypeAlias = Mapping[str, float] | Sequence[tuple[str, float]]  # {channel: number}
 UNIFORM = 1e-6  # largest relative scatter of regular time steps: the rounding of a file
 
 
@@ -28,13 +30,37 @@ def column(value: Numbers) -> Numbers:
 
 def texts_of(name: str, example: str, texts: Texts, channels: tuple[str, ...], faults: checks.Faults):
     """(channel, text) of each channel that has a text, in the order of the names."""
-    pairs = tuple(texts.items()) if isinstance(texts, Mapping) else texts
-    if not isinstance(pairs, tuple) or not all(
-        isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair) for pair in pairs
-    ):
+    pairs = _pairs_of(texts, str)
+    if pairs is None:
         faults.add(f"`{name}` must be a mapping of names to {name}, as in {example}. Got {checks.short(texts)}.")
         return ()
     faults.printable(name, (text for _, text in pairs))
+    return _of_channels(name, pairs, channels, faults)
+
+
+def numbers_of(name: str, numbers: Numeric, channels: tuple[str, ...], faults: checks.Faults):
+    """(channel, number) of each channel that has a number, in the order of the names."""
+    pairs = _pairs_of(numbers, int | float)
+    if pairs is None:
+        faults.add(
+            f"`{name}` must be a mapping of names to numbers, as in {{'speed': 0.1}}. Got {checks.short(numbers)}."
+        )
+        return ()
+    return _of_channels(name, pairs, channels, faults)
+
+
+def _pairs_of(given: Texts | Numeric, kind: type | UnionType) -> tuple[tuple[str, Any], ...] | None:
+    """A mapping, or a tuple of pairs, as pairs; None where it is something else."""
+    pairs: Any = tuple(given.items()) if isinstance(given, Mapping) else given
+    good = isinstance(pairs, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], str) and isinstance(pair[1], kind)
+        for pair in pairs
+    )
+    return pairs if good else None
+
+
+def _of_channels(name: str, pairs: tuple, channels: tuple[str, ...], faults: checks.Faults) -> tuple:
+    """The pairs in the order of the names, all of which must be channels."""
     unknown = [channel for channel, _ in pairs if channel not in channels]
     if unknown:
         near = checks.suggestion(unknown[0], channels)
@@ -52,10 +78,9 @@ def notes_of(notes: Sequence[str], faults: checks.Faults) -> tuple[str, ...]:
 
 def origin_of(origin: datetime | None, faults: checks.Faults) -> datetime | None:
     """The date of t = 0 as a `datetime`; a `pandas.Timestamp` is one."""
-    if origin is None or type(origin) is datetime:
-        return origin
-    if isinstance(origin, datetime):
-        return origin.to_pydatetime(warn=False) if hasattr(origin, "to_pydatetime") else origin
+    if origin is None or isinstance(origin, datetime):
+        plain = getattr(origin, "to_pydatetime", None)
+        return origin if plain is None else plain(warn=False)
     faults.add(
         f"`origin` must be the date of t = 0, as in datetime(2026, 1, 31, 12, tzinfo=timezone.utc). Got {checks.short(origin)}."
     )

@@ -16,7 +16,7 @@ from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Info, Interval, Names, Sample, Stacked
-from .time_unit import check_time_unit
+from .time_unit import check_time_unit, warn_of_placing
 
 FLATTEST = 1e28  # variance of an output by the prior, relative to its noise: beyond it, rounding shows in the estimates
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
@@ -87,6 +87,7 @@ def bind(
     if isinstance(model, NonlinearModel) and prior is not None:
         model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
         faults.finish()
+    warn_of_placing(model, tuple(record.outputs[i] for i in outputs), record)
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     y = without_wild(_columns_of(rows.y, outputs), names.outputs)

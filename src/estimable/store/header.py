@@ -16,7 +16,7 @@ FORMAT = 2
 # For older files. MOVED: {old (module, class): current (module, class)}; ADDED: {class: values of fields they lack}.
 MOVED: dict[tuple[str, str], tuple[str, str]] = {}
 ADDED: dict[str, dict[str, Any]] = {
-    "Record": {"breaks": (), "origin": None, "grid": None, "sources": (), "notes": ()},
+    "Record": {"breaks": (), "origin": None, "grid": None, "placing": (), "sources": (), "notes": ()},
 }
 MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 FIELDS = {"format", "estimable", "modules", "thing"}
