@@ -23,9 +23,11 @@ from .controllers.gain_reconfiguration import GainReconfiguration as GainReconfi
 from .controllers.proportional_integral import ProportionalIntegral as ProportionalIntegral
 from .controllers.state_feedback import StateFeedback as StateFeedback
 from .controllers.tracking import Tracking as Tracking
+from .data.log import Log as Log
 from .data.reading import read_record as read_record
 from .data.record import Record as Record
 from .data.through_actuators import through_actuators as through_actuators
+from .data.topic import Topic as Topic
 from .data.trends import Trend as Trend
 from .design.disturbance_accommodation import disturbance_accommodation as disturbance_accommodation
 from .design.families import DesignFamily as DesignFamily

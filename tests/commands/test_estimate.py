@@ -9,6 +9,7 @@ import pytest
 from estimable import Kalman, estimate, read_model, read_record
 
 CALL = ("estimate", "flight.csv", "--model", "model.toml", "--filter")
+RULE = "The time column 'time_s' is in s (by its name): 0.18 s at 100 Hz.\n"
 
 
 def directly():
@@ -38,7 +39,7 @@ def test_a_filter_with_a_gain_says_it_too(run):
 @pytest.mark.parametrize("width", [60, 80])
 def test_estimates_for_people(run, width):
     answer = run(*CALL, "unknown-gain", width=width)
-    assert (answer.code, answer.stderr) == (0, "")
+    assert (answer.code, answer.stderr) == (0, RULE)
     assert all(len(line.rstrip()) <= width for line in answer.stdout.splitlines())
     for word in ("last sample, t = 0.18 s", "alpha", "pitch_rate", "gain", "sigma", "Log-likelihood: ", "(NIS): "):
         assert word in answer.stdout
@@ -47,7 +48,7 @@ def test_estimates_for_people(run, width):
 def test_the_table_is_that_of_the_result(run, tmp_path):
     answer = run(*CALL, "kalman", "--out", "table.csv")
     assert answer.code == 0
-    assert answer.stderr == "Wrote 19 rows of 9 columns to table.csv.\n"
+    assert answer.stderr == RULE + "Wrote 19 rows of 9 columns to table.csv.\n"
     table = pd.read_csv(tmp_path / "table.csv", index_col="time")
     pd.testing.assert_frame_equal(table, directly().to_pandas(), check_exact=False, rtol=1e-12)
     assert run(*CALL, "kalman", "--out", "table.csv", "--json").json["out"] == "table.csv"
@@ -158,3 +159,24 @@ def test_a_nonlinear_model_and_its_parameters(run, name, whole):
     assert said["filter"] == whole
     for gain, true in (("outflow", 0.2), ("inflow", 0.5)):
         assert abs(said["gain"][gain] - true) < 4 * said["gain_sigma"][gain] < 0.1
+
+
+def test_a_record_in_microseconds_is_read_with_its_unit_on_a_grid(run, tmp_path, change_model):
+    change_model('time = "time_s"', 'time = "clock"')
+    rows = [line.split(",") for line in (tmp_path / "flight.csv").read_text().splitlines()]
+    place = rows[0].index("time_s")
+    for k, row in enumerate(rows):
+        row[place] = "clock" if k == 0 else str(round(float(row[place]) * 1e6))
+    (tmp_path / "flight.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    refused = run(*CALL, "kalman")
+    assert refused.code == 2
+    assert "say time_unit='us', 'ms' or 's'" in refused.stderr
+    answer = run(*CALL, "kalman", "--time-unit", "us", "--grid", "0.02", "--start", "0", "--json")
+    assert answer.code == 0
+    notes = answer.json["notes"]
+    assert notes[0] == "The time column 'clock' is in us (time_unit='us'): 0.18 s at 100 Hz."
+    assert notes[1].startswith("The rows are a grid of 0.02 s: 10 rows.")
+    assert answer.json["samples"] == 10
+    assert run(*CALL, "kalman", "--time-unit", "us", "--grid", "0").stderr == (
+        "Error: flight.csv: `grid` must be greater than 0 seconds. Got 0.\n"
+    )

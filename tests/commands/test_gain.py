@@ -12,7 +12,7 @@ from estimable.packaged import path
 
 CALL = ("gain", "flight.csv", "--model", "model.toml")
 KEYS = {
-    "command", "version", "outcome", "record", "model", "filter", "engine", "samples", "seconds", "outputs", "inputs",
+    "command", "version", "outcome", "record", "model", "filter", "engine", "samples", "seconds", "notes", "outputs", "inputs",
     "gains", "failure_time_s", "detected_at_s", "changes", "report", "gain_before", "gain_before_sigma", "before_s",
     "gain_after", "gain_after_sigma", "settings",
     "after_s", "findings", "log_likelihood", "nis", "innovation_faults",

@@ -14,7 +14,7 @@ def same():
             assert (left is None) == (right is None), name
             if left is not None:
                 np.testing.assert_array_equal(left, right)
-        for name in ("dt", "inputs", "outputs", "lost", "hold", "units"):
+        for name in ("dt", "inputs", "outputs", "lost", "hold", "units", "breaks", "origin", "grid", "sources"):
             assert getattr(a, name) == getattr(b, name), name
 
     return check

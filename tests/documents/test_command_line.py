@@ -24,7 +24,7 @@ after success, 2 for a wrong call, file or option, and 1 for a run that failed. 
 | `report` | the page that was written, or null |
 | `nis` | the normalised innovations (of the filter inside a detector), their band, and a sentence |
 | `settings` | the settings of the filter |
-| `samples`, `seconds` | the length of the record |
+| `samples`, `seconds`, `notes` | the length of the record, and how it was read (unit of time, grid) |
 
 With several gains each number is replaced by an object, {name: number}.
 """

@@ -15,6 +15,10 @@ PRIOR_SECTION = "mean = [0.0]\ncovariance = [[1.0]]"
 MODEL = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"])
 PRIOR = Prior([0.0], [[1.0]])
 KEYS = "Its keys are 'dt', 'states', 'inputs', 'outputs', 'A', 'B', 'C', 'D', 'Q', 'R', 'G', 'S'."
+RECORD_KEYS = (
+    "'time', 'dt', 'time_unit', 'time_format', 'zone', 'repeated', 'grid', 'start', 'stop', 'max_gap', 'delay', 'hold', 'lost', "
+    "'units', 'na_values'"
+)
 
 
 @pytest.fixture
@@ -191,7 +195,7 @@ PYTHON = {
     ),
     "record no mapping": (
         GOOD_PYTHON + "record = 3",
-        ["[record] must hold 'time', 'dt', 'hold', 'lost', 'units', 'na_values'. Got 3."],
+        [f"[record] must hold {RECORD_KEYS}. Got 3."],
     ),
 }
 
@@ -256,7 +260,7 @@ WRITING = {
     "unknown record option": (
         (MODEL, PRIOR),
         dict(record={"step": 1}),
-        ["[record] has no key 'step'. Its keys are 'time', 'dt', 'hold', 'lost', 'units', 'na_values'."],
+        [f"[record] has no key 'step'. Its keys are {RECORD_KEYS}. Did you mean 'stop'?"],
     ),
 }
 

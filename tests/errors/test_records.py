@@ -33,7 +33,8 @@ RECORDS = {
         dict(t=[1.5e9, 1.5e9, 1.5e9 + 1]),
         (
             "two rows have the time 1500000000 s, and both have a value of 'y1'. Rows at one instant are merged into one row "
-            "only if each channel has one value there: drop one of them, or take their mean."
+            "only if each channel has one value there: drop one of them, take their mean, or read the file with repeated='first' "
+            "or 'last'."
         ),
     ),
     "t NaN": (dict(t=[0.0, np.nan, 2.0]), "`t` must not hold NaN. First at index 1."),

@@ -85,6 +85,7 @@ def as_data(run: Compared) -> dict[str, Any]:
         "outcome": {"code": 0, "sentence": run.found.sentence},
         "record": str(run.asked.path),
         "samples": len(run.record),
+        "notes": list(run.record.notes),
         "outputs_seen": int(run.record.seen.sum()),
         "split": run.asked.split,
         "best": None if best is None else _short(best),

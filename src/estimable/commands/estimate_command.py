@@ -1,10 +1,14 @@
 """`estimable estimate`: the states of a record, with any filter."""
 
+from typing import Any
+
 from . import estimate_report, options, show
 from .destination import check_destination
+from .record_options import reads_a_record
 from .run_filter import run_filter
 
 
+@reads_a_record
 def estimate(
     record: options.Record,
     model: options.Model,
@@ -12,12 +16,7 @@ def estimate(
     unknown: options.Unknown = None,
     settings: options.Set = None,
     out: options.Out = None,
-    time: options.Time = None,
-    dt: options.Step = None,
-    hold: options.Hold = None,
-    lost: options.Lost = None,
-    arrived: options.Arrived = None,
-    na: options.Na = None,
+    reading: Any = None,
     machine: options.Machine = False,
 ) -> None:
     """Estimate the states of a record.
@@ -32,7 +31,6 @@ def estimate(
       estimable estimate flight.csv --model aircraft.toml --filter unknown-input --unknown elevator
     """
     check_destination("--out", out, ".csv", record=record)
-    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
     with show.working(f"Running {name}"):
         run = run_filter(name, record, model, settings=settings or (), unknown=unknown or (), reading=reading)
     written = None if out is None else estimate_report.write_table(run, out)
@@ -40,5 +38,6 @@ def estimate(
         show.data("estimate", estimate_report.as_data(run, out))
     else:
         show.text(lambda _: estimate_report.as_text(run))
+        show.notes(*run.record.notes)
     if written is not None:
         show.notes(written)

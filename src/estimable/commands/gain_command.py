@@ -1,27 +1,25 @@
 """`estimable gain`: how much of an input's effect is left."""
 
 from pathlib import Path
+from typing import Any
 
 from .. import checks
 from . import gain_text, options, show
 from .destination import check_destination
 from .gain_report import write_gain_report
 from .gain_summary import gain_summary
+from .record_options import reads_a_record
 from .run_filter import FilterRun, run_filter
 
 
+@reads_a_record
 def gain(
     record: options.Record,
     model: options.Model,
     name: options.GainFilter = None,
     report: options.Report = None,
     settings: options.Set = None,
-    time: options.Time = None,
-    dt: options.Step = None,
-    hold: options.Hold = None,
-    lost: options.Lost = None,
-    arrived: options.Arrived = None,
-    na: options.Na = None,
+    reading: Any = None,
     machine: options.Machine = False,
 ) -> None:
     """Find how much of an input's effect is left.
@@ -35,14 +33,13 @@ def gain(
       estimable gain flight.csv --model aircraft.toml --report report.html
       estimable gain flight.csv --model aircraft.toml --filter unknown-gain --set walk=0.05 --json
     """
-    reading = {"time": time, "dt": dt, "hold": hold, "lost": lost, "arrived": arrived, "na_values": na or None}
     check_destination("--report", report, ".html", record=record)
     with show.working("Estimating the gain"):
         run = run_filter(name, record, model, settings=settings or (), reading=reading)
     again = gain_text.command_of(run, "gain", settings or (), reading)
     present("gain", run, machine, report, command=f"{again} --report report.html")
     if not machine:
-        show.notes(*gain_text.next_steps(run, settings or (), reading))
+        show.notes(*run.record.notes, *gain_text.next_steps(run, settings or (), reading))
 
 
 def present(

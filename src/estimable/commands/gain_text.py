@@ -12,6 +12,7 @@ from ..tables import standard_deviation
 from . import innovation_checks, run_filter
 from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
 from .numbers import counted, spread_of
+from .record_options import as_words
 from .run_filter import FilterRun
 from .terminal_plot import ASCII, UNICODE, plot
 
@@ -115,10 +116,7 @@ def command_of(run: FilterRun, command: str, settings: Iterable[str], reading: d
     words = [str(run.record_path), "--model", str(run.model_path), "--filter", run.filter]
     for setting in settings:
         words += ["--set", setting]
-    for name, value in reading.items():
-        for one in value if isinstance(value, list) else [value]:
-            words += [] if one is None else [f"--{name.removesuffix('_values')}", str(one)]
-    return f"estimable {command} {shlex.join(words)}"
+    return " ".join([f"estimable {command} {shlex.join(words)}", *as_words(reading)])
 
 
 def _table(run: FilterRun, summary: GainSummary, sign: str) -> Any:

@@ -1,12 +1,13 @@
 """`estimable identify`: a model from a record with gaps."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from . import compare_report, identify_report, options, show
 from .identify_files import Asked, destinations
+from .record_options import reads_a_record
 
 METHOD_HELP = "One method instead of a comparison: output-error-ml, subspace, ..."
 LEVEL_HELP = "What is subtracted first: mean, trend or none. Default: mean; none with --method."
@@ -52,6 +53,7 @@ PageOut = Annotated[
 ]
 
 
+@reads_a_record
 def identify(
     record: options.Record,
     method: Method = None,
@@ -63,11 +65,7 @@ def identify(
     split: Split = 0.5,
     out: ModelOut = None,
     report: PageOut = None,
-    time: options.Time = None,
-    dt: options.Step = None,
-    lost: options.Lost = None,
-    arrived: options.Arrived = None,
-    na: options.Na = None,
+    reading: Any = None,
     machine: options.Machine = False,
 ) -> None:
     """Identify a model from a record with gaps.
@@ -87,7 +85,6 @@ def identify(
       estimable identify run.csv --method recursive-output-error
       estimable identify run.csv --input valve --output level --dt 0.1 --set na=2 --set nb=1
     """
-    reading = {"time": time, "dt": dt, "lost": lost, "arrived": arrived, "na_values": na or None}
     asked = Asked(record, output or ["y"], input or ["u"], reading, split, level, destinations(record, out, report))
     if method is None and not settings:
         with show.counted("Comparing methods") as progress:
@@ -99,4 +96,4 @@ def identify(
             run = identify_report.identified(asked, method, settings=settings or (), order=order)
         show.both("identify", machine, identify_report, run)
     if not machine:
-        show.notes("", *run.written.notes())
+        show.notes("", *run.record.notes, *run.written.notes())

@@ -13,6 +13,7 @@ from ..protocols import Method
 from ..results import Comparison, Ranked
 from ..results.order_selection import OrderSelection
 from .destination import check_destination
+from .record_options import as_words
 
 
 class Files(NamedTuple):
@@ -37,8 +38,7 @@ class Asked(NamedTuple):
         """The command line of the same run."""
         words = ["estimable identify", self.path.name]
         words += [f"--output {name}" for name in self.outputs] + [f"--input {name}" for name in self.inputs]
-        for name, value in self.reading.items():
-            words += [f"--{name} {one}" for one in (value if isinstance(value, list) else [value]) if one is not None]
+        words += as_words(self.reading)
         words += [] if self.split == 0.5 else [f"--split {self.split:g}"]
         words += [] if self.level is None else [f"--level {self.level}"]
         return " ".join([*words, *options])
@@ -76,11 +76,11 @@ def destinations(record: Path, out: Path | None, report: Path | None) -> Files:
 
 def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> None:
     """Write the model with a diffuse prior, and how to read the record."""
-    from ..models.files import write_model
+    from ..models.files import KEYS, write_model
     from ..models.prior import Prior
 
     n = model.n
-    given = {name: value for name, value in reading.items() if name in ("time", "dt", "lost") and value is not None}
+    given = {name: value for name, value in reading.items() if name in KEYS["record"] and value is not None}
     if "time" not in given:
         given["dt"] = model.dt
     write_model(path, model, Prior(np.zeros(n), np.zeros((n, n)), diffuse=np.eye(n)), record=given)

@@ -119,6 +119,7 @@ def as_data(run: Identified) -> dict[str, Any]:
         "record": str(run.asked.path),
         "method": run.method,
         "samples": len(run.record),
+        "notes": list(run.record.notes),
         "outputs_seen": int(run.record.seen.sum()),
         "orders": {**_degrees(fit), "chosen": run.chosen},
         "parameters": dict(zip(fit.names, map(float, fit.parameters), strict=True)),

@@ -50,6 +50,7 @@ def as_data(run: FilterRun) -> dict[str, Any]:
         "engine": result.engine,
         "samples": len(run.record),
         "seconds": run.record.seconds,
+        "notes": list(run.record.notes),
     }
 
 

@@ -1,33 +1,35 @@
 """Named columns of a table as channels."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
 from .na_values import without_na
+from .stamps import TimeOptions, read_stamps
+from .time_units import Seconds
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LATEST = 1e11  # [s] of a record: 3,000 years
-EPOCHS = ((1e17, "nanoseconds", "ns"), (1e14, "microseconds", "us"), (LATEST, "milliseconds", "ms"))
-REMEDY = "sort the rows by time"
+Channels: TypeAlias = Sequence[str] | Mapping[str, str]  # names, or {name in the model: channel}
 
 
 def channels_of(
     frame: "pd.DataFrame",
     *,
-    outputs: Sequence[str],
-    inputs: Sequence[str],
+    outputs: Channels,
+    inputs: Channels,
     time: str | None,
     dt: float | None,
     arrived: str | Sequence[str] | None,
     na_values: Numbers | None,
+    options: TimeOptions,
 ) -> dict[str, Any]:
-    """The arguments `y`, `u`, `t`, `arrived`, `outputs` and `inputs` of a `Record`, from named columns.
+    """The arguments `y`, `u`, `t`, `arrived`, `outputs`, `inputs`, `origin`, `sources` and `notes` of a `Record`, from named
+    columns. `outputs` and `inputs` may map names to columns.
 
     Raises `InputError` with all columns that are missing or hold anything but numbers.
     """
@@ -36,7 +38,8 @@ def channels_of(
     if not isinstance(frame, pd.DataFrame):
         checks.refuse(f"`frame` must be a pandas DataFrame. Got {type(frame).__name__}.")
     faults = checks.Faults()
-    outputs, inputs = faults.names("outputs", outputs, "", ""), faults.names("inputs", inputs, "", "")
+    sources = {kind: renamed(kind, given, faults) for kind, given in (("outputs", outputs), ("inputs", inputs))}
+    outputs, inputs = (tuple(sources[kind].values()) for kind in ("outputs", "inputs"))
     if not outputs and not faults.sentences:
         faults.add("`outputs` must name at least one column.")
     arrivals = faults.names("arrived", [arrived] if isinstance(arrived, str) else arrived, "", "")
@@ -47,7 +50,7 @@ def channels_of(
     if len(frame) == 0:
         faults.add("there is no row below the header.")
     marks = None if na_values is None else faults.array("na_values", np.atleast_1d(na_values), "marks")
-    t = _time(frame, time, dt, outputs, faults)
+    read = time_of(frame, time, dt, outputs, options, faults)
     faults.finish()
     columns |= {name: without_na(np.asarray(columns[name]), name, marks, faults) for name in (*outputs, *inputs)}
     faults.finish()
@@ -57,9 +60,23 @@ def channels_of(
 
     repeated = arrivals * len(inputs) if len(arrivals) == 1 else arrivals
     return {
-        "y": together(outputs), "u": together(inputs), "t": t, "outputs": outputs, "inputs": inputs,
-        "arrived": together(repeated) if arrivals else None,
+        "y": together(outputs), "u": together(inputs), "t": None if read is None else read.t,
+        "outputs": tuple(sources["outputs"]), "inputs": tuple(sources["inputs"]),
+        "arrived": together(repeated) if arrivals else None, "origin": None if read is None else read.origin,
+        "notes": () if read is None else (read.rule[0].upper() + read.rule[1:],),
+        "sources": {name: column for both in sources.values() for name, column in both.items() if name != column},
     }  # fmt: skip
+
+
+def renamed(argument: str, given: Channels, faults: checks.Faults) -> dict[str, str]:
+    """{name in the record: name of the channel}; a list names channels of the same names."""
+    if not isinstance(given, Mapping):
+        return {name: name for name in faults.names(argument, given, "", "")}
+    names, channels = faults.names(argument, list(given), "", ""), list(given.values())
+    if all(isinstance(channel, str) for channel in channels):
+        return dict(zip(names, channels, strict=False))
+    faults.add(f"`{argument}` must map names to channels, as in {{'pitch_rate': 'gyro_y'}}. Got {checks.short(given)}.")
+    return {}
 
 
 def _column(frame: "pd.DataFrame", name: str, faults: checks.Faults) -> "pd.Series | None":
@@ -107,16 +124,28 @@ def _as_numbers(column: "pd.Series", label: str, wanted: str, faults: checks.Fau
     return numbers
 
 
-def _time(
-    frame: "pd.DataFrame", time: str | None, dt: float | None, outputs: tuple[str, ...], faults: checks.Faults
-) -> np.ndarray | None:
+def time_of(
+    frame: "pd.DataFrame",
+    time: str | None,
+    dt: float | None,
+    outputs: Sequence[str],
+    options: TimeOptions,
+    faults: checks.Faults,
+) -> Seconds | None:
     """Seconds from a column, or from the index; None where `dt` counts, or something is at fault."""
     import pandas as pd
 
     index = frame.index
     if time is None:
         timed = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex | pd.PeriodIndex) or index.name == "time"
-        return _seconds(index.to_series(), "the index", faults) if timed and dt is None else None
+        if timed and dt is None:
+            return read_stamps(index.to_series(), "the index", options, faults)
+        given = [
+            f"time_{name}" if name != "zone" else name for name, value in options._asdict().items() if value is not None
+        ]
+        if given:
+            faults.add(f"`{given[0]}` says how a time is read: give `time`, the column that holds it.")
+        return None
     if not isinstance(time, str):
         faults.add(f"`time` must be the name of one column. Got {checks.short(time)}.")
         return None
@@ -124,42 +153,6 @@ def _time(
         faults.add(f"`time` names {time!r}, which is an output too.")
         return None
     if time == index.name and time not in frame.columns:
-        return _seconds(index.to_series(), "the index", faults)
+        return read_stamps(index.to_series(), "the index", options, faults)
     column = _column(frame, time, faults)
-    return None if column is None else _seconds(column, f"the time column {time!r}", faults)
-
-
-def _seconds(column: "pd.Series", label: str, faults: checks.Faults) -> np.ndarray | None:
-    """Timestamps as seconds after the first; durations and numbers unchanged."""
-    import pandas as pd
-
-    if len(column) == 0:
-        return None
-    if column.isna().any():
-        faults.add(f"{label} must not be empty or NaN. Row {int(np.argmax(column.isna())) + 1} below the header is.")
-        return None
-    if isinstance(column.dtype, pd.PeriodDtype):
-        column = column.dt.to_timestamp()
-    if column.dtype.kind not in "mMfiub":
-        stamps = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
-        column = stamps if stamps.notna().all() else column
-    if column.dtype.kind in "mM":
-        since = column - column.iloc[0] if column.dtype.kind == "M" else column
-        t = since.dt.total_seconds().to_numpy(float)
-    else:
-        t = _as_numbers(column, label, "seconds, or timestamps like 2026-01-31 12:00:00.5", faults)
-        if t is not None and np.abs(t).max() > LATEST:
-            word, unit = next((word, unit) for size, word, unit in EPOCHS if np.abs(t).max() > size)
-            faults.add(
-                f"{label} must hold seconds. It holds numbers up to {np.abs(t).max():.6g}, which are {word} since 1970, "
-                f"probably: convert the column by pd.to_datetime(column, unit={unit!r})."
-            )
-            return None
-    if t is not None and np.any(back := np.diff(t) < 0):
-        row = int(np.argmax(back)) + 1
-        faults.add(
-            f"{label} must increase. From row {row} to row {row + 1} below the header it goes from {float(t[row - 1])} "
-            f"to {float(t[row])} s: {REMEDY}."
-        )
-        return None
-    return t
+    return None if column is None else read_stamps(column, f"the time column {time!r}", options, faults)

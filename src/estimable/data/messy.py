@@ -57,11 +57,16 @@ def name_wild(y: np.ndarray, wild: np.ndarray, names: tuple[str, ...], first: in
 
 
 def one_row_an_instant(
-    t: np.ndarray, channels: dict[str, np.ndarray | None], names: dict[str, tuple[str, ...]], faults: checks.Faults
+    t: np.ndarray,
+    channels: dict[str, np.ndarray | None],
+    names: dict[str, tuple[str, ...]],
+    faults: checks.Faults,
+    repeated: str | None = None,
 ) -> tuple[np.ndarray, dict[str, np.ndarray | None]]:
     """Times and channels (T, ..) with the rows of one instant merged; a value replaces NaN.
 
-    Two values of one channel at one instant are a fault, unless they are equal inputs.
+    Of two values of one channel at one instant the one that `repeated` names counts, "first" or "last". Without it they are a
+    fault, unless they are equal inputs.
     """
     first = np.concatenate([[True], np.diff(t) > 0])
     if first.all():
@@ -73,6 +78,9 @@ def one_row_an_instant(
             merged[name] = None
             continue
         known = ~np.isnan(values)
+        if repeated is not None:
+            merged[name] = _of_instants(values, known, starts, repeated)
+            continue
         count = np.add.reduceat(known, starts, axis=0, dtype=int)
         value = np.maximum.reduceat(np.where(known, values, -np.inf), starts, axis=0)
         twice = known & (count[instant] > 1) & ((name == "y") | (values != value[instant]))
@@ -81,7 +89,8 @@ def one_row_an_instant(
             which = names[name][channel] if names[name] else str(channel)
             faults.add(
                 f"two rows have the time {t[row]:.12g} s, and both have a value of {which!r}. Rows at one instant are merged "
-                "into one row only if each channel has one value there: drop one of them, or take their mean."
+                "into one row only if each channel has one value there: drop one of them, take their mean, or read the file with "
+                "repeated='first' or 'last'."
             )
         merged[name] = np.where(count > 0, value, np.nan)
     several = np.flatnonzero(np.diff(np.append(starts, len(t))) > 1)
@@ -90,3 +99,11 @@ def one_row_an_instant(
         checks.counted(len(several), "instant"), t[starts[several[0]]],
     )  # fmt: skip
     return t[starts], merged
+
+
+def _of_instants(values: np.ndarray, known: np.ndarray, starts: np.ndarray, repeated: str) -> np.ndarray:
+    """The first or the last known value of each instant; NaN where there is none."""
+    T = len(values)
+    rows = np.where(known, np.arange(T)[:, None], T if repeated == "first" else -1)
+    row = (np.minimum if repeated == "first" else np.maximum).reduceat(rows, starts, axis=0)
+    return np.where((row >= 0) & (row < T), np.take_along_axis(values, np.clip(row, 0, T - 1), axis=0), np.nan)

@@ -2,7 +2,7 @@
 
 import csv
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,9 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from .record import Record, Units
+from .frames import Channels
+from .record import Record
+from .record_arguments import Texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,20 +27,41 @@ BEGINNING = 8192  # bytes of a file that are checked before it is read as text
 def read_record(
     path: str | Path,
     *,
-    outputs: Sequence[str],
-    inputs: Sequence[str] = (),
+    outputs: Channels,
+    inputs: Channels = (),
     time: str | None = None,
     dt: float | None = None,
+    time_unit: str | None = None,
+    time_format: str | None = None,
+    zone: str | None = None,
+    repeated: str | None = None,
+    grid: float | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    max_gap: float | None = None,
+    delay: Mapping[str, float] | None = None,
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
-    units: Units = (),
+    units: Texts = (),
     na_values: Numbers | None = None,
 ) -> Record:
     """Read a `Record` from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to version 7.2) or Parquet.
 
-    - `outputs`, `inputs`: the names of the columns.
-    - `time`: the column of the times, in seconds or as timestamps (ISO 8601). Without it give the step `dt` in seconds.
+    - `outputs`, `inputs`: the names of the columns, or {name in the model: column}.
+    - `time`: the column of the times, numbers or dates. Without it give the step `dt` in seconds.
+    - `time_unit`: "s", "ms", "us", "ns", "min" or "h". None: the unit in the column's name ("t [us]", "time_ms", "TimeUS"); the
+      one in which the first stamp is a date of this century since 1970; seconds where the steps are at most 50. Other columns
+      are refused.
+    - `time_format`: "day first", "month first" or a format of `strptime`, for dates such as 02.03.2026. None: ISO 8601, or the
+      order of day and month that fits every row and increases.
+    - `zone`: the time zone of dates without an offset, such as "Europe/Paris". None: they are taken as written.
+    - `repeated`: which of several values of a channel at one instant counts, "first" or "last". None: they are refused.
+    - `grid`: the step in seconds of a grid on which the samples are placed. Outputs go to the nearest row; inputs are the mean
+      over the row of what was held (`hold="zero_order"`) or linear between their samples. None: the rows are those of the file.
+    - `start`, `stop`: the first and last time of the record in seconds.
+    - `max_gap`: nothing connects across a longer step (seconds), and on a grid an older input is not known.
+    - `delay`: {column: seconds} by which its stamps are late. It needs `grid`.
     - `units`: {channel: unit}, for figures and reports.
     - `na_values`: numbers that mark missing values, such as -9999. By default such a number far outside the others raises an
       error that names its row. [] accepts every number as measured.
@@ -46,21 +69,25 @@ def read_record(
     An empty cell is NaN, a missing value. Cells are separated by commas in a .txt file, and by tabs in a .tsv file. A .mat
     file holds one vector for each channel; all have one length. Parquet needs the extra `parquet`.
 
+    The notes of the record say which rule decided the unit of time, and what the grid did.
+
     Raises `InputError` if the file does not exist or is not readable, a column is missing, or a cell is not a number.
     """
     found = checks.existing_file(path)
     try:
         frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
         return Record.from_pandas(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, lost=lost, hold=hold, units=units,
-            na_values=na_values,
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, time_unit=time_unit, time_format=time_format, zone=zone,
+            repeated=repeated, grid=grid, start=start, stop=stop, max_gap=max_gap, delay=delay, arrived=arrived, lost=lost,
+            hold=hold, units=units, na_values=na_values,
         )  # fmt: skip
     except checks.InputError as error:
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None
 
 
-def _wanted(*arguments: str | Sequence[str] | None) -> list[str]:
+def _wanted(*arguments: str | Channels | None) -> list[str]:
     """All names among the arguments; other values are reported later, with the other faults."""
+    arguments = tuple(list(given.values()) if isinstance(given, Mapping) else given for given in arguments)
     lists = [[given] if isinstance(given, str) else given for given in arguments if isinstance(given, str | Sequence)]
     return [name for names in lists for name in names if isinstance(name, str)]
 

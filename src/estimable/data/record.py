@@ -2,25 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from datetime import datetime
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from jax.core import Tracer
 
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
-from .frames import REMEDY, channels_of
+from . import record_arguments as read
+from .choosing import Choice, table_arguments
+from .frames import Channels, channels_of
 from .messy import measured, one_row_an_instant
+from .record_arguments import Texts, column, regular_step, scatter
+from .stamps import TimeOptions
 
 if TYPE_CHECKING:
     import pandas as pd
-Units: TypeAlias = Mapping[str, str] | Sequence[tuple[str, str]]  # {channel: unit}
 
 LOST = ("zero", "hold")
-UNIFORM = 1e-6  # largest relative scatter of regular time steps: the rounding of a file
 
 
 @frozen
@@ -40,6 +43,13 @@ class Record:
       actuator applies when an input is lost, "zero" or "hold" (its last input).
     - `outputs` and `inputs`: names of the channels (default y1.., u1..). The names match the channels to those of a model.
     - `units`: {name: unit}, for tables and figures.
+    - `breaks`: rows before which nothing connects: the recorder was restarted, or what the plant did between is unknown.
+      A row k in `breaks` says that the state at row k does not follow from row k - 1.
+    - `origin`: the date of t = 0 as a `datetime`. One without a zone is local time as the recorder wrote it.
+    - `grid`: the step in seconds of the grid on which the rows were placed. None: the rows are those of the recorder.
+    - `placing`: {output: rms error}, how far placing on the grid moved the values of an output, as its stamps lie between rows.
+    - `sources`: {name: "topic/channel"}, where each channel came from.
+    - `notes`: sentences about how the record was read, such as the rule that decided the unit of time.
 
     Raises `InputError` with all faults at once.
 
@@ -59,6 +69,12 @@ class Record:
     lost: str = static(default="zero")
     hold: str = static(default="zero_order")
     units: Any = static(default=())
+    breaks: Any = static(default=())
+    origin: datetime | None = static(default=None)
+    grid: float | None = static(default=None)
+    placing: Any = static(default=())
+    sources: Any = static(default=())
+    notes: Any = static(default=())
     held: Annotated[Any, "m"] = field(
         default=None, init=False
     )  # the input held by the actuator before row 0, if earlier rows were cut off
@@ -77,49 +93,78 @@ class Record:
             faults.add("`y` has no column: a record needs an output.")
         faults.choice("hold", self.hold, HOLDS)
         faults.choice("lost", self.lost, LOST)
-        arrived = None if self.arrived is None else _read_arrived(self.arrived, self.hold, faults)
+        arrived = None if self.arrived is None else read.arrived_of(self.arrived, self.hold, faults)
         dt = None if self.dt is None else faults.number("dt", self.dt, above=0.0, unit="seconds")
-        t = _read_times(self.t, 0 if y is None else len(y), faults)
+        t = read.times_of(self.t, 0 if y is None else len(y), faults)
         names = {
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
         }
-        units = _read_units(self.units, names["outputs"] + names["inputs"], faults)
+        facts = self._read_facts(names["outputs"] + names["inputs"], 0 if y is None else len(y), faults)
         if t is not None and y is not None and not faults.sentences:
             channels = {"y": y, "u": u, "arrived": arrived}
             labels = {"y": names["outputs"], "u": names["inputs"], "arrived": names["inputs"]}
+            rows = t
             t, channels = one_row_an_instant(t, channels, labels, faults)
+            facts["breaks"] = tuple(sorted({int(np.searchsorted(t, rows[k])) for k in facts["breaks"]} - {0}))
             y, u, arrived = channels["y"], channels["u"], channels["arrived"]
-        dt, t = _read_step(dt, t, 0 if y is None else len(y), faults)
+        dt, t = read.step_of(dt, t, 0 if y is None else len(y), faults)
         faults.finish()
         timed = True if self.t is not None and self.dt is None else None
-        set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, units=units, timed=timed, **names)
+        set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, timed=timed, **names, **facts)
+
+    def _read_facts(self, channels: tuple[str, ...], rows: int, faults: checks.Faults) -> dict[str, Any]:
+        """The fields that describe the rows and the channels."""
+        return {
+            "units": read.texts_of("units", "{'speed': 'm/s'}", self.units, channels, faults),
+            "sources": read.texts_of("sources", "{'speed': 'airspeed/true'}", self.sources, channels, faults),
+            "breaks": read.breaks_of(self.breaks, rows, faults),
+            "origin": read.origin_of(self.origin, faults),
+            "grid": None if self.grid is None else faults.number("grid", self.grid, above=0.0, unit="seconds"),
+            "placing": read.numbers_of("placing", self.placing, channels, faults),
+            "notes": read.notes_of(self.notes, faults),
+        }
 
     @staticmethod
     def from_pandas(
         frame: "pd.DataFrame",
         *,
-        outputs: Sequence[str],
-        inputs: Sequence[str] = (),
+        outputs: Channels,
+        inputs: Channels = (),
         time: str | None = None,
         dt: float | None = None,
+        time_unit: str | None = None,
+        time_format: str | None = None,
+        zone: str | None = None,
+        repeated: str | None = None,
+        grid: float | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        max_gap: float | None = None,
+        delay: Mapping[str, float] | None = None,
         arrived: str | Sequence[str] | None = None,
         lost: str = "zero",
         hold: str = "zero_order",
-        units: Units = (),
+        units: Texts = (),
         na_values: Numbers | None = None,
     ) -> "Record":
         """A record from named columns of a DataFrame.
 
-        `time`: a column of seconds or of timestamps, or None: then `dt`, or the index if it is a DatetimeIndex or
-        named "time". `arrived`: columns of 1 and 0, one for each input, or one for all inputs. `na_values`: as in `read_record`.
+        `time`: a column of numbers or dates, or None: then `dt`, or the index if it holds dates or is named "time". The other
+        arguments are those of `read_record`.
 
         Raises `InputError` if a column is missing or holds anything but numbers; the message names the row.
         """
+        faults = checks.Faults()
+        choice = Choice(grid, start, stop, max_gap, delay or {}, {}, repeated, hold)
+        choice.check(faults)
+        faults.finish()
         channels = channels_of(
-            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values
-        )
-        return Record(**channels, dt=dt, lost=lost, hold=hold, units=units)
+            frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values,
+            options=TimeOptions(time_unit, time_format, zone),
+        )  # fmt: skip
+        channels = table_arguments(channels, choice, faults)
+        return Record(**channels, dt=dt if grid is None else None, lost=lost, hold=hold, units=units)
 
     def __repr__(self) -> str:
         lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"
@@ -142,8 +187,9 @@ class Record:
         cut = {name: None if (a := getattr(self, name)) is None else a[rows] for name in ("y", "u", "t", "arrived")}
         if self.lost == "hold" and self.arrived is not None and first > 0:
             cut["held"] = self.applied()[first - 1]
+        cut["breaks"] = tuple(row - first for row in self.breaks if first < row < stop)
         if self.dt is None and self.t is not None:
-            cut["dt"] = _regular_step(self.t[rows])
+            cut["dt"] = regular_step(self.t[rows])
         return replace(self, **cut)
 
     def split(self, fraction: float) -> tuple["Record", "Record"]:
@@ -156,6 +202,18 @@ class Record:
             faults.add(f"`fraction` must leave rows in both parts. {fraction:g} of {rows} is {cut}.")
         faults.finish()
         return self[:cut], self[cut:]
+
+    @property
+    def parts(self) -> list["Record"]:
+        """The record cut at its breaks: parts whose rows connect."""
+        edges = [0, *self.breaks, len(self)]
+        return [self[first:stop] for first, stop in pairwise(edges)]
+
+    @property
+    def without_notes(self) -> "Record":
+        """The record without what only describes where it came from: `origin`, `grid`, `placing`, `sources` and
+        `notes`."""
+        return replace(self, origin=None, grid=None, placing=(), sources=(), notes=())
 
     @property
     def seconds(self) -> float | None:
@@ -201,96 +259,9 @@ def several(name: str, given: Any, faults: checks.Faults) -> list[Record]:
     return records
 
 
-def column(value: Numbers) -> Numbers:
-    """A 1-D array of numbers as one channel."""
-    if isinstance(value, Tracer):
-        return value[:, None] if value.ndim == 1 else value
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        return value
-    return array[:, None] if array.ndim == 1 and array.dtype.kind in "fiub" else value
-
-
 def _is_whole(*bounds: int | None) -> bool:
     """Whether each is an integer or None."""
     return all(bound is None or isinstance(bound, int | np.integer) for bound in bounds)
-
-
-def _read_units(units: Units, channels: tuple[str, ...], faults: checks.Faults) -> tuple[tuple[str, str], ...]:
-    """(name, unit) of each channel that has one."""
-    pairs = tuple(units.items()) if isinstance(units, Mapping) else units
-    texts = isinstance(pairs, tuple) and all(
-        isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair) for pair in pairs
-    )
-    if not texts:
-        faults.add(f"`units` must be a mapping of names to units, as in {{'speed': 'm/s'}}. Got {checks.short(units)}.")
-        return ()
-    faults.printable("units", (unit for _, unit in pairs))
-    unknown = [name for name, _ in pairs if name not in channels]
-    if unknown:
-        near = checks.suggestion(unknown[0], channels)
-        faults.add(f"`units` names channels that the record does not have: {checks.listed(unknown)}.{near}")
-    return tuple(sorted(pairs))
-
-
-def _read_arrived(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndarray | None:
-    if faults.sizes.get("m") == 0:
-        faults.add("`arrived` marks which inputs were applied, but the record has no input: give `u`.")
-        return None
-    read = faults.array("arrived", column(arrived), "T m", nan=True)
-    if read is not None and not np.all(np.isnan(read) | (read == 0) | (read == 1)):
-        faults.add("`arrived` must be 1 (applied), 0 (lost) or NaN (unknown).")
-    if isinstance(hold, str) and hold == "first_order":
-        faults.add('`arrived` needs hold = "zero_order": an input that arrives in packets is constant between them.')
-    return read
-
-
-def _read_times(t: Numbers | None, rows: int, faults: checks.Faults) -> np.ndarray | None:
-    """The times, which never go back; None if the record has none, or they are at fault."""
-    if t is None:
-        return None
-    faults.learn("T", rows, f"`y` has {rows} rows")
-    if getattr(getattr(t, "dtype", None), "kind", "f") in "mM":
-        faults.add("`t` must be seconds, not dates. Did you mean `(t - t[0]) / np.timedelta64(1, 's')`?")
-        return None
-    times = faults.array("t", t, "T")
-    if times is None or rows == 0:
-        return None
-    if np.any(back := np.diff(times) < 0):
-        k = int(np.argmax(back))
-        before, after = float(times[k]), float(times[k + 1])
-        faults.add(f"`t` must increase. From t[{k}] to t[{k + 1}] it goes from {before} to {after} s: {REMEDY}.")
-        return None
-    return times
-
-
-def _read_step(
-    dt: float | None, times: np.ndarray | None, rows: int, faults: checks.Faults
-) -> tuple[float | None, np.ndarray | None]:
-    """The regular step (None if there is none) and the times (None if the record has none)."""
-    if times is None:
-        return dt, None if dt is None else np.arange(rows) * dt
-    if rows == 1:
-        return dt, times
-    mean, regular = float((times[-1] - times[0]) / (rows - 1)), _regular_step(times)
-    if dt is not None and (regular is None or abs(dt - mean) > scatter(times, mean)):
-        scattered = ", not regular" if regular is None else ""
-        faults.add(f"`dt` = {dt:g} s and `t` disagree: the mean step of `t` is {mean:g} s{scattered}. Give one.")
-    return regular, times
-
-
-def _regular_step(t: np.ndarray) -> float | None:
-    """The step of regular times; None if they are not regular, or there is only one."""
-    if len(t) == 1:
-        return None
-    mean = float((t[-1] - t[0]) / (len(t) - 1))
-    return float(f"{mean:.12g}") if np.all(np.abs(np.diff(t) - mean) <= scatter(t, mean)) else None
-
-
-def scatter(t: np.ndarray, step: float) -> float:
-    """The largest deviation from `step` by rounding: that of a file, and that of large times in float64."""
-    return UNIFORM * step + 4 * np.finfo(float).eps * np.abs(t).max()
 
 
 def _groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from .. import checks
 from ..data.messy import without_wild
-from ..data.record import Record, match, scatter
+from ..data.record import Record, match
+from ..data.record_arguments import scatter
 from ..filters.wrapped import check_algorithm
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
@@ -16,7 +17,7 @@ from ..models.state_space import StateSpace
 from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Info, Interval, Names, Sample, Stacked
 from .following import along_record
-from .time_unit import check_time_unit
+from .time_unit import check_time_unit, warn_of_placing
 
 FLATTEST = 1e28  # variance of an output by the prior, relative to its noise: beyond it, rounding shows in the estimates
 MEANS = ("mean", "gain", "unknown_input", "innovation", "log_likelihood", "outcome")
@@ -89,6 +90,7 @@ def bind(
     if isinstance(model, NonlinearModel) and prior is not None:
         model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
         faults.finish()
+    warn_of_placing(model, tuple(record.outputs[i] for i in outputs), record)
     clock = record.clock(model.dt or None)
     lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
     y = without_wild(_columns_of(rows.y, outputs), names.outputs)

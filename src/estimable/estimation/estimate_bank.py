@@ -8,7 +8,8 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..data.record import UNIFORM, Record
+from ..data.record import Record
+from ..data.record_arguments import UNIFORM
 from ..errors import RunError
 from ..models.prior import Prior
 from ..protocols import Algorithm

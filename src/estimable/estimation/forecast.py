@@ -7,7 +7,8 @@ import numpy as np
 
 from .. import checks, forks
 from ..annotations import Array, Numbers
-from ..data.record import Record, column
+from ..data.record import Record
+from ..data.record_arguments import column
 from ..frozen import replace
 from ..protocols import Smoothable
 from ..results import Estimate, Forecast, Info, Interval, Origin, Sample

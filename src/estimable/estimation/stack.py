@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import AnyRecord, Tree
+from ..data.record import Record
 from ..frozen import static_fields
 from ..results import Stacked
 
@@ -24,7 +25,7 @@ def stack(items: Sequence[Any]) -> Stacked:
     """
     if not isinstance(items, Sequence) or isinstance(items, str):
         checks.refuse(f"`items` must be a list of objects of one kind. Got {checks.short(items)}.")
-    things = list(items)
+    things = [item.without_notes if isinstance(item, Record) else item for item in items]
     if not things:
         checks.refuse("`items` must hold at least one thing to stack.")
     if not dataclasses.is_dataclass(type(things[0])):

@@ -9,7 +9,8 @@ import jax
 import numpy as np
 
 from .. import checks
-from ..data.record import UNIFORM, Record, several
+from ..data.record import Record, several
+from ..data.record_arguments import UNIFORM
 from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select

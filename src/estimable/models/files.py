@@ -24,7 +24,23 @@ KEYS = {
     "prior": ("mean", "covariance", "diffuse"),
     "operating_point": ("states", "inputs", "outputs"),
     "gain": ("mean", "covariance", "diffuse", "walk", "forgetting", "directions", "fixed", "feedthrough"),
-    "record": ("time", "dt", "hold", "lost", "units", "na_values"),
+    "record": (
+        "time",
+        "dt",
+        "time_unit",
+        "time_format",
+        "zone",
+        "repeated",
+        "grid",
+        "start",
+        "stop",
+        "max_gap",
+        "delay",
+        "hold",
+        "lost",
+        "units",
+        "na_values",
+    ),
     "unknown": ("inputs",),
     "actuators": ("bandwidth", "limits", "rate", "delay", "operating_point", "floats_to"),  # of each input
     "schedule": ("at", *MATRICES),  # of the section of each channel, such as [schedule.airspeed]
@@ -238,6 +254,9 @@ def _check_record(record: Any, faults: checks.Faults) -> None:
     faults.choice("[record] lost", record.get("lost", LOST[0]), LOST)
     if "dt" in record:
         faults.number("[record] dt", record["dt"], above=0.0, unit="seconds")
+    for name in ("grid", "max_gap"):
+        if name in record:
+            faults.number(f"[record] {name}", record[name], above=0.0, unit="seconds")
     if not isinstance(record.get("time", ""), str):
         faults.add(f"`[record] time` must be the name of a column. Got {checks.short(record['time'])}.")
     if "na_values" in record:

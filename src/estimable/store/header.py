@@ -15,7 +15,11 @@ Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # th
 FORMAT = 2
 # For older files. MOVED: {old (module, class): current (module, class)}; ADDED: {class: values of fields they lack}.
 MOVED: dict[tuple[str, str], tuple[str, str]] = {}
-ADDED: dict[str, dict[str, Any]] = {"StateSpace": {"schedule": None}, "Progress": {"schedule": None}}
+ADDED: dict[str, dict[str, Any]] = {
+    "StateSpace": {"schedule": None},
+    "Progress": {"schedule": None},
+    "Record": {"breaks": (), "origin": None, "grid": None, "placing": (), "sources": (), "notes": ()},
+}
 MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 FIELDS = {"format", "estimable", "modules", "thing"}
 

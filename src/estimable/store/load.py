@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -86,6 +87,12 @@ class Reader:
             )
         return float(text)
 
+    def _datetime(self, text: str, where: str) -> datetime:
+        try:
+            return datetime.fromisoformat(text)
+        except ValueError:
+            checks.refuse(f"{where} holds {checks.short(text)} as a date, which `save` does not write.")
+
     def _tuple(self, items: list, where: str) -> tuple:
         return tuple(self.decode(items, where))
 
@@ -122,6 +129,7 @@ KINDS: dict[str, tuple[type, Callable[[Reader, Any, str], Any]]] = {
     "array": (str, Reader._array),
     "scalar": (str, Reader._scalar),
     "float": (str, Reader._float),
+    "datetime": (str, Reader._datetime),
     "tuple": (list, Reader._tuple),
     "dict": (list, Reader._dict),
     "record": (dict, Reader._record),

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from datetime import datetime
 from pathlib import Path
 from types import NoneType
 from typing import Any, TypeAlias, TypeGuard
@@ -59,6 +60,8 @@ class Writer:
             return {"dict": [[self.encode(k, where), self.encode(v, f"{where}[{k!r}]")] for k, v in thing.items()]}
         if type(thing) is float and not math.isfinite(thing):
             return {"float": str(thing)}
+        if isinstance(thing, datetime):
+            return {"datetime": thing.isoformat()}
         return thing if _is_plain(thing) else self._record(thing, where)
 
     def _record(self, thing: Thing, where: str) -> dict[str, header.Json]:
