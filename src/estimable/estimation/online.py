@@ -11,7 +11,6 @@ from .. import checks, forks
 from ..annotations import Array, Numbers, Tree
 from ..data.messy import WILD, name_wild
 from ..data.record import LOST
-from ..data.record_arguments import UNIFORM
 from ..engines import choice
 from ..engines.program.primitives import UnsupportedError
 from ..errors import EstimableError, RunError

@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Array, Numbers
-from ..data.record import UNIFORM
+from ..data.record_arguments import UNIFORM
 from ..models.nonlinear_model import NonlinearModel
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
