@@ -92,7 +92,8 @@ def _step(θ: np.ndarray, here: Ascent, damping: float, limits: Limits) -> np.nd
     δ, free = np.zeros(len(θ)), np.diag(H) > 0
     while free.any():
         δ[free] = _solved(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ δ[~free])
-        beyond = np.where(free, np.maximum(δ / np.where(high > 0, high, TINY), δ / np.where(low < 0, low, -TINY)), 0.0)
+        with np.errstate(over="ignore"):  # far beyond a bound without room
+            beyond = np.where(free, np.maximum(δ / np.where(high > 0, high, TINY), δ / np.where(low < 0, low, -TINY)), 0.0)
         worst = int(np.argmax(beyond))
         if beyond[worst] <= 1:
             break
