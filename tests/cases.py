@@ -11,7 +11,8 @@ SIZES = ((1, 1, 1), (2, 1, 1), (3, 2, 2), (4, 1, 3))  # n, m, p: few, so that li
 
 SHORT = {  # settings of the catalogue's for few rows, and those that have no default
     "moving-window": {"length": 3},
-    "change-detection": {"length": 10},
+    "change-detection": {"slots": 5, "levels": 2},
+    "mixture": {"algorithm": "unknown-gain"},
     "alpha-beta": {"alpha": 0.5, "beta": 0.2},
     "fixed-gain": {"filter": [[0.3, 0.1], [-0.1, 0.2]]},
 }

@@ -66,6 +66,7 @@ from .filters.fixed_gain import FixedGain as FixedGain
 from .filters.gated import Gated as Gated
 from .filters.kalman_filter import Kalman as Kalman
 from .filters.linearised import Linearised as Linearised
+from .filters.mixture import Mixture as Mixture
 from .filters.moving_window import MovingWindow as MovingWindow
 from .filters.second_order_kalman import SecondOrderKalman as SecondOrderKalman
 from .filters.smoothed import Smoothed as Smoothed
@@ -107,6 +108,7 @@ from .models.events import Stuck as Stuck
 from .models.files import GainSection as GainSection
 from .models.files import read_model as read_model
 from .models.files import write_model as write_model
+from .models.markov_disturbance import markov_disturbance as markov_disturbance
 from .models.nonlinear_model import NonlinearModel as NonlinearModel
 from .models.operating_point import OperatingPoint as OperatingPoint
 from .models.output_error import OutputError as OutputError

@@ -12,6 +12,7 @@ from .filters.extended_kalman import ExtendedKalman
 from .filters.fixed_gain import FixedGain
 from .filters.gated import Gated
 from .filters.kalman_filter import Kalman
+from .filters.mixture import Mixture
 from .filters.moving_window import MovingWindow
 from .filters.second_order_kalman import SecondOrderKalman
 from .filters.smoothed import Smoothed
@@ -53,7 +54,11 @@ class Entry(NamedTuple):
 
 
 NONLINEAR = ("extended-kalman", "second-order-kalman", "unscented-kalman")
-GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed", *NONLINEAR)
+WALKS, WALK_PROBABILITY = (
+    (0.0, 3e-4, 3e-3),
+    (0.8, 0.1, 0.1),
+)  # of the gain: variances per second in a mixture, and their priors
+GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed", "mixture", *NONLINEAR)
 
 ENTRIES = (
     Entry(
@@ -71,6 +76,10 @@ ENTRIES = (
     Entry(
         "change-detection", ChangeDetection, "filter", "Willsky & Jones (1976); Pollak (1985)",
         "the model is right except for its gains; between jumps the gains are constant", ("unknown-gain", *NONLINEAR[:2]),
+    ),
+    Entry(
+        "mixture", Mixture, "filter", "Magill (1965)",
+        "one of several algorithms is right: here of several walks of the gain", ("change-detection", "unknown-gain"),
     ),
     Entry(
         "moving-window", MovingWindow, "filter", "Sillence (1999) §5.4",
@@ -207,7 +216,9 @@ def name_of(algorithm: Algorithm[Any]) -> str:
 def settings_of(cls: type) -> list[str]:
     """The names of the settings of an algorithm, without those of an algorithm inside it."""
     fields = cls.__dataclass_fields__
-    return [name for name in fields if name not in ("model", "gain", "algorithm", "_") and fields[name].init]
+    return [
+        name for name in fields if name not in ("model", "gain", "algorithm", "algorithms", "_") and fields[name].init
+    ]
 
 
 def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
@@ -224,6 +235,11 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
         faults.finish()
     _check_settings(built, wraps, file, settings, faults)
     faults.finish()
+    if wraps and built.cls is Mixture:
+        walks = [settings.pop("walk")] if "walk" in settings else WALKS
+        given = {} if len(walks) == 1 else {"probability": WALK_PROBABILITY}
+        own = {**given, **{key: settings.pop(key) for key in ["probability"] if key in settings}}
+        return Mixture([build(wraps, file, **{**settings, "walk": walk}) for walk in walks], **own)
     if wraps:
         own = {key: settings.pop(key) for key in settings_of(built.cls) if key in settings}
         return built.cls(build(wraps, file, **settings), **{**built.settings, **own})

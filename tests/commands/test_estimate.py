@@ -154,7 +154,7 @@ def test_a_nonlinear_model_and_its_parameters(run, name, whole):
         rows.append((x + 0.01 * rng.normal(), u))
         x = x + 0.5 * u - 0.2 * np.sqrt(x)
     pd.DataFrame(rows, columns=["level", "pump"]).to_csv("tank.csv", index=False)
-    settings = ("--set", "length=5") if name == "change-detection" else ()
+    settings = ("--set", "slots=5", "--set", "levels=2") if name == "change-detection" else ()
     said = run("estimate", "tank.csv", "--model", "tank.py", "--filter", name, *settings, "--json").json
     assert said["filter"] == whole
     for gain, true in (("outflow", 0.2), ("inflow", 0.5)):

@@ -176,6 +176,9 @@ def with_R(algorithm, R):
     """The algorithm with another R in the model, inside whatever wraps it."""
     if hasattr(algorithm, "model"):
         return replace(algorithm, model=replace(algorithm.model, R=R))
+    if hasattr(algorithm, "algorithms"):
+        first, *rest = algorithm.algorithms
+        return replace(algorithm, algorithms=(with_R(first, R), *rest))
     return replace(algorithm, algorithm=with_R(algorithm.algorithm, R))
 
 

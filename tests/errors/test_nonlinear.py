@@ -92,7 +92,7 @@ def test_a_wrapper_wraps_what_a_nonlinear_model_bears():
     file = es.results.ModelFile(
         model(parameters={"a": 1.0}), es.Prior([0.0, 0.0], np.eye(2)), es.GainSection(es.Prior([1.0], [[1.0]]))
     )
-    built = catalogue.build("change-detection", file, algorithm="second-order-kalman", length=5)
+    built = catalogue.build("change-detection", file, algorithm="second-order-kalman", slots=5, levels=1)
     assert isinstance(built.algorithm, es.SecondOrderKalman)
     assert isinstance(catalogue.build("bounded", file).algorithm, es.ExtendedKalman)
     refused("unknown-gain needs a linear model. This model is nonlinear: use 'extended-kalman'",

@@ -90,7 +90,7 @@ SENTENCES = [
     ),
     (lambda: ChangeDetection(GAIN, jump=-1.0), "`jump` must be variances of a jump, greater than 0. Got [-1.0]."),
     (lambda: ChangeDetection(GAIN, jump=[1.0, 2.0]), "`jump` must be (gains,) = (1,): `gain` is a prior of 1 gain. Got (2,)."),
-    (lambda: ChangeDetection(GAIN, length=1), "`length` must be an integer of at least 2. Got 1."),
+    (lambda: ChangeDetection(GAIN, slots=1), "`slots` must be an integer of at least 2. Got 1."),
     (
         lambda: ChangeDetection(GAIN, seconds_between_false_alarms=0),
         "`seconds_between_false_alarms` must be greater than 0. Got 0.",
@@ -112,9 +112,7 @@ def test_the_sentence(refused, call, sentence):
 
 
 def test_several_faults_are_told_together(refused):
-    assert (
-        len(refused(lambda: ChangeDetection(GAIN, length=0, persistence=0.0, seconds_between_false_alarms=-1.0))) == 3
-    )
+    assert len(refused(lambda: ChangeDetection(GAIN, slots=0, persistence=0.0, seconds_between_false_alarms=-1.0))) == 3
 
 
 def test_settings_of_a_wrapper_and_of_what_it_wraps_are_told_apart(refused):

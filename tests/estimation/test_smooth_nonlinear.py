@@ -238,6 +238,6 @@ def test_wrong_calls_are_refused_in_words():
         es.smooth(es.ExtendedKalman(model), record, prior=prior, iterations=5, lag=3)
     with pytest.raises(es.InputError, match=r"`iterations` must be an integer of at least 1\. Got 0"):
         es.smooth(es.ExtendedKalman(model), record, prior=prior, iterations=0)
-    detector = es.ChangeDetection(es.ExtendedKalman(model, parameters=es.Prior([4.0], [[1.0]])), length=5)
+    detector = es.ChangeDetection(es.ExtendedKalman(model, parameters=es.Prior([4.0], [[1.0]])), slots=5, levels=1)
     with pytest.raises(es.InputError, match="ChangeDetection has none: smooth the algorithm inside"):
         es.smooth(detector, record, prior=prior)

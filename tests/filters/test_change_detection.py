@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import norm
 
 from cases import case, covariance
 from estimable import (
@@ -18,6 +19,7 @@ from estimable import (
     UnknownGain,
     estimate,
     estimate_bank,
+    markov_disturbance,
     packaged,
     read_model,
     read_record,
@@ -30,7 +32,10 @@ from estimable.plants import f16
 from oracles import textbook
 from oracles.augmented import augmented, together
 
-LENGTH, JUMP, T = 5, np.array([0.5, 2.0]), 12
+JUMP, SCALES, T = np.array([0.5, 2.0]), np.array([1.0, 0.1]), 12
+LABELS = ([0], [1], [0, 1])  # the gains that jump together
+HYPOTHESES = [(gains, scale) for gains in LABELS for scale in SCALES]
+DENSE = {"slots": 16, "levels": 1}  # every row is an onset
 NEVER = 1e100
 
 
@@ -47,14 +52,19 @@ class Problem:
 
     def detector(self, seconds):
         return ChangeDetection(
-            self.algorithm, jump=JUMP, length=LENGTH, seconds_between_false_alarms=seconds, persistence=1.0
+            self.algorithm,
+            jump=JUMP,
+            scales=SCALES,
+            seconds_between_false_alarms=seconds,
+            seconds_between_changes=30.0,
+            **DENSE,
         )
 
-    def filtered(self, k, onset=None, i=None):
-        """Mean, covariance and log-likelihood at row k of the model in which gain i jumps at row `onset`, or none."""
+    def filtered(self, k, onset=None, gains=(), scale=1.0):
+        """Mean, covariance and log-likelihood at row k of the model in which these gains jump at row `onset`, or none."""
         Q = np.repeat(self.model.Q[None], T, axis=0)
-        if onset is not None:
-            Q[onset - 1, -2 + i, -2 + i] += JUMP[i]
+        for i in gains:
+            Q[onset - 1, -2 + i, -2 + i] += scale * JUMP[i]
         S = None if self.model.S is None else np.repeat(self.model.S[None], T, axis=0)
         R = np.repeat(self.model.R[None], T, axis=0)
         model = replace(self.model, Q=Q, R=R, S=S)
@@ -64,12 +74,12 @@ class Problem:
         return means[k], covariances[k], total
 
     def hypotheses(self, k):
-        """Weight times likelihood ratio, mean and covariance of every jump that row k may still have seen."""
+        """Weight times likelihood ratio, mean and covariance of every jump, onset by onset."""
         _, _, quiet = self.filtered(k)
-        for onset in range(max(k - LENGTH + 1, 1), k + 1):
-            for i in range(2):
-                mean, P, total = self.filtered(k, onset, i)
-                yield 0.5 / 2 * np.exp(total - quiet), mean, P
+        for onset in range(1, k + 1):
+            for which in HYPOTHESES:
+                mean, P, total = self.filtered(k, onset, *which)
+                yield 0.5 / len(HYPOTHESES) * np.exp(total - quiet), mean, P
 
 
 @pytest.mark.parametrize("cross", [False, True])
@@ -83,12 +93,16 @@ def test_the_statistic_sums_the_exact_likelihood_ratios_of_every_onset(cross):
         assert_allclose(result.extra["statistic"][k] + np.log(NEVER), np.log(total), rtol=1e-8, atol=1e-9)
 
 
+def highest_yet(statistic):
+    """The last row but one, or an earlier one, at which the statistic is larger than ever before."""
+    return next(k for k in range(T - 2, 2, -1) if statistic[k] > np.nanmax(statistic[:k]))
+
+
 @pytest.mark.parametrize("cross", [False, True])
 def test_an_alarm_leaves_the_posterior_given_a_jump(cross):
     problem = Problem(5, cross)
     statistic = estimate(problem.detector(NEVER), problem.record, prior=problem.prior).extra["statistic"]
-    k = int(np.nanargmax(statistic))
-    assert 2 < k < T - 1
+    k = highest_yet(statistic)
     seconds = NEVER * np.exp(statistic[k]) * 0.999
     result = estimate(problem.detector(seconds), problem.record, prior=problem.prior)
     assert np.flatnonzero(result.extra["alarm"])[0] == k
@@ -100,22 +114,45 @@ def test_an_alarm_leaves_the_posterior_given_a_jump(cross):
     assert_allclose(result.covariance[k], P[:3, :3], rtol=1e-7)
     assert_allclose(result.gain_covariance[k], P[3:, 3:], rtol=1e-7)
     assert_allclose(result.extra["state_gain_covariance"][k], P[:3, 3:], rtol=1e-7, atol=1e-9)
-    onsets = range(max(k - LENGTH + 1, 1), k + 1)
-    by_onset = π.reshape(-1, 2).sum(axis=1)
+    onsets = range(1, k + 1)
+    by_onset = π.reshape(-1, len(HYPOTHESES)).sum(axis=1)
     likeliest = onsets[int(np.argmax(by_onset))]
     assert result.extra["onset"][k] == likeliest
     assert_allclose(result.extra["onset_sigma"][k] ** 2, by_onset @ (np.array(onsets) - likeliest) ** 2, rtol=1e-7)
-    [first, *_] = changes(result)
+    by_label = π.reshape(-1, len(LABELS), len(SCALES)).sum(axis=(0, 2))
+    assert_allclose(result.extra["jumped"][k], by_label[:2] + by_label[2], rtol=1e-7)
+    assert_allclose(result.log_likelihood_steps[k], quiet_step(problem, k) + np.log(ratios.sum() / 30), rtol=1e-8)
+    first = changes(result)[0]
     assert_allclose(first.onset_sigma_s, 0.5 * first.onset_sigma)  # a row lasts half a second
+
+
+def quiet_step(problem, k):
+    """The log-likelihood of row k without a jump."""
+    return problem.filtered(k)[2] - problem.filtered(k - 1)[2]
+
+
+def test_the_quantiles_between_alarms_are_those_of_the_mixture_of_all_jumps():
+    problem, k = Problem(3, False), 11
+    result = estimate(problem.detector(NEVER), problem.record, prior=problem.prior)
+    quiet, P, _ = problem.filtered(k)
+    ratios, means, covariances = (np.array(part) for part in zip(*problem.hypotheses(k), strict=True))
+    odds = ratios / 30
+    assert_allclose(result.info.jump_probability[k], odds.sum() / (1 + odds.sum()), rtol=1e-7)
+    w = np.append(odds, 1.0) / (1 + odds.sum())
+    for i in range(2):
+        m = np.append(means[:, 3 + i], quiet[3 + i])
+        sd = np.sqrt(np.append(covariances[:, 3 + i, 3 + i], P[3 + i, 3 + i]))
+        found = result.info.gain_quantiles[k, i]
+        assert_allclose(norm.cdf((found[:, None] - m) / sd) @ w, [0.025, 0.16, 0.5, 0.84, 0.975], atol=2e-6)
 
 
 def test_an_alarm_is_carried_on_with_the_cross_noise_of_its_sample():
     problem = Problem(5, True)
     statistic = estimate(problem.detector(NEVER), problem.record, prior=problem.prior).extra["statistic"]
-    k = int(np.nanargmax(statistic))
+    k = highest_yet(statistic)
     result = estimate(problem.detector(NEVER * np.exp(statistic[k]) * 0.999), problem.record, prior=problem.prior)
     ratios, _, _ = (np.array(part) for part in zip(*problem.hypotheses(k), strict=True))
-    onsets = [(onset, i) for onset in range(max(k - LENGTH + 1, 1), k + 1) for i in range(2)]
+    onsets = [(onset, *which) for onset in range(1, k + 1) for which in HYPOTHESES]
     blind = problem.record.y.copy()
     blind[k + 1] = np.nan
     ahead = estimate(
@@ -131,7 +168,7 @@ def test_an_alarm_is_carried_on_with_the_cross_noise_of_its_sample():
 def test_without_an_alarm_it_is_the_filter_of_a_constant_gain():
     c = case(2, (3, 2, 2))
     algorithm = UnknownGain(c.model, Prior([0.7], [[0.3]]), walk=0.4, forgetting=0.9)
-    watched = ChangeDetection(algorithm, seconds_between_false_alarms=NEVER, persistence=1.0)
+    watched = ChangeDetection(algorithm, seconds_between_false_alarms=NEVER)
     constant = estimate(UnknownGain(c.model, Prior([0.7], [[0.3]])), c.record, prior=c.prior)
     ours = estimate(watched, c.record, prior=c.prior)
     for name in ("mean", "covariance", "gain", "gain_covariance", "innovation", "log_likelihood_steps"):
@@ -140,9 +177,7 @@ def test_without_an_alarm_it_is_the_filter_of_a_constant_gain():
 
 def test_a_walk_between_the_jumps_is_that_of_the_filter():
     c = case(2, (3, 2, 2))
-    watched = ChangeDetection(
-        UnknownGain(c.model, Prior([0.7], [[0.3]])), walk=0.4, persistence=1.0, seconds_between_false_alarms=NEVER
-    )
+    watched = ChangeDetection(UnknownGain(c.model, Prior([0.7], [[0.3]])), walk=0.4, seconds_between_false_alarms=NEVER)
     walking = estimate(UnknownGain(c.model, Prior([0.7], [[0.3]]), walk=0.4), c.record, prior=c.prior)
     assert_allclose(estimate(watched, c.record, prior=c.prior).gain, walking.gain, rtol=1e-10)
 
@@ -158,7 +193,7 @@ def two_actuators(runs, gains, seed=0):
     y = drawn.record.y.copy()
     y[np.random.default_rng(seed).random(y.shape) < 0.3] = np.nan
     algorithm = UnknownGain(model, Prior([1.0, 1.0], 0.25 * np.eye(2)), directions="per_input")
-    watched = ChangeDetection(algorithm, persistence=1.0)
+    watched = ChangeDetection(algorithm)
     return watched, stack([Record(rows, u, dt=0.1, inputs=["left", "right"]) for rows in y])
 
 
@@ -214,8 +249,11 @@ def test_it_finds_the_failure_of_the_nonlinear_flight_once_and_nothing_else():
     record = read_record(
         packaged.path("f16-flight.csv"), outputs=file.model.outputs, inputs=file.model.inputs, **file.record
     )
-    algorithm = ChangeDetection(UnknownGain(file.model, file.gain.prior, **file.gain.settings))
-    [change] = changes(estimate(algorithm, record, prior=file.prior))
+    model = markov_disturbance(file.model, time_constant=0.3, density=15 * np.diag(file.model.Q))
+    algorithm = ChangeDetection(UnknownGain(model, file.gain.prior, **file.gain.settings))
+    result = estimate(algorithm, record, prior=file.prior)
+    [change] = changes(result)
+    assert result.gain_quantiles[-1, 0, 0] < 0.5 < result.gain_quantiles[-1, 0, 4]
     assert 4.45 <= change.onset_s <= 4.6
     assert 4.5 < change.detected_at_s < 5.0
     assert 0.47 < change.after < 0.53
@@ -239,14 +277,16 @@ def test_a_diffuse_gain_is_watched_from_when_it_is_known():
 def test_unequal_steps_weigh_by_their_seconds():
     model = StateSpace([[-0.5]], [[1.0]], Q=[[0.0]], R=[[1.0]], dt=0)
     blind = Record(np.full((4, 1), np.nan), np.zeros(4), t=[0.0, 0.5, 2.0, 2.25])
-    watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[1.0]])), length=2, seconds_between_false_alarms=100.0)
+    watched = ChangeDetection(
+        UnknownGain(model, Prior([1.0], [[1.0]])), slots=2, levels=1, seconds_between_false_alarms=100.0
+    )
     statistic = estimate(watched, blind, prior=Prior([0.0], [[1.0]])).extra["statistic"]
     assert_allclose(100 * np.exp(statistic), [np.nan, 0.5, 2.0, 1.75])  # the sum over the last two of .5, 1.5, .25
 
 
 def test_a_result_without_alarms_has_no_list_of_changes(refused):
     c = case(2, (3, 2, 2))
-    watched = ChangeDetection(UnknownGain(c.model, Prior([0.7], [[0.3]])), length=3)
+    watched = ChangeDetection(UnknownGain(c.model, Prior([0.7], [[0.3]])), slots=3, levels=1)
     for result in (
         estimate(UnknownGain(c.model, Prior([0.7], [[0.3]])), c.record, prior=c.prior),
         estimate(watched, c.record, prior=c.prior, keep="means"),
@@ -278,7 +318,7 @@ def test_of_a_model_straight_in_its_parameter_a_nonlinear_filter_finds_what_the_
     curved = NonlinearModel(lambda x, u, θ: A @ x + θ[0] * (B @ u), lambda x, u, θ: C @ x, Q=Q, R=[[0.01]], dt=1,
                             inputs=["u1"], parameters={"gain": 1.0})  # fmt: skip
     exact, found = (
-        estimate(ChangeDetection(a, length=20, persistence=1.0), record, prior=prior)
+        estimate(ChangeDetection(a, slots=20, levels=1), record, prior=prior)
         for a in (UnknownGain(straight, of_gain), filter(curved, parameters=of_gain))
     )
     assert exact.extra["alarm"].sum() == 1

@@ -73,7 +73,7 @@ GAPS = Record(
     units={"y1": "deg"},
 )
 GAIN = UnknownGain(MODEL, Prior([1.0], [[0.25]]), walk=0.02, forgetting=0.99, fixed=[[0.0], [0.1]])
-WATCHED = ChangeDetection(GAIN, length=4, jump=[0.3])
+WATCHED = ChangeDetection(GAIN, slots=4, levels=1, jump=[0.3])
 WINDOW = MovingWindow(GAIN, 3, state_prior=Prior([0.0, 1.0], np.eye(2)))
 OVER_TIME = StateSpace(np.stack([np.eye(2)] * 3), R=np.eye(2), S=0.1 * np.eye(2), Q=np.eye(2), dt=1)
 

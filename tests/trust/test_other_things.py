@@ -202,7 +202,7 @@ SENTENCES = {
         "a model with na = 0, nb = 100 and delay = 0 reaches 100 rows back, but the longest record has 30: lower the orders.",
     ),
     "a change sought without end": (
-        lambda: es.ChangeDetection(es.UnknownGain(MODEL, es.Prior([1.0], [[0.0]])), jump=1.0, length=10**9),
+        lambda: es.ChangeDetection(es.UnknownGain(MODEL, es.Prior([1.0], [[0.0]])), jump=1.0, slots=10**9),
         "`length` must be at most 10000. Got 1000000000.",
     ),
     "a horizon without end": (

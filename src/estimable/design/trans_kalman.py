@@ -81,7 +81,7 @@ def _design(
     corners: list[kernel.Corner],
     noises: Pairs,
     charge: tuple[np.ndarray, np.ndarray],
-    best: kernel.Mixture,
+    best: kernel.MixedWeights,
     K: np.ndarray,
     criterion: str,
     full: bool,

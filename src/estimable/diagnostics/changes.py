@@ -17,7 +17,7 @@ class DetectedChange(NamedTuple):
     - `onset` and `detected_at`: the rows of the jump and of its detection. `onset_s` and `detected_at_s`: their times in
       seconds, None for a record without time.
     - `before`: the gain before the jump. `after` and `sigma`: the gain after it and its standard deviation, as estimated at
-      the next jump or at the end of the record.
+      the next jump or at the end of the record: the median, and the width of the 95 % interval over 3.92.
     - `onset_sigma` and `onset_sigma_s`: the standard deviation of the onset in rows and in seconds, as estimated at the
       detection.
     """
@@ -46,14 +46,14 @@ class DetectedChange(NamedTuple):
 def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     """The jumps that a `ChangeDetection` found in a record, in the order of their detection.
 
-    `result`: the result of `estimate`, or one run of a bank (`bank[i]`), made with `keep="all"`. If several gains may jump, a
-    jump is attributed to the gain that moved most, in units of its standard deviation.
+    `result`: the result of `estimate`, or one run of a bank (`bank[i]`), made with `keep="all"`. If several gains may jump, each
+    that jumped with a probability above .5 is listed, with the likeliest first; at least the likeliest one.
 
-    Returns a tuple of `DetectedChange`s. Raises `InputError` for a result without alarms.
+    Returns a tuple of `DetectedChange`s, in the order of their detection. Raises `InputError` for a result without alarms.
 
     >>> model = StateSpace([[0.5]], [[1.0]], Q=[[0.0]], R=[[0.01]], dt=1)
     >>> record = Record([0.0, 1.0, 1.5, 1.75, 1.4, 1.2], np.ones(6), dt=1)
-    >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0, length=10)
+    >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0)
     >>> [change] = diagnostics.changes(estimate(watched, record, prior=Prior([0.0], [[0.0]])))
     >>> change.sentence
     'gain changed from 1 to 0.516 ± 0.057 at 3 ± 0.15 s, detected at 4 s.'
@@ -67,21 +67,29 @@ def changes(result: Estimate) -> tuple[DetectedChange, ...]:
         )
     alarms = np.flatnonzero(result.extra["alarm"])
     ends = [*(alarms[1:] - 1), len(result.gain) - 1]
-    return tuple(_change(result, int(alarm), int(end)) for alarm, end in zip(alarms, ends, strict=False))
+    median, sigma = result.gain_standing
+    return tuple(
+        _change(result, int(alarm), int(end), gain, median, sigma)
+        for alarm, end in zip(alarms, ends, strict=False)
+        for gain in _jumped(result.extra["jumped"][alarm])
+    )
 
 
-def _change(result: Estimate, alarm: int, end: int) -> DetectedChange:
-    """The change detected at row `alarm`, as estimated at row `end`."""
+def _jumped(probability: np.ndarray) -> list[int]:
+    """The gains that probably jumped, the likeliest first."""
+    order = np.argsort(-probability, kind="stable")
+    return [int(i) for i in order if i == order[0] or probability[i] > 0.5]
+
+
+def _change(result: Estimate, alarm: int, end: int, gain: int, median: np.ndarray, sigma: np.ndarray) -> DetectedChange:
+    """The change of a gain detected at row `alarm`, as estimated at row `end`."""
     onset = int(result.extra["onset"][alarm])
     before = max(onset - 1, 0)
-    sigma = np.sqrt(np.diagonal(result.gain_covariance[end]))
-    moved = np.abs(result.gain[end] - result.gain[before])
-    i = int(np.argmax(moved / np.where(sigma > 0, sigma, np.inf)))
     times = (None, None) if result.t is None else (float(result.t[onset]), float(result.t[alarm]))
     apart = float(result.extra["onset_sigma"][alarm])
     step = None if result.t is None else (result.t[alarm] - result.t[before]) / (alarm - before)
     return DetectedChange(
-        result.names.gains[i], onset, alarm, *times,
-        float(result.gain[before, i]), float(result.gain[end, i]), float(sigma[i]),
+        result.names.gains[gain], onset, alarm, *times,
+        float(median[before, gain]), float(median[end, gain]), float(sigma[end, gain]),
         apart, None if step is None else float(apart * step),
     )  # fmt: skip

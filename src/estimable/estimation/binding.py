@@ -164,8 +164,13 @@ def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
 
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """Check that the prior describes the model's states."""
-    if prior is not None and prior.mean.shape[-1] != model.n:
-        faults.add(f"`prior` must describe n = {model.n} states: {model.size_source}. Got {prior.mean.shape[-1]}.")
+    disturbance = getattr(model, "disturbance", None)
+    added = 0 if disturbance is None else len(disturbance.at)
+    if prior is not None and prior.mean.shape[-1] not in (model.n, model.n - added):
+        without = f", or the {model.n - added} of them that are not disturbances" if added else ""
+        faults.add(
+            f"`prior` must describe n = {model.n} states: {model.size_source}{without}. Got {prior.mean.shape[-1]}."
+        )
     elif (
         isinstance(model, StateSpace)
         and prior is not None
@@ -185,7 +190,7 @@ def _check_prior_size(prior: Prior, model: StateSpace, faults: checks.Faults) ->
         if np.abs(prior.covariance).max(initial=0.0) * np.vdot(C, C) * (model.n + 1) <= FLATTEST * smallest:
             return
         later = np.abs(C @ A) / max(1.0, np.abs(A).sum(axis=1).max(initial=0.0))
-        rows = np.maximum(np.abs(C), later) ** 2
+        rows = np.maximum(np.abs(C), later)[:, : prior.mean.shape[-1]] ** 2  # disturbances may be missing in the prior
         variance = np.atleast_2d(np.diagonal(np.asarray(prior.covariance), axis1=-2, axis2=-1)) @ rows.T
         ratio = np.where(noise > 0, variance / np.where(noise > 0, noise, 1.0), 0.0)
     if ratio.max(initial=0.0) > FLATTEST:

@@ -93,7 +93,9 @@ def _step(θ: np.ndarray, here: Ascent, damping: float, limits: Limits) -> np.nd
     while free.any():
         δ[free] = _solved(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ δ[~free])
         with np.errstate(over="ignore"):  # far beyond a bound without room
-            beyond = np.where(free, np.maximum(δ / np.where(high > 0, high, TINY), δ / np.where(low < 0, low, -TINY)), 0.0)
+            beyond = np.where(
+                free, np.maximum(δ / np.where(high > 0, high, TINY), δ / np.where(low < 0, low, -TINY)), 0.0
+            )
         worst = int(np.argmax(beyond))
         if beyond[worst] <= 1:
             break

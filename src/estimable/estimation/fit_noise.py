@@ -1,7 +1,7 @@
 """Tune noise levels by the likelihood of records."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..data.record import Record, several
 from ..errors import AssumptionError
 from ..frozen import replace
 from ..models.complex_step import along_each, slope_of
+from ..models.markov_disturbance import retuned
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
@@ -22,9 +23,10 @@ from .binding import bind
 from .climb import MOST, Climbed, Limits, climb
 from .following import along_record
 from .named_numbers import Setup, with_innermost
-from .noise_parameters import Free, Part, parts
+from .noise_parameters import DisturbancePart, Free, Part, parts
 from .slopes import Ascent, Rows, ascent_over
 
+Found: TypeAlias = "list[Part | DisturbancePart]"
 DISTINCT = 1e-10  # least eigenvalue of the scaled information of entries that the records distinguish
 FALLEN = -12.0  # logarithm of a standard deviation relative to its start: e^-24 of the variance counts as zero
 LARGEST = 25.0  # the same, at most
@@ -46,7 +48,8 @@ def fit_noise(
     - `algorithm`: any filter of a model with Q and R, such as `Kalman`, `UnknownGain` or `ExtendedKalman`. Its covariances are
       the start of the search; those that are not free are fixed.
     - `record`: one record, or a list. `prior` is as in `estimate`.
-    - `free`: the free covariances: names from "Q", "R" and "walk" (of gains or parameters), or a mapping from these names to
+    - `free`: the free covariances: names from "Q", "R", "walk" (of gains or parameters) and "disturbance" (the densities and time
+      constants of `markov_disturbance`, each by itself), or a mapping from these names to
       what is free in the matrix. "diagonal": each variance by itself, with fixed correlations (the default for a diagonal
       matrix); "full": every entry (the default otherwise); "scale": one factor of the whole matrix; a list of bools, one for
       each variance; or a symmetric array of bools, one for each entry, which must form blocks. A covariance that varies in
@@ -103,7 +106,7 @@ def _read(given: object, progress: bool) -> Algorithm[Any]:
 
 def _prepare(
     algorithm: Algorithm[Any], record: Record | Sequence[Record], prior: Prior, free: Free
-) -> tuple[list[Part], list[Algorithm[Any]], list[Rows]]:
+) -> tuple[Found, list[Algorithm[Any]], list[Rows]]:
     """The free covariances, and for each record the algorithm along it and the rows."""
     faults = checks.Faults()
     found = parts(algorithm, free, faults)
@@ -116,32 +119,43 @@ def _prepare(
     return found, each, [Rows.of(bind(along, one, prior)) for along, one in zip(each, records, strict=True)]
 
 
-def tuned(algorithm: Algorithm[Any], found: list[Part], θ: np.ndarray) -> Any:
+def tuned(algorithm: Algorithm[Any], found: Found, θ: np.ndarray) -> Any:
     """The algorithm with the covariances of θ, which may be complex."""
     given: dict[str, Array] = {}
     for part, at in _slices(found):
         given |= part.covariances(θ[at])
     walk = {"walk": given.pop("walk")} if "walk" in given else {}
+    disturbance: Any = given.pop("disturbance", None)
     inner: Any = algorithm.innermost
-    return with_innermost(algorithm, replace(inner, model=replace(inner.model, **given), **walk))
+    model = replace(inner.model, **{name: _within(M, getattr(inner.model, name)) for name, M in given.items()})
+    model = model if disturbance is None else retuned(model, *disturbance)
+    return with_innermost(algorithm, replace(inner, model=model, **walk))
 
 
-def _slices(found: list[Part]) -> list[tuple[Part, slice]]:
+def _within(M: Array, whole: Array | None) -> Any:
+    """The covariance of a model with M as its first rows (and columns), where disturbances have further ones."""
+    if whole is None or whole.shape == M.shape:
+        return M
+    larger = np.array(whole, np.result_type(whole, M))
+    larger[tuple(slice(size) for size in M.shape)] = M
+    return larger
+
+
+def _slices(found: Found) -> list[tuple[Part | DisturbancePart, slice]]:
     ends = np.cumsum([part.size for part in found])
     return [(part, slice(int(end) - part.size, int(end))) for part, end in zip(found, ends, strict=True)]
 
 
-def _limits(found: list[Part]) -> Limits:
+def _limits(found: Found) -> Limits:
     """Logarithms are bounded and move by a limited stride; other entries of a Cholesky factor are free."""
     logarithm = np.concatenate([part.logarithms for part in found])
     far = np.where(logarithm, LARGEST, np.inf)
     return Limits(np.where(logarithm, FALLEN, -np.inf), far, np.where(logarithm, STRIDE, np.inf))
 
 
-def _fallen(at: Any, found: list[Part], climbed: Climbed) -> tuple[Climbed, np.ndarray]:
+def _fallen(at: Any, found: Found, climbed: Climbed) -> tuple[Climbed, np.ndarray]:
     """Variances that the likelihood drives to zero are set to it, where that does not lower it."""
-    full = np.concatenate([np.full(part.size, part.kind == "full") for part in found])
-    small = ~full & (climbed.θ < SMALL)
+    small = np.concatenate([part.may_vanish for part in found]) & (climbed.θ < SMALL)
     for i in np.flatnonzero(small):
         there = climbed.θ.copy()
         there[i] = FALLEN
@@ -151,23 +165,26 @@ def _fallen(at: Any, found: list[Part], climbed: Climbed) -> tuple[Climbed, np.n
     return climbed, small
 
 
-def _assembled(algorithm: Algorithm[Any], found: list[Part], climbed: Climbed, at_zero: np.ndarray) -> NoiseFit:
+def _assembled(algorithm: Algorithm[Any], found: Found, climbed: Climbed, at_zero: np.ndarray) -> NoiseFit:
     names = tuple(name for part in found for name in part.names)
-    free = np.flatnonzero(~at_zero)
+    unknown = np.concatenate([part.undetermined(at_zero[at]) for part, at in _slices(found)])
+    free = np.flatnonzero(~unknown)
     information = climbed.end.information[np.ix_(free, free)]
     _check_distinct(information, names, free, "" if climbed.converged else not_converged(climbed.steps))
     covariance = np.zeros((len(names), len(names)))
     covariance[np.ix_(free, free)] = np.linalg.inv(information)
     θ = np.where(at_zero, -np.inf, climbed.θ)
     slope = slope_of(along_each(lambda z: entries(found, z), θ)).T
+    covariance = slope @ covariance @ slope.T
+    covariance[unknown & ~at_zero] = covariance[:, unknown & ~at_zero] = np.nan
     zeros = tuple(name for name, zero in zip(names, at_zero, strict=True) if zero)
     return NoiseFit(
-        tuned(algorithm, found, θ), entries(found, θ), slope @ covariance @ slope.T, climbed.end.log_likelihood, names, zeros,
+        tuned(algorithm, found, θ), entries(found, θ), covariance, climbed.end.log_likelihood, names, zeros,
         climbed.steps, climbed.converged,
     )  # fmt: skip
 
 
-def entries(found: list[Part], θ: np.ndarray) -> np.ndarray:
+def entries(found: Found, θ: np.ndarray) -> np.ndarray:
     """The named entries of the covariances at θ."""
     return np.concatenate([part.entries(θ[at]) for part, at in _slices(found)])
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from .. import checks
+from ..models.markov_disturbance import Disturbance
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, GainAlgorithm
 
@@ -64,6 +65,15 @@ class Part(NamedTuple):
         """Whether each parameter is the logarithm of a standard deviation: (size,)."""
         return np.array([i == j for i, j in self._pairs]) if self.kind == "full" else np.ones(self.size, bool)
 
+    @property
+    def may_vanish(self) -> np.ndarray:
+        """Whether each parameter is that of a variance that may be zero: (size,)."""
+        return np.full(self.size, self.kind != "full")
+
+    def undetermined(self, zero: np.ndarray) -> np.ndarray:
+        """The parameters that have no effect where those of `zero` are zero: (size,)."""
+        return zero
+
     def begin(self) -> np.ndarray:
         """The initial parameters."""
         if self.kind != "full":
@@ -100,6 +110,64 @@ class Part(NamedTuple):
         return np.stack([M[i, j] for i, j in pairs])
 
 
+class DisturbancePart(NamedTuple):
+    """The densities and the time constants of the disturbances of a model (`markov_disturbance`), each by its own factor.
+
+    The parameters are half the logarithm of each density, or the logarithm of the standard deviation of an offset, and then the
+    logarithm of each time constant.
+    """
+
+    start: Disturbance
+    channels: tuple[str, ...]
+
+    @property
+    def _moving(self) -> np.ndarray:
+        """Those with a time constant."""
+        return np.flatnonzero(~self.start.is_offset)
+
+    @property
+    def size(self) -> int:
+        """The number of its parameters."""
+        return len(self.channels) + len(self._moving)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each parameter."""
+        densities = (f"density[{name}]" for name in self.channels)
+        return (*densities, *(f"time_constant[{self.channels[i]}]" for i in self._moving))
+
+    @property
+    def logarithms(self) -> np.ndarray:
+        """All are logarithms."""
+        return np.ones(self.size, bool)
+
+    @property
+    def may_vanish(self) -> np.ndarray:
+        """The densities may be zero."""
+        return np.arange(self.size) < len(self.channels)
+
+    def undetermined(self, zero: np.ndarray) -> np.ndarray:
+        """Without a density, its time constant has no effect."""
+        count = len(self.channels)
+        return np.concatenate([zero[:count], zero[:count][self._moving]])
+
+    def begin(self) -> np.ndarray:
+        """The initial parameters."""
+        return np.zeros(self.size)
+
+    def covariances(self, θ: np.ndarray) -> dict[str, Any]:
+        """The time constants and densities at θ, which may be complex."""
+        power = np.where(self.start.is_offset, 1, 2)
+        time_constant = np.asarray(self.start.time_constant).astype(θ.dtype)
+        time_constant[self._moving] *= np.exp(θ[len(self.channels) :])
+        return {"disturbance": (time_constant, self.start.density * np.exp(power * θ[: len(self.channels)]))}
+
+    def entries(self, θ: np.ndarray) -> np.ndarray:
+        """The densities, and then the time constants."""
+        time_constant, density = self.covariances(θ)["disturbance"]
+        return np.concatenate([density, time_constant[self._moving]])
+
+
 def _there(algorithm: Algorithm[Any]) -> dict[str, tuple[Any, tuple[str, ...]]]:
     """The covariances that can be fitted, with the names of their channels."""
     inner, model = algorithm.innermost, algorithm.innermost.model
@@ -108,15 +176,21 @@ def _there(algorithm: Algorithm[Any]) -> dict[str, tuple[Any, tuple[str, ...]]]:
         if model.G is not None and np.array_equal(model.G, np.eye(model.n))
         else tuple(f"w{i + 1}" for i in range(model.Q.shape[-1]))
     )
-    there = {"Q": (model.Q, noises), "R": (model.R, model.outputs)}
+    disturbance = getattr(model, "disturbance", None)
+    own = len(noises) - (
+        0 if disturbance is None else len(disturbance.at)
+    )  # the noises of disturbances are not among Q
+    there: dict[str, Any] = {"Q": (model.Q[..., :own, :own], noises[:own]), "R": (model.R, model.outputs)}
     if isinstance(model, StateSpace) and not model.is_continuous:
-        there["S"] = (model.S, noises)
+        there["S"] = (model.S, noises[:own])
+    if disturbance is not None and not disturbance.discretised:
+        there["disturbance"] = (disturbance, model.states[-len(disturbance.at) :])
     if isinstance(inner, GainAlgorithm) and inner.gain is not None:
         there["walk"] = (getattr(inner, "walk", None), inner.names.gains)
     return there
 
 
-def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[Part]:
+def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[Part | DisturbancePart]:
     """The free covariances, checked."""
     there, model = _there(algorithm), algorithm.innermost.model
     if not isinstance(free, dict | str) and not (
@@ -125,7 +199,7 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
         faults.add(f"`free` must name covariances: {checks.listed(there)}. Got {checks.short(free)}.")
         return []
     words = free if isinstance(free, dict) else dict.fromkeys([free] if isinstance(free, str) else free)
-    found = []
+    found: list[Part | DisturbancePart | None] = []
     if "S" in words and "S" in there:
         found.append(_joint(model, there["Q"][1], words, faults))
         words = {field: how for field, how in words.items() if field not in "QRS"}
@@ -136,6 +210,9 @@ def parts(algorithm: Algorithm[Any], free: Free, faults: checks.Faults) -> list[
             )
             continue
         start, channels = there[field]
+        if field == "disturbance":
+            found.append(DisturbancePart(start, channels))
+            continue
         part = _part(field, start, channels, how, faults)
         if part is not None:
             found.append(part)
@@ -152,8 +229,9 @@ def _joint(model: StateSpace, noises: tuple[str, ...], words: Mapping[str, Any],
     if model.varying and {"Q", "R", "S"} & set(model.varying):
         faults.add("`Q`, `R` and `S` must be constant to be fitted together. In this model one of them varies in time.")
         return None
-    S = np.zeros((len(noises), model.p)) if model.S is None else np.asarray(model.S)
-    start = np.block([[np.asarray(model.Q), S], [S.T, np.asarray(model.R)]])
+    own = len(noises)
+    S = np.zeros((own, model.p)) if model.S is None else np.asarray(model.S)[:own]
+    start = np.block([[np.asarray(model.Q)[:own, :own], S], [S.T, np.asarray(model.R)]])
     if np.linalg.eigvalsh(start)[0] <= 1e-12 * np.abs(start).max():
         faults.add(
             "The joint covariance of `Q`, `S` and `R` must be positive definite to be fitted. "

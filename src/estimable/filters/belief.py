@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 
 from ..annotations import Array
@@ -13,6 +14,7 @@ from ..kernels.kalman import Drift, Gaussian, Measurement, Posterior, Transition
 from ..kernels.later_information import Later, unit_noise
 from ..kernels.small import factor, gram, settled
 from ..kernels.smoothing import Evidence
+from ..models.markov_disturbance import with_disturbances
 from ..models.prior import Prior, diffuse_columns
 from ..results import Sample
 
@@ -51,8 +53,10 @@ class Belief:
         return None if self.drift_mean is None else Drift(self.drift_mean, self.drift_factor)
 
 
-def believe(prior: Prior, origin: Array | float = 0.0) -> Belief:
-    """The belief of a prior, about deviations from `origin`."""
+def believe(prior: Prior, origin: Array | float = 0.0, added: Array | None = None) -> Belief:
+    """The belief of a prior, about deviations from `origin`. `added`: the variances of disturbances that it may leave out."""
+    if added is not None:
+        prior = with_disturbances(prior, added, np.shape(origin)[-1])
     mean = jnp.asarray(prior.mean)
     size = stop_gradient(jnp.abs(mean) + jnp.abs(origin))
     return Belief(mean - origin, factor(prior.covariance), diffuse_columns(prior), size, jnp.zeros(()))

@@ -53,4 +53,8 @@ class Bounded(Wrapper[Any]):
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:
         """Update with one sample, and report the gain within the bounds."""
         state, info = self.algorithm.correct(state, sample)
-        return state, replace(info, gain=jnp.minimum(jnp.maximum(info.gain, self.lower), self.upper))
+        inside = jnp.minimum(jnp.maximum(info.gain, self.lower), self.upper)
+        quantiles = info.gain_quantiles
+        if quantiles is not None:
+            quantiles = jnp.minimum(jnp.maximum(quantiles, self.lower[:, None]), self.upper[:, None])
+        return state, replace(info, gain=inside, gain_quantiles=quantiles)

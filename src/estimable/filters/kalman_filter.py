@@ -81,7 +81,8 @@ class Kalman(Smoothable[Belief]):
 
     def init(self, prior: Prior) -> Belief:
         """The belief about x[0], before y[0]."""
-        return belief.believe(prior, self._ready.point.states)
+        ready = self._ready
+        return belief.believe(prior, ready.point.states, ready.added)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Update the belief with one sample."""

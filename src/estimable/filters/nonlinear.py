@@ -92,7 +92,8 @@ def init(self: Any, prior: Prior) -> Belief:
     """The belief about (x[0], θ) before y[0]."""
     if self.curved:
         refuse_diffuse(self, prior)
-    belief = believe(prior, ready_of(self).ready.origin)
+    ready = ready_of(self).ready
+    belief = believe(prior, ready.origin, ready.added)
     return belief if self.parameters is None else side_by_side(belief, believe(self.parameters))
 
 

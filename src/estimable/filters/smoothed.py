@@ -66,7 +66,7 @@ class Smoothed(Wrapper[Average]):
         """Update with one sample, and report the averaged gain."""
         inner, info = self.algorithm.correct(state.state, sample)
         gain = self.weight * state.gain + (1 - self.weight) * info.gain
-        return Average(inner, gain), replace(info, gain=gain)
+        return Average(inner, gain), replace(info, gain=gain, gain_quantiles=None)  # those are of the newest gain
 
     def predict(self, state: Average, interval: Interval) -> Average:
         """Move to the next sample."""

@@ -143,7 +143,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def init(self, prior: Prior) -> Belief:
         """The belief about (x[0], θ) before y[0]: the state from `prior`, the gain from this filter's own prior."""
-        state = belief.believe(prior, self._ready.ready.point.states)
+        ready = self._ready.ready
+        state = belief.believe(prior, ready.point.states, ready.added)
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:

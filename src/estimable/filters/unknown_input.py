@@ -145,7 +145,7 @@ class UnknownInput(Smoothable[Any]):
         ready = self._ready
         if ready.layout.method == "fang":
             return fang_steps.init(prior, ready.ready)
-        x = belief.believe(prior, ready.ready.point.states)
+        x = belief.believe(prior, ready.ready.point.states, ready.ready.added)
         return _with_inputs(x, ready)
 
     def correct(self, state: Any, sample: Sample) -> tuple[Any, Info]:

@@ -55,3 +55,10 @@ def per_gain(name: str, value: Numbers, algorithm: Algorithm[Any], faults: check
     p = len(algorithm.names.gains)
     faults.learn("gains", p, f"the algorithm has {checks.counted(p, 'gain')}")
     return faults.array(name, [value] * p if isinstance(value, int | float) else value, "gains")
+
+
+def disturbances(algorithm: Algorithm[Any]) -> tuple[str, ...]:
+    """The states of its model that are disturbances, whose prior the model has."""
+    model = algorithm.innermost.model
+    found = model.disturbance if isinstance(model, StateSpace) else None
+    return () if found is None else model.states[-len(found.at) :]

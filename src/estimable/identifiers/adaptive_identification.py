@@ -79,7 +79,7 @@ class AdaptiveIdentification(FilterIdentifier):
     jump: Any = None
     onsets: int = static(default=60)
     seconds_between_false_alarms: Any = 3600.0
-    persistence: Any = 15.0
+    persistence: float = static(default=1.0)
     refinement: str = static(default="none")
 
     def __post_init__(self):
@@ -144,7 +144,7 @@ class AdaptiveIdentification(FilterIdentifier):
         if self.jump is None:
             return tracker
         return ChangeDetection(
-            tracker, jump=self.jump, length=self.onsets, walk=self.walk, persistence=self.persistence,
+            tracker, jump=self.jump, slots=self.onsets, levels=1, walk=self.walk, persistence=self.persistence,
             seconds_between_false_alarms=self.seconds_between_false_alarms,
         )  # fmt: skip
 

@@ -75,14 +75,14 @@ def slopes(plant: WeightedPlant, corners: list[Corner], K: Float[Real, "n p"]) -
     return np.array([2 * Y @ (K @ (C @ m @ C.T + one.R) - m @ C.T) for m, one in zip(M, corners, strict=True)])
 
 
-class Mixture(NamedTuple):
+class MixedWeights(NamedTuple):
     """The least favourable shares λ (V,), the noise that they mix, and its Kalman filter."""
 
     shares: Real
     corner: Corner
 
 
-def mixture(plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"]) -> Mixture:
+def mixture(plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s: Float[Real, " V"]) -> MixedWeights:
     """The λ that maximise the minimum over K of Σ λ_i (a_i + s_i loss_i(K)); its Kalman gain is the minimax."""
     from scipy.optimize import minimize
 
@@ -109,7 +109,7 @@ def mixture(plant: WeightedPlant, corners: list[Corner], a: Float[Real, " V"], s
                      options={"ftol": 1e-15, "maxiter": 500})  # fmt: skip
     λ = np.maximum(found.x, 0) / np.maximum(found.x, 0).sum()
     λ = _levelled(charge, λ, size)
-    return Mixture(λ, mixed(λ))
+    return MixedWeights(λ, mixed(λ))
 
 
 def _levelled(charge: Callable[[Real], Real], λ: Real, size: float) -> Real:

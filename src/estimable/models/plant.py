@@ -37,6 +37,11 @@ class Functions:
         return self
 
     @property
+    def added(self) -> None:
+        """None: a nonlinear model has no such states."""
+        return None
+
+    @property
     def origin(self):
         """The origin of the states, (n,)."""
         return jnp.zeros(self.n)
@@ -87,6 +92,11 @@ class Matrices:
     def origin(self):
         """The origin of the states, (n,)."""
         return self.model.point.states
+
+    @property
+    def added(self):
+        """The variances of disturbances at the start, (d,), or None."""
+        return self.model.added
 
     @property
     def n(self) -> int:

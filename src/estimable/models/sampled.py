@@ -38,6 +38,7 @@ class SampledModel:
     """x+ = A x + B u + B_end u_end + ω, y = C x + D u + v about `point`; v = V e, ω = Ω e + W e' with e, e' unit white.
 
     Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` if several rows share one entry.
+    `added` (d,): the variances of the last states, disturbances, before the first sample; None where there are none.
     `independent`: V is diagonal and there is no Ω, so that each output has its own independent noise. `wandering` (n, n, m), of
     a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state.
     """
@@ -55,6 +56,7 @@ class SampledModel:
     varying: tuple[str, ...] = static(default=())
     independent: bool = static(default=False)
     wandering: Any = None
+    added: Any = None
 
     def at(self, k: int | Array) -> "SampledModel":
         """The model at row k."""
@@ -89,6 +91,7 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
     return SampledModel(
         model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
         tuple(sorted(deterministic | _varying_noise(model))), model.S is None and is_diagonal(model.R), Ψ,
+        None if model.disturbance is None else model.disturbance.variance,
     )  # fmt: skip
 
 

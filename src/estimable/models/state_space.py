@@ -1,7 +1,7 @@
 """The linear state-space model with its noises."""
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, field
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,7 @@ class StateSpace:
     outputs: Any = static(default=None)
     operating_point: Any = None
     schedule: Any = None
+    disturbance: Any = field(default=None, init=False)
     varying: tuple[str, ...] = static(default=(), init=False)
 
     def __post_init__(self):
@@ -176,10 +177,11 @@ class StateSpace:
         steps = read_steps(dt, self.steps, faults)
         faults.finish()
         Φ, B, B_end, Qd = over(self.A, self.B, self.G @ self.Q @ np.swapaxes(self.G, -1, -2), steps, hold=hold)
-        return StateSpace(
+        discrete = StateSpace(
             Φ, B, self.C, self.D, Q=Qd, R=self.R, B_end=B_end, dt=float(np.mean(steps)),
             states=self.states, inputs=self.inputs, outputs=self.outputs, operating_point=self.operating_point,
         )  # fmt: skip
+        return replace(discrete, disturbance=self.disturbance and replace(self.disturbance, discretised=True))
 
     def in_basis(self, T: Numbers) -> "StateSpace":
         """The same model in the states T x, named x1... Raises `InputError` if T (n, n) is singular.

@@ -99,9 +99,9 @@ def cases(gain_after: float, *, input_link: Link | None = None, output_link: Lin
     }
 
 
-def detector(model: StateSpace, *, persistence: float = 15.0) -> ChangeDetection:
+def detector(model: StateSpace) -> ChangeDetection:
     """The change detector, which assumes a gain of 1 until it detects a change."""
-    return ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=JUMP, persistence=persistence)
+    return ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=JUMP)
 
 
 def reconfigured() -> GainReconfiguration:

@@ -27,7 +27,6 @@ from .jsbsim_f16 import JsbsimF16
 COMMAND = 2.5  # [deg/s]: an elevator with .3 of its effect follows these doublets within its limits
 QUICK = 10.0  # [1/s]: 10 / (s + 10), fast enough to distinguish a lost gain from a random-walk upset
 UPSET = 0.1  # [deg²/s]: diffusion of the upset, as Mach and alpha change
-LENGTH = 100  # longest search for an onset, in samples
 FALSE_ALARMS = 300.0  # [s]
 
 
@@ -110,12 +109,10 @@ def with_upset(model: StateSpace) -> StateSpace:
 def watched(model: StateSpace) -> ChangeDetection:
     """A change detector for `with_upset(model)`, which assumes a gain of 1 until it detects a change.
 
-    The additional state of that model, the upset, represents lasting disturbances. The process noise is therefore taken as
-    white (`persistence` = 1).
+    The additional state of that model, the upset, represents lasting disturbances.
     """
     return ChangeDetection(
-        UnknownGain(with_upset(model), Prior([1.0], [[0.0]])), jump=JUMP, length=LENGTH, persistence=1.0,
-        seconds_between_false_alarms=FALSE_ALARMS,
+        UnknownGain(with_upset(model), Prior([1.0], [[0.0]])), jump=JUMP, seconds_between_false_alarms=FALSE_ALARMS,
     )  # fmt: skip
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from ..frozen import frozen, static
 from .steps import Info, Names, Outcome
 
+WIDTH = 2 * 1.959963984540054  # standard deviations in the 95 % interval of a Gaussian
+
 
 class Kept:
     """The arrays of an `Info`, read by name."""
@@ -33,6 +35,31 @@ class Kept:
     def gain_covariance(self):
         """Their covariances, (T, p, p)."""
         return self.info.gain_covariance
+
+    @property
+    def gain_quantiles(self):
+        """The quantiles .025, .16, .5, .84 and .975 of the gains, (T, p, 5); None where they are Gaussian."""
+        return self.info.gain_quantiles
+
+    @property
+    def jump_probability(self):
+        """The probability of a jump of a gain that has raised no alarm, (T,); None without a detector."""
+        return self.info.jump_probability
+
+    @property
+    def gain_standing(self) -> tuple[np.ndarray, np.ndarray]:
+        """The gains as they are printed: the median, and the width of the 95 % interval over 3.92, (T, p) each.
+
+        For a Gaussian these are the mean and the standard deviation. Both are NaN for an undetermined gain.
+        """
+        from ..tables import standard_deviation
+
+        if self.gain_quantiles is not None:
+            quantiles = np.asarray(self.gain_quantiles)
+            return quantiles[..., 2], (quantiles[..., 4] - quantiles[..., 0]) / WIDTH
+        sigma = standard_deviation(self.gain_covariance, self.extra.get("gain_diffuse_covariance"))
+        known = np.isfinite(sigma)
+        return np.where(known, self.gain, np.nan), np.where(known, sigma, np.nan)
 
     @property
     def unknown_input(self):
@@ -86,8 +113,10 @@ class Shown(Kept):
             (self.names.unknown_inputs, self.unknown_input, self.unknown_input_covariance),
         ):
             if values is not None and covariance is not None:
-                sigmas = np.sqrt(np.diagonal(covariance[-1]))
-                parts += [f"{n} = {x:.4g} ± {s:.3g}" for n, x, s in zip(names, values[-1], sigmas, strict=True)]
+                last, sigmas = values[-1], np.sqrt(np.diagonal(covariance[-1]))
+                if values is self.gain and self.gain_quantiles is not None:
+                    last, sigmas = (of_all[-1] for of_all in self.gain_standing)
+                parts += [f"{n} = {x:.4g} ± {s:.3g}" for n, x, s in zip(names, last, sigmas, strict=True)]
         if self.outcome.code:
             parts.append(self.outcome.sentence)
         return f"{type(self).__name__}({', '.join(parts)})"

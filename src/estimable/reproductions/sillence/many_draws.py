@@ -113,7 +113,7 @@ def _failing(gain: float, Q: np.ndarray | None) -> LoopCase:
     model = f16.short_period() if Q is None else f16.short_period(Q=Q)
     plant = f16.controlled(gain, failure_time=FAILURE)
     plant = plant if Q is None else replace(plant, model=model)
-    return f16_failure.case(plant, f16_failure.reconfigured(), f16_failure.detector(model, persistence=1.0))
+    return f16_failure.case(plant, f16_failure.reconfigured(), f16_failure.detector(model))
 
 
 def _bands_figure(t: np.ndarray, healthy: np.ndarray, found: dict[str, Any]) -> Any:
