@@ -11,8 +11,7 @@ from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, static
 from .operating_point import OperatingPoint
 from .prior import Prior
-from .schedule import refuse_schedule
-from .state_space import StateSpace
+from .state_space import StateSpace, refuse_schedule
 
 
 @frozen
