@@ -143,10 +143,10 @@ def _placed(signal: Signal, t0: float, h: float, T: int) -> tuple[np.ndarray, in
         )
     column = np.full(T, np.nan)
     column[rows] = signal.values
-    return column, int(again.sum()), float(np.sqrt(np.mean(offset * offset)) * _slope(signal))
+    return column, int(again.sum()), float(np.sqrt(np.mean(offset * offset)) * slope(signal))
 
 
-def _slope(signal: Signal) -> float:
+def slope(signal: Signal) -> float:
     """The rms rate of change of a signal in noise.
 
     Successive differences d_j of a slope s over steps of h have E d_j² = s² h² + 2 σ² and E d_j d_{j+1} = s² h² - σ², so that

@@ -71,6 +71,11 @@ class LeastSquares(Identifier):
         faults.flag("offset", self.offset)
         faults.finish()
 
+    @property
+    def takes_unknown_inputs(self) -> bool:
+        """Equations with one are left out."""
+        return True
+
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step.
 

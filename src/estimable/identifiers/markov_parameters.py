@@ -92,6 +92,11 @@ class MarkovParameters(Identifier):
         faults.finish()
         set_field(self, noise_covariance=r)
 
+    @property
+    def takes_unknown_inputs(self) -> bool:
+        """Equations with one are left out."""
+        return True
+
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step."""
         from scipy.linalg import block_diag

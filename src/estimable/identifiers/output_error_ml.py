@@ -86,6 +86,11 @@ class OutputErrorML(StartedIdentifier):
         faults.finish()
         set_field(self, noise_variance=noise, arrival=arrival)
 
+    @property
+    def takes_unknown_inputs(self) -> bool:
+        """Their variance enters the likelihood."""
+        return True
+
     def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
         """The recursion whose estimate is a second start; None where inputs are unknown, which it does not support."""
         if _uncertain(records):
