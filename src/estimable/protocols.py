@@ -221,10 +221,7 @@ class Method:
 class Identifier(Method, ABC):
     """A method that fits a model to one record, or to several records of one plant with the same channels and time step."""
 
-    @property
-    def takes_unknown_inputs(self) -> bool:
-        """Whether records may have inputs that were not logged. `identify` estimates those for the other methods."""
-        return False
+    takes_unknown_inputs = False  # where inputs were not logged; `identify` estimates those for other methods
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:

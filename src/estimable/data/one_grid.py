@@ -247,7 +247,7 @@ def _finished(rows: PlacedRows, inputs: Sequence[Signal], hold: str, max_gap: fl
 
 def _breaks(rows: PlacedRows, max_gap: float) -> list[int]:
     """The first row after each stretch in which an input was unknown, or no output was seen for longer than `max_gap`."""
-    unknown: np.ndarray = np.isnan(rows.u).any(axis=1)
+    unknown = np.asarray(np.isnan(rows.u).any(axis=1))
     back = np.flatnonzero(unknown[:-1] & ~unknown[1:]) + 1
     seen = rows.t[~np.isnan(rows.y).all(axis=1)]
     silent = np.flatnonzero(np.diff(seen) > max_gap) + 1

@@ -219,13 +219,15 @@ class Record:
         faults = checks.Faults()
         step = None if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
         if self.t is None:
-            faults.add("a grid needs times: give the record `t`, in seconds.")
+            checks.refuse("a grid needs times: give the record `t`, in seconds.")
         faults.finish()
-        if self.dt is not None and (dt is None or abs(dt - self.dt) <= scatter(self.t, self.dt)):
+        t = np.asarray(self.t)
+        if self.dt is not None and (dt is None or abs(dt - self.dt) <= scatter(t, self.dt)):
             return self
-        found = multiples_of(self.t, step, faults)
+        found = multiples_of(t, step, faults)
         faults.finish()
-        return replace(self, **regular_rows(self, found), timed=True)
+        fields = {name: getattr(self, name) for name in ("t", "y", "u", "arrived", "outputs", "breaks", "notes")}
+        return replace(self, **regular_rows(fields, found), timed=True)
 
     @property
     def parts(self) -> list["Record"]:

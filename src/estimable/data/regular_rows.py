@@ -1,11 +1,11 @@
 """Stamps that are multiples of one step, and rows that are missing between them."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
-from ..annotations import AnyRecord
 from .one_grid import Signal, slope
 
 NEAR = 0.1  # of a step: farther from a multiple no stamp is
@@ -56,15 +56,16 @@ def multiples_of(t: np.ndarray, dt: float | None, faults: checks.Faults) -> Mult
     return Multiples(rows, step, zero, deviation)
 
 
-def regular_rows(record: AnyRecord, found: Multiples | None) -> dict[str, Any]:
-    """The fields of a record that are those of the grid."""
+def regular_rows(fields: Mapping[str, Any], found: Multiples | None) -> dict[str, Any]:
+    """The fields of a record that are those of the grid, from its own."""
     assert found is not None
+    t, y, u, arrived = (fields[name] for name in ("t", "y", "u", "arrived"))
     rows, T = found.rows, int(found.rows[-1]) + 1
-    u = filled(record.u, rows, agreeing=True)
+    u = filled(u, rows, agreeing=True)
     scatter = float(np.std(found.deviation))
     moved = {
-        name: scatter * slope(Signal(name, record.t, column).known)
-        for name, column in zip(record.outputs, record.y.T, strict=True)
+        name: scatter * slope(Signal(name, t, column).known)
+        for name, column in zip(fields["outputs"], y.T, strict=True)
         if (~np.isnan(column)).sum() > 2
     }
     missing, unknown = T - len(rows), int(np.isnan(u).any(axis=1).sum())
@@ -73,10 +74,10 @@ def regular_rows(record: AnyRecord, found: Multiples | None) -> dict[str, Any]:
         f"scatter by {scatter / found.dt:.2g} of a step."
     )
     return {
-        "y": filled(record.y, rows, agreeing=False), "u": u, "t": found.zero + found.dt * np.arange(T), "dt": found.dt,
-        "arrived": None if record.arrived is None else filled(record.arrived, rows, agreeing=False), "grid": found.dt,
-        "placing": tuple(sorted(moved.items())), "breaks": tuple(int(rows[k]) for k in record.breaks),
-        "notes": (*record.notes, note),
+        "y": filled(y, rows, agreeing=False), "u": u, "t": found.zero + found.dt * np.arange(T), "dt": found.dt,
+        "arrived": None if arrived is None else filled(arrived, rows, agreeing=False), "grid": found.dt,
+        "placing": tuple(sorted(moved.items())), "breaks": tuple(int(rows[k]) for k in fields["breaks"]),
+        "notes": (*fields["notes"], note),
     }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from ..data.record import Record, several
 from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import LinearModel, standing, state_space_of
-from ..models.state_space import StateSpace
+from ..models.state_space import StateSpace, between_samples
 from ..protocols import FilterIdentifier, Method
 from ..results import Comparison
 from ..results.comparisons import Divided, Ranked
@@ -160,7 +160,7 @@ def _run(method: Method, task: Divided) -> Any:
             stands = [adaptive.standing(method, model, one, n) for one, n in zip(whole, rows, strict=True)]
         else:
             fit = identify(method, task.first)
-            model = absolute(fit.model, task.trend.at(float(np.mean(rows))))
+            model = between_samples(absolute(fit.model, task.trend.at(float(np.mean(rows)))), whole[0].hold)
             stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)

@@ -11,6 +11,7 @@ from ..frozen import field_names, replace
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.subspace import Subspace
 from ..kernels.missing_series import conditional, runs_of
+from ..models.state_space import StateSpace, between_samples
 from ..protocols import Identifier, Method
 from ..results import Check, Fit
 
@@ -78,7 +79,7 @@ def known(records: Sequence[Record]) -> tuple[list[Record], list[Check]]:
     """The records with estimates of the inputs that were not logged, and a check that says how accurate those are."""
     unknown = [np.isnan(one.u) for one in records]
     count = int(sum(mask.sum() for mask in unknown))
-    if not count or any(np.isnan(np.concatenate([one.u for one in records])).all(axis=0)):
+    if not count or np.any(np.isnan(np.concatenate([one.u for one in records])).all(axis=0)):
         return list(records), []
     filled, variances = [], []
     for one, mask in zip(records, unknown, strict=True):
@@ -112,6 +113,12 @@ def with_direct_term(method: Method, records: Sequence[Record]) -> tuple[Method,
     if not {"nb", "delay"} <= set(fields) or not (delay := int(method.delay)):  # type: ignore[attr-defined]
         return method, []
     nb = int(method.nb) + 1  # type: ignore[attr-defined]
+    if "prior" in fields and method.prior is not None:  # type: ignore[attr-defined]
+        sentence = (
+            f"Hold: the input moves linearly between samples, so that u[k] enters y[k], but `prior` has no number for that: give "
+            f"delay = {delay - 1}, nb = {nb} and a prior with one more coefficient of each input."
+        )
+        return method, [Check("hold", False, float(delay), 0.0, sentence)]
     sentence = (
         f"Hold: the input moves linearly between samples, so that a delay of {delay} {'step' if delay == 1 else 'steps'} begins "
         f"within the step before: the model has delay {delay - 1} and nb = {nb}."
@@ -122,6 +129,8 @@ def with_direct_term(method: Method, records: Sequence[Record]) -> tuple[Method,
 def with_checks(fit: Fit, done: Connected) -> Fit:
     """The fit with the checks of its records, and of the scatter of their stamps against the residuals."""
     found = [*done.checks]
+    if isinstance(fit.model, StateSpace) and not fit.model.is_continuous:
+        fit = replace(fit, model=between_samples(fit.model, done.records[0].hold))
     if fit.validation is None:
         return fit
     scatter = _jitter_check(fit, done.records)

@@ -61,13 +61,10 @@ class CoupledLeastSquares(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)
-
-    @property
-    def takes_unknown_inputs(self) -> bool:
-        """Equations with one are left out."""
-        return True
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step. Raises `InputError` where an output has no complete equation."""

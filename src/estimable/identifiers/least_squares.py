@@ -64,17 +64,14 @@ class LeastSquares(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
             faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.flag("offset", self.offset)
         faults.finish()
-
-    @property
-    def takes_unknown_inputs(self) -> bool:
-        """Equations with one are left out."""
-        return True
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step.

@@ -71,6 +71,8 @@ class MarkovParameters(Identifier):
     offset: bool = static(default=False)
     observer: int | None = static(default=None)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("length", self.length, 0, checks.LARGEST_ORDER)
@@ -91,11 +93,6 @@ class MarkovParameters(Identifier):
             faults.add('`observer` belongs to weighting = "observer".')
         faults.finish()
         set_field(self, noise_covariance=r)
-
-    @property
-    def takes_unknown_inputs(self) -> bool:
-        """Equations with one are left out."""
-        return True
 
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step."""

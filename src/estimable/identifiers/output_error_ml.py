@@ -68,6 +68,8 @@ class OutputErrorML(StartedIdentifier):
     initial: str = static(default="rest")
     arrival: Any = None
 
+    takes_unknown_inputs = True  # their variance enters the likelihood
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
@@ -85,11 +87,6 @@ class OutputErrorML(StartedIdentifier):
             arrival = faults.number("arrival", arrival, above=0.0, upper=1.0)
         faults.finish()
         set_field(self, noise_variance=noise, arrival=arrival)
-
-    @property
-    def takes_unknown_inputs(self) -> bool:
-        """Their variance enters the likelihood."""
-        return True
 
     def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
         """The recursion whose estimate is a second start; None where inputs are unknown, which it does not support."""

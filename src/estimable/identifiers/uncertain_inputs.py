@@ -48,11 +48,9 @@ def expected(records: Sequence[Record], arrival: float | None) -> list[Expected]
     rate = 1.0 if arrival is None else np.broadcast_to(arrival, logged.shape[1])
     guesses = zip(*(conditional(column) for column in logged.T), strict=True)
     ends = np.cumsum([len(record) for record in records])[:-1]
-    mean, variance = (np.split(np.stack(columns, axis=1), ends) for columns in guesses)
-    return [
-        _expected(record, mask, *guess, rate)
-        for record, mask, *guess in zip(records, unknown, mean, variance, strict=True)
-    ]
+    means, variances = (np.split(np.stack(columns, axis=1), ends) for columns in guesses)
+    rows = zip(records, unknown, means, variances, strict=True)
+    return [_expected(record, mask, mean, variance, rate) for record, mask, mean, variance in rows]
 
 
 def _expected(
