@@ -221,6 +221,8 @@ class Method:
 class Identifier(Method, ABC):
     """A method that fits a model to one record, or to several records of one plant with the same channels and time step."""
 
+    takes_unknown_inputs = False  # where inputs were not logged; `identify` estimates those for other methods
+
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
         """Fit a model to the records. Raises `InputError` for unsuitable records."""

@@ -162,8 +162,8 @@ def test_information_criteria_find_the_orders():
         (lambda: identify(OutputErrorML(1, 0), Record([1.0, 2.0], dt=1)), "has no input"),
         (lambda: identify(OutputErrorML(1, 0), Record([1.0], [1.0])), "needs a regular step"),
         (
-            lambda: identify(OutputErrorML(1, 0), Record([1.0, 2, 3], [1.0, 2, 3], t=[0, 1, 3.0])),
-            "insert rows of NaN where samples are missing",
+            lambda: identify(OutputErrorML(1, 0), Record([1.0, 2, 3], [1.0, 2, 3], t=[0, 1, 2.4])),
+            "the stamps are no multiples of one step",
         ),
         (
             lambda: identify(OutputErrorML(1, 0), [Record([1.0], [1.0], dt=1), Record([1.0], [1.0], dt=2)]),

@@ -223,7 +223,7 @@ TWINS = Record(np.arange(90.0), np.arange(90.0)[:, None] ** 2 * [1, 2], dt=1)
         (lambda: identify(Subspace(4, horizon=2), UNSEEN), "output 'y1' was never seen"),
         (lambda: identify(Subspace(1), STILL), "input 'u1' never moves: its effect cannot be distinguished from an offset"),
         (lambda: identify(Subspace(1), TWINS), "inputs 'u1', 'u2' are linearly dependent"),
-        (lambda: identify(Subspace(1), UNKNOWN), "record 0: an input is unknown at index (0, 0)"),
+        (lambda: Subspace(1).fit([UNKNOWN]), "record 0: an input is unknown at index (0, 0)"),
         (lambda: identify(Subspace(4), SHORT), "too short for order 4 with horizon 5: its data matrix has 0 columns"),
         (
             lambda: identify(Subspace(4, horizon=3), Record(np.arange(90.0), np.arange(90.0) ** 2, dt=1)),

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import checks
 from ..data.record import Record
 from ..errors import EstimableError
 from ..results import Comparison, Ranked
@@ -32,6 +33,11 @@ def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int]
     record = read(asked.path, asked.outputs, asked.inputs, asked.reading)
     level = asked.level or "mean"
     found = compare(None, record, split=asked.split, level=level, order=order, progress=progress)
+    if all(one.fit is None for one in found.ranked):
+        why = "; ".join(dict.fromkeys(f"{one.label}: {one.failure}" for one in found.ranked))
+        checks.refuse(
+            f"{asked.path}: no method could be fitted to this record. {why or 'It is too short for order 1.'}"
+        )
     selection = selected(found)
     run = Compared(asked, record, found, selection, WrittenFiles(None, None))
     return run._replace(written=_write(run, order))
@@ -56,8 +62,11 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
     if best is not None and best.model is not None:
         write_model_file(best.model, run.asked.reading, files.model)
     options = () if order is None else (f"--order {order}",)
+    assert run.found.task is not None
+    if len(parts := run.found.task.records) > 1:  # the page shows one record
+        return WrittenFiles(files.model if best is not None else None, None)
     write_page(
-        run.found, run.record, files.report, chosen=best, selection=run.selection, source=run.asked.path,
+        run.found, parts[0], files.report, chosen=best, selection=run.selection, source=run.asked.path,
         command=run.asked.again(*options), lead=_sentences(run),
     )  # fmt: skip
     return WrittenFiles(files.model if best is not None else None, files.report)

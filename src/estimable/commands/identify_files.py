@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.record import Record
-from ..frozen import field_names
+from ..frozen import field_names, replace
 from ..models.state_space import StateSpace
 from ..protocols import Method
 from ..results import Comparison, Ranked
@@ -80,6 +80,8 @@ def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> 
     from ..models.prior import Prior
 
     n = model.n
+    if model.B_end is not None and not np.any(model.B_end):  # D contains what the input does between its samples
+        model, reading = replace(model, B_end=None), {**reading, "hold": None}
     given = {name: value for name, value in reading.items() if name in KEYS["record"] and value is not None}
     if "time" not in given:
         given["dt"] = model.dt

@@ -95,10 +95,10 @@ def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -
         found = compare([method], record, split=asked.split, level=level)
     except InputError:
         return WrittenFiles(asked.files.model, None)
-    if found.ranked[0].fit is None:
+    if found.ranked[0].fit is None or found.task is None or len(found.task.records) > 1:
         return WrittenFiles(asked.files.model, None)
     write_page(
-        found, record, asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
+        found, found.task.records[0], asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
         command=asked.again(f"--method {name_of(method)}"), lead=[found.sentence],
     )  # fmt: skip
     return WrittenFiles(asked.files.model, asked.files.report)
@@ -187,6 +187,7 @@ def _shown(value: float, sigma: float) -> tuple[str, str]:
 def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:
     """The record; uses the columns `time` and `arrived` if they exist and no other was given."""
     from ..data.reading import column_names, read_record
+    from ..identification.connected import gridded
 
     given = {name: value for name, value in reading.items() if value is not None}
     there = column_names(path)
@@ -196,7 +197,8 @@ def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dic
         given["arrived"] = ["arrived"]
     if not given.keys() & {"time", "dt"}:
         given["dt"] = 1.0
-    return read_record(path, outputs=outputs, inputs=inputs, **given)
+    parts = gridded(read_record(path, outputs=outputs, inputs=inputs, **given))
+    return parts[0] if len(parts) == 1 else read_record(path, outputs=outputs, inputs=inputs, **given)
 
 
 def _chosen_orders(record: Record, given: dict[str, Any]) -> str:

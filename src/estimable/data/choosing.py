@@ -124,7 +124,7 @@ def table_arguments(channels: dict[str, Any], choice: Choice, faults: checks.Fau
     if channels["arrived"] is not None:
         faults.add("`arrived` marks the rows of the table, which `grid` replaces: leave one of them out.")
     faults.finish()
-    t: np.ndarray = channels["t"]
+    t = np.asarray(channels["t"])
 
     def signals(kind: str, values: np.ndarray) -> list[Signal]:
         late = [choice.delay.get(name, choice.delay.get("", 0.0)) for name in channels[kind]]

@@ -143,10 +143,10 @@ def _placed(signal: Signal, t0: float, h: float, T: int) -> tuple[np.ndarray, in
         )
     column = np.full(T, np.nan)
     column[rows] = signal.values
-    return column, int(again.sum()), float(np.sqrt(np.mean(offset * offset)) * _slope(signal))
+    return column, int(again.sum()), float(np.sqrt(np.mean(offset * offset)) * slope(signal))
 
 
-def _slope(signal: Signal) -> float:
+def slope(signal: Signal) -> float:
     """The rms rate of change of a signal in noise.
 
     Successive differences d_j of a slope s over steps of h have E d_j² = s² h² + 2 σ² and E d_j d_{j+1} = s² h² - σ², so that
@@ -247,7 +247,7 @@ def _finished(rows: PlacedRows, inputs: Sequence[Signal], hold: str, max_gap: fl
 
 def _breaks(rows: PlacedRows, max_gap: float) -> list[int]:
     """The first row after each stretch in which an input was unknown, or no output was seen for longer than `max_gap`."""
-    unknown: np.ndarray = np.isnan(rows.u).any(axis=1)
+    unknown = np.asarray(np.isnan(rows.u).any(axis=1))
     back = np.flatnonzero(unknown[:-1] & ~unknown[1:]) + 1
     seen = rows.t[~np.isnan(rows.y).all(axis=1)]
     silent = np.flatnonzero(np.diff(seen) > max_gap) + 1

@@ -18,6 +18,7 @@ from .choosing import Choice, table_arguments
 from .frames import Channels, channels_of
 from .messy import measured, one_row_an_instant
 from .record_arguments import Texts, column, regular_step, scatter
+from .regular_rows import multiples_of, regular_rows
 from .stamps import TimeOptions
 
 if TYPE_CHECKING:
@@ -202,6 +203,31 @@ class Record:
             faults.add(f"`fraction` must leave rows in both parts. {fraction:g} of {rows} is {cut}.")
         faults.finish()
         return self[:cut], self[cut:]
+
+    def on_grid(self, dt: float | None = None) -> "Record":
+        """The record with a row for every multiple of a step (default: the median step), for methods that need equal steps.
+
+        Every stamp must be within a tenth of a step of a multiple. A missing row has no output; its input is that of its
+        neighbours where they agree, otherwise NaN, which means unknown. `placing` holds the effect of the scatter of the stamps.
+
+        Raises `InputError` that names the worst row.
+
+        >>> record = Record([1.0, 2.0, 4.0], [5.0, 5.0, 6.0], t=[0.0, 1.0, 3.0]).on_grid()
+        >>> record.y.ravel().tolist(), record.u.ravel().tolist(), record.dt
+        ([1.0, 2.0, nan, 4.0], [5.0, 5.0, nan, 6.0], 1.0)
+        """
+        faults = checks.Faults()
+        step = None if dt is None else faults.number("dt", dt, above=0.0, unit="seconds")
+        if self.t is None:
+            checks.refuse("a grid needs times: give the record `t`, in seconds.")
+        faults.finish()
+        t = np.asarray(self.t)
+        if self.dt is not None and (dt is None or abs(dt - self.dt) <= scatter(t, self.dt)):
+            return self
+        found = multiples_of(t, step, faults)
+        faults.finish()
+        fields = {name: getattr(self, name) for name in ("t", "y", "u", "arrived", "outputs", "breaks", "notes")}
+        return replace(self, **regular_rows(fields, found), timed=True)
 
     @property
     def parts(self) -> list["Record"]:

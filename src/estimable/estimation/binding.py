@@ -10,6 +10,7 @@ from ..data.messy import without_wild
 from ..data.record import Record, match
 from ..data.record_arguments import scatter
 from ..filters.wrapped import check_algorithm
+from ..identifiers.channels import Channels
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.sampled import Clock
@@ -213,9 +214,9 @@ def check_known(u: np.ndarray, names: tuple[str, ...], faults: checks.Faults) ->
         )
 
 
-def check_hold(model: StateSpace | NonlinearModel, hold: str, faults: checks.Faults) -> None:
+def check_hold(model: StateSpace | NonlinearModel | Channels, hold: str, faults: checks.Faults) -> None:
     """Check that the record and a discrete model agree on how the input moves between samples."""
-    if model.is_continuous or model.m == 0:
+    if model.is_continuous or model.m == 0 or isinstance(model, Channels):
         return
     if hold == "first_order" and model.B_end is None:
         faults.add(

@@ -12,6 +12,7 @@ from ..identifiers.least_squares import LeastSquares
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.subspace import Subspace
 from .choose_orders import choose_orders
+from .connected import known
 from .dead_time import dead_time
 from .select_order import select_order
 
@@ -29,13 +30,14 @@ def candidates(
     `tell` is called with what is chosen next.
     """
     found: list[Any] = []
+    logged, _ = known(records)
     tried = range(1, MOST + 1) if order is None else (order,)
     tell("the dead time")
-    late = _tried(lambda: dead_time(list(records)))
+    late = _tried(lambda: dead_time(list(logged)))
     far = [] if late is None or late.delay is None else range(max(late.delay - NEAR, 0), late.delay + NEAR + 1)
     delays = sorted({*range(DELAYS), *far})
     tell("the order of ARX")
-    selection = _tried(lambda: select_order(list(records), orders=tried, delays=delays))
+    selection = _tried(lambda: select_order(list(logged), orders=tried, delays=delays))
     if selection is not None:
         n, delay = selection.order, selection.delay
         found.append(LeastSquares(n, n - 1, delay=delay))
@@ -46,7 +48,7 @@ def candidates(
             found.append(OutputErrorML(chosen.na, chosen.nb, delay=chosen.delay, initial="free"))
     for weighting in ("moesp", "cva"):
         tell(f"the order of {weighting} subspaces")
-        best = _tried(lambda weighting=weighting: best_order(records, weighting, tried))
+        best = _tried(lambda weighting=weighting: best_order(logged, weighting, tried))
         if best is not None:
             found.append(Subspace(best, weighting=weighting))
             if weighting == "moesp":

@@ -12,12 +12,13 @@ from ..data.record import Record, several
 from ..data.trends import Trend
 from ..errors import EstimableError
 from ..identifiers.standing import LinearModel, standing, state_space_of
-from ..models.state_space import StateSpace
+from ..models.state_space import StateSpace, between_samples
 from ..protocols import FilterIdentifier, Method
 from ..results import Comparison
 from ..results.comparisons import Divided, Ranked
 from . import adaptive, judge
 from .candidates import candidates
+from .connected import cut, gridded
 from .identify import identify
 
 LEVELS = {"mean": 0, "trend": 1, "none": None}
@@ -112,6 +113,16 @@ def _read(
             faults.add("`order` applies only where `methods` is None: give your methods their own orders.")
     faults.finish()
     assert fraction is not None
+    return _divisible([part for one in records for grid in gridded(one) for part in cut(grid)], fraction, faults)
+
+
+def _divisible(records: list[Record], fraction: float, faults: checks.Faults) -> list[Record]:
+    """The parts of records with rows on both sides of the split and every output among the held-out ones."""
+    parts = [
+        one for one in records if 0 < (n := round(fraction * len(one))) < len(one) and one.seen[n:].any(axis=0).all()
+    ]
+    if parts:
+        return parts
     for i, one in enumerate(records):
         if not 0 < round(fraction * len(one)) < len(one):
             faults.add(
@@ -149,7 +160,7 @@ def _run(method: Method, task: Divided) -> Any:
             stands = [adaptive.standing(method, model, one, n) for one, n in zip(whole, rows, strict=True)]
         else:
             fit = identify(method, task.first)
-            model = absolute(fit.model, task.trend.at(float(np.mean(rows))))
+            model = between_samples(absolute(fit.model, task.trend.at(float(np.mean(rows)))), whole[0].hold)
             stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)

@@ -20,6 +20,7 @@ from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
+from .connected import connected, with_checks
 from .search import maximise
 
 Records = Record | Sequence[Record]
@@ -40,6 +41,11 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     the last one for records longer than 100,000). Where the arrival of inputs is unknown, as for
     `JointOutputError(..., arrival=)`, only stability is checked.
 
+    Stamps that are multiples of one step within a tenth of it are put on that grid (`Record.on_grid`). A batch method is fitted
+    to parts of a record that is broken, or in which an input is unknown for more than 10 rows; shorter runs are estimated, and
+    `OutputErrorML` counts their error. With first-order hold u[k] enters y[k]: a delay of d steps becomes d - 1 with one more
+    coefficient. Checks of `fit.validation` say what was done.
+
     Raises `InputError` with every fault of the call.
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
@@ -48,7 +54,12 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     >>> bool(abs(fit.parameters[0] + 0.5) < 4 * fit.sigma[0])
     True
     """
-    records = _read(method, record, engine)
+    done = connected(method, _read(method, record, engine))
+    _check(done.records)
+    return with_checks(_fitted(done.method, done.records, engine), done)
+
+
+def _fitted(method: Method, records: list[Record], engine: str) -> Fit:
     match method:
         case FilterIdentifier():
             return tracked(method, records, engine)
@@ -88,10 +99,15 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
         )
     records = several("record", record, faults)
     faults.finish()
+    return records
+
+
+def _check(records: list[Record]) -> None:
+    """Check that the records are alike."""
+    faults = checks.Faults()
     for i, one in enumerate(records):
         _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
     faults.finish()
-    return records
 
 
 def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
@@ -99,10 +115,7 @@ def _check_alike(record: Record, first: Record, which: str, faults: checks.Fault
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
         faults.add(f"{which} has other channels than record 0: all records need the same channels, in the same order.")
     if record.dt is None:
-        irregular = (
-            " Its steps are not equal: insert rows of NaN where samples are missing." if record.t is not None else ""
-        )
-        faults.add(f"{which} needs a regular step `dt`, in seconds.{irregular}")
+        faults.add(f"{which} needs a regular step `dt`, in seconds.")
     elif first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
         faults.add(f"{which} has a step of {record.dt:g} s, but record 0 of {first.dt:g} s: they must be equal.")
     if not record.inputs:

@@ -61,6 +61,8 @@ class CoupledLeastSquares(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)
 

@@ -64,6 +64,8 @@ class LeastSquares(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):

@@ -71,6 +71,8 @@ class MarkovParameters(Identifier):
     offset: bool = static(default=False)
     observer: int | None = static(default=None)
 
+    takes_unknown_inputs = True  # equations with one are left out
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("length", self.length, 0, checks.LARGEST_ORDER)

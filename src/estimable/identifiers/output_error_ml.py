@@ -68,6 +68,8 @@ class OutputErrorML(StartedIdentifier):
     initial: str = static(default="rest")
     arrival: Any = None
 
+    takes_unknown_inputs = True  # their variance enters the likelihood
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):

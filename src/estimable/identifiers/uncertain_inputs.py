@@ -13,6 +13,7 @@ from ..frozen import frozen
 from ..kernels import uncertain_input_likelihood as kernel
 from ..kernels.impulse_start import Datum
 from ..kernels.innovation_information import Search
+from ..kernels.missing_series import conditional
 from ..kernels.uncertain_input_likelihood import Companion
 from ..results import Info, Interval, Sample
 from .one_output import OneOutput, Orders, fit_output, marginal
@@ -44,9 +45,12 @@ def expected(records: Sequence[Record], arrival: float | None) -> list[Expected]
     for j in np.flatnonzero(np.isnan(logged).all(axis=0)):
         faults.add(f"input {records[0].inputs[j]!r} was never logged: its mean and variance are unknown.")
     faults.finish()
-    mean, variance = np.nanmean(logged, axis=0), np.nanvar(logged, axis=0)
-    rate = 1.0 if arrival is None else np.broadcast_to(arrival, mean.shape)
-    return [_expected(record, mask, mean, variance, rate) for record, mask in zip(records, unknown, strict=True)]
+    rate = 1.0 if arrival is None else np.broadcast_to(arrival, logged.shape[1])
+    guesses = zip(*(conditional(column) for column in logged.T), strict=True)
+    ends = np.cumsum([len(record) for record in records])[:-1]
+    means, variances = (np.split(np.stack(columns, axis=1), ends) for columns in guesses)
+    rows = zip(records, unknown, means, variances, strict=True)
+    return [_expected(record, mask, mean, variance, rate) for record, mask, mean, variance in rows]
 
 
 def _expected(

@@ -10,7 +10,7 @@ from ..frozen import frozen, set_field, static
 from . import polynomials
 from .equation_noise import EquationNoise
 from .output_error import parameter_names
-from .state_space import StateSpace
+from .state_space import StateSpace, between_samples
 
 
 @frozen
@@ -69,8 +69,10 @@ class ARMAX(EquationNoise):
             rows += [f"c{i + 1}" + ("" if alone else f"_{y}") for i in range(self.nc)]
         return tuple(rows)
 
-    def to_state_space(self) -> StateSpace:
+    def to_state_space(self, hold: str = "zero_order") -> StateSpace:
         """The same system in innovations form: x[k+1] = A x[k] + B u[k] + K e[k], y[k] = C x[k] + D u[k] + e[k].
+
+        `hold`: that of the records to filter.
 
         >>> ARMAX([-0.5], [1.0], [0.3], noise_variance=0.1, dt=1).to_state_space().G.tolist()
         [[0.8]]
@@ -81,4 +83,5 @@ class ARMAX(EquationNoise):
         for i in range(p):
             K[i * n : (i + 1) * n, i] = np.pad(self.c[i], (0, n - self.nc)) - np.pad(self.a[i], (0, n - self.na))
         Σ = np.diag(self.noise_variance)
-        return StateSpace(A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs)
+        model = StateSpace(A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs)
+        return between_samples(model, hold)

@@ -10,7 +10,7 @@ from ..frozen import frozen, set_field, static
 from . import polynomials
 from .equation_noise import EquationNoise
 from .output_error import parameter_names
-from .state_space import StateSpace
+from .state_space import StateSpace, between_samples
 
 
 @frozen
@@ -60,9 +60,11 @@ class ARX(EquationNoise):
         """Names of θ: a1, b0, ..; with the channels if there are several."""
         return arx_names(self.na, self.nb, self.inputs, self.outputs, self.offset is not None)
 
-    def to_state_space(self) -> StateSpace:
+    def to_state_space(self, hold: str = "zero_order") -> StateSpace:
         """The same system in innovations form, in absolute units: x[k+1] = A x[k] + B u[k] + K e[k],
         y[k] = C x[k] + D u[k] + e[k].
+
+        `hold`: that of the records to filter.
 
         Raises `InputError` if there is an offset and A has a root at 1: the outputs then have no level.
 
@@ -75,10 +77,11 @@ class ARX(EquationNoise):
         for i in range(p):
             K[i * n : i * n + self.na, i] = -self.a[i]
         Σ = np.diag(self.noise_variance)
-        return StateSpace(
+        model = StateSpace(
             A, B, C, D, G=K, Q=Σ, R=Σ, S=Σ, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
             operating_point=self._level(len(A)),
         )  # fmt: skip
+        return between_samples(model, hold)
 
     def _level(self, n: int) -> Any:
         """The operating point of the outputs without input: c_i / A_i(1)."""

@@ -11,7 +11,7 @@ from ..annotations import Numbers
 from ..frozen import frozen, set_field, static
 from ..kernels import output_error_response as kernel
 from . import polynomials
-from .state_space import StateSpace
+from .state_space import StateSpace, between_samples
 
 
 @frozen
@@ -137,17 +137,20 @@ class OutputError(polynomials.Polynomials):
             [kernel.response(a, b, self.delay, inputs) for a, b in zip(self.a, self.b, strict=True)], axis=1
         )
 
-    def to_state_space(self) -> StateSpace:
+    def to_state_space(self, hold: str = "zero_order") -> StateSpace:
         """The same system as a `StateSpace` without process noise: one observable companion form for each output.
+
+        `hold`: that of the records to filter.
 
         >>> OutputError([0.5], [1.0, 2.0], noise_variance=0.1, dt=1).to_state_space().A.tolist()
         [[-0.5]]
         """
         A, B, C, D = polynomials.companion(self.a, self.b, self.delay)
-        return StateSpace(
+        model = StateSpace(
             A, B, C, D, Q=np.zeros_like(A), R=np.diag(self.noise_variance), dt=self.dt,
             inputs=self.inputs, outputs=self.outputs,
         )  # fmt: skip
+        return between_samples(model, hold)
 
 
 def past_states(model: OutputError) -> StateSpace:

@@ -309,3 +309,16 @@ def _check_noise(matrices: dict, dt: float | None, faults: checks.Faults) -> Non
         smallest = np.linalg.eigvalsh(joint).min()
         if smallest < -checks.ROUNDING * np.abs(joint).max() * joint.shape[-1]:
             faults.add(f"[[Q, S], [S.T, R]] must be positive semidefinite: its smallest eigenvalue is {smallest:.6g}.")
+
+
+def between_samples(model: StateSpace, hold: str) -> StateSpace:
+    """A discrete model of samples u[k], y[k] as one for records of a given hold.
+
+    It already contains what the input does between its samples: with first-order hold as part of D, and `B_end` is zero.
+    """
+    faults = checks.Faults()
+    faults.choice("hold", hold, HOLDS)
+    faults.finish()
+    if hold == HOLDS[0] or model.B_end is not None:
+        return model
+    return replace(model, B_end=np.zeros((model.n, model.m)))
