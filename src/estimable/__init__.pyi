@@ -90,6 +90,7 @@ from .models.arx import ARX as ARX
 from .models.controlled import Change as Change
 from .models.controlled import ControlledPlant as ControlledPlant
 from .models.controlled import Failure as Failure
+from .models.dryden import Dryden as Dryden
 from .models.files import GainSection as GainSection
 from .models.files import read_model as read_model
 from .models.files import write_model as write_model
@@ -98,6 +99,8 @@ from .models.operating_point import OperatingPoint as OperatingPoint
 from .models.output_error import OutputError as OutputError
 from .models.prior import Prior as Prior
 from .models.state_space import StateSpace as StateSpace
+from .models.turbulence import Turbulence as Turbulence
+from .models.turbulence import with_turbulence as with_turbulence
 from .models.uncorrelated import uncorrelated as uncorrelated
 from .networks.links import BernoulliLink as BernoulliLink
 from .networks.links import DelayLink as DelayLink

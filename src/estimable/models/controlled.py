@@ -1,5 +1,6 @@
 """A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -11,6 +12,7 @@ from ..frozen import frozen, replace, set_field, static
 from ..kernels.small import factors
 from .output_error import OutputError, past_states
 from .state_space import StateSpace
+from .turbulence import Turbulence
 
 
 @frozen
@@ -63,6 +65,9 @@ class Change:
         return self.model
 
 
+Event = Failure | Change
+
+
 @frozen
 class ControlledPlant:
     """A plant for `close_loop`: a model, its actuators, and events during the run, such as failures.
@@ -80,6 +85,8 @@ class ControlledPlant:
       number. Both limit the position as well, which follows the command.
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
+    - `turbulence`: a `Turbulence`, which becomes part of `model` (and of the model of each `Change`): its states follow those of
+      the aircraft, and begin at zero.
     - `events`: a list of `Failure`s and `Change`s, in any order.
 
     >>> model = StateSpace([[-1.0]], [[1.0]], R=[[0.1]], dt=0)
@@ -97,21 +104,24 @@ class ControlledPlant:
     quantum: Any = None
     resolution: Any = None
     events: Any = ()
+    turbulence: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()
-        model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
+        model, given = past_states(self.model) if isinstance(self.model, OutputError) else self.model, self.events
+        if self.turbulence is not None:
+            model, given = _in_turbulence(model, given, self.turbulence)
         if faults.instance("model", model, StateSpace):
             _check_model(model, self, faults)
         actuator = None if self.actuator is None else faults.number("actuator", self.actuator, above=0.0)
         rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
-        limits, events = read_limits(self.limits, faults), _read_events(self.events, model, faults)
+        limits, events = read_limits(self.limits, faults), _read_events(given, model, faults)
         quantum, resolution = (_read_steps(name, getattr(self, name), size, faults) for name, size in
                                (("quantum", "m"), ("resolution", "p")))  # fmt: skip
         faults.finish()
         set_field(
             self, model=model, actuator=actuator, rate=rate, limits=limits, quantum=quantum, resolution=resolution,
-            events=events,
+            events=events, turbulence=None,
         )  # fmt: skip
 
     @property
@@ -190,6 +200,17 @@ def _step(model: StateSpace, plant: ControlledPlant, dt: float):
         Q=model.Q, dt=0,
     ).discretise(dt)  # fmt: skip
     return both.A, both.B, C, np.asarray(factors(both.Q))
+
+
+def _in_turbulence(model: StateSpace, events: Sequence[Event], turbulence: Turbulence) -> tuple[StateSpace, Any]:
+    """The model and the events with the states of the turbulence."""
+    checks.require(turbulence=(turbulence, Turbulence))
+    if isinstance(events, list | tuple):
+        events = [
+            replace(event, model=turbulence.into(event.model)) if isinstance(event, Change) else event
+            for event in events
+        ]
+    return turbulence.into(model), events
 
 
 def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:
