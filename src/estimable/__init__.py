@@ -32,6 +32,7 @@ _HOMES = {
     "DelayLink": "networks.links",
     "DesignFamily": "design.families",
     "Dither": "controllers.dither",
+    "Dryden": "models.dryden",
     "EstimableError": "errors",
     "EstimableWarning": "errors",
     "ExtendedKalman": "filters.extended_kalman",
@@ -87,6 +88,7 @@ _HOMES = {
     "Trace": "networks.trace",
     "Tracking": "controllers.tracking",
     "Trend": "data.trends",
+    "Turbulence": "models.turbulence",
     "UnknownGain": "filters.unknown_gain",
     "UnknownInput": "filters.unknown_input",
     "UnscentedKalman": "filters.unscented_kalman",
@@ -152,6 +154,7 @@ _HOMES = {
     "trust": "estimation.trust",
     "uncorrelated": "models.uncorrelated",
     "unknown_input_existence": "analysis.unknown_input_existence",
+    "with_turbulence": "models.turbulence",
     "write_model": "models.files",
 }
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -98,6 +98,7 @@ from .models.controlled import ControlledPlant as ControlledPlant
 from .models.disturbances import Gust as Gust
 from .models.disturbances import SensorFault as SensorFault
 from .models.disturbances import Upset as Upset
+from .models.dryden import Dryden as Dryden
 from .models.events import ActuatorChange as ActuatorChange
 from .models.events import Change as Change
 from .models.events import Failure as Failure
@@ -114,6 +115,8 @@ from .models.operating_point import OperatingPoint as OperatingPoint
 from .models.output_error import OutputError as OutputError
 from .models.prior import Prior as Prior
 from .models.state_space import StateSpace as StateSpace
+from .models.turbulence import Turbulence as Turbulence
+from .models.turbulence import with_turbulence as with_turbulence
 from .models.uncorrelated import uncorrelated as uncorrelated
 from .networks.links import BernoulliLink as BernoulliLink
 from .networks.links import DelayLink as DelayLink

@@ -123,6 +123,8 @@ WRONG = Direction("B[x1, u1]", "B", (0, 0))
 THINGS = {
     "StateSpace": lambda: MODEL,
     "StateSpace over time": lambda: OVER_TIME,
+    "Dryden": lambda: es.Dryden(1.0, 500.0, 100.0, 9.0),
+    "Turbulence": lambda: es.Turbulence(es.Dryden(1.0, 500.0, 100.0, 9.0), {"alpha": "alpha"}, angle="deg"),
     "StateSpace with a schedule": lambda: StateSpace(
         [[0.9]], R=[[1.0]], dt=1, schedule={"speed": {"at": [1.0, 2.0], "A": [[[0.9]], [[0.8]]]}}
     ),

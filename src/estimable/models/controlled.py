@@ -1,5 +1,6 @@
 """A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -9,12 +10,13 @@ from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from .actuator import Actuator, by_input
-from .events import Event, PlantPhase
+from .events import Change, Event, PlantPhase
 from .operating_point import OperatingPoint
 from .output_error import OutputError, past_states
 from .plant_steps import Steps, steps_of
 from .sampled import point_of
 from .state_space import StateSpace
+from .turbulence import Turbulence
 
 
 @frozen
@@ -38,6 +40,8 @@ class ControlledPlant:
       `Kalman` and `UnknownGain` count it as process noise; windows, change detectors and nonlinear filters ignore it.
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
+    - `turbulence`: a `Turbulence`, which becomes part of `model` (and of the model of each `Change`): its states follow those of
+      the aircraft, and begin at zero.
     - `events`: a list of events, in any order: `Failure`, `Change`, `Stuck`, `Floating`, `HardOver`, `Offset`,
       `ActuatorChange`, `Upset`, `Gust`, `SensorFault`.
 
@@ -57,16 +61,19 @@ class ControlledPlant:
     quantum: Any = None
     resolution: Any = None
     events: Any = ()
+    turbulence: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()
-        model = past_states(self.model) if isinstance(self.model, OutputError) else self.model
+        model, given = past_states(self.model) if isinstance(self.model, OutputError) else self.model, self.events
+        if self.turbulence is not None:
+            model, given = _in_turbulence(model, given, self.turbulence)
         if faults.instance("model", model, StateSpace):
             _check_model(model, self, faults)
         rate = None if self.rate is None else faults.number("rate", self.rate, above=0.0)
         limits = read_limits(self.limits, faults)
         actuator = None if self.actuator is None else self._read_actuator(model, limits, rate, faults)
-        events = _read_events(self.events, model, faults)
+        events = _read_events(given, model, faults)
         quantum, resolution = (_read_steps(name, getattr(self, name), size, faults) for name, size in
                                (("quantum", "m"), ("resolution", "p")))  # fmt: skip
         sigma = _read_steps("position_sigma", self.position_sigma, "m", faults)
@@ -75,7 +82,7 @@ class ControlledPlant:
         faults.finish()
         set_field(
             self, model=model, actuator=actuator, rate=rate, limits=limits, quantum=quantum, resolution=resolution,
-            events=events, position_sigma=sigma,
+            events=events, position_sigma=sigma, turbulence=None,
         )  # fmt: skip
 
     def _read_actuator(self, model: Any, limits: Any, rate: float | None, faults: checks.Faults) -> Any:
@@ -136,6 +143,17 @@ class ControlledPlant:
     def steps(self, dt: float) -> Steps:
         """The matrices of a step over `dt` seconds, phase by phase."""
         return steps_of(self.stages(), self, dt)
+
+
+def _in_turbulence(model: StateSpace, events: Sequence[Event], turbulence: Turbulence) -> tuple[StateSpace, Any]:
+    """The model and the events with the states of the turbulence."""
+    checks.require(turbulence=(turbulence, Turbulence))
+    if isinstance(events, list | tuple):
+        events = [
+            replace(event, model=turbulence.into(event.model)) if isinstance(event, Change) else event
+            for event in events
+        ]
+    return turbulence.into(model), events
 
 
 def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:
