@@ -47,6 +47,13 @@ def decay(τ: Array, bandwidth: Array, rate: Array):
     return jnp.where(lagging, jnp.exp(-jnp.where(lagging, bandwidth, 0.0) * τ), jnp.where(rate < jnp.inf, 1.0, 0.0))
 
 
+def glide(p: Array, c: Array, bandwidth: Array, rate: Array, reach: Array, h: Array) -> tuple[Any, Any]:
+    """The position after h seconds, and its integral over them."""
+    moved = ramp(p, c, rate, reach, h)
+    E = decay(moved.rest, bandwidth, rate)
+    return c + (moved.end - c) * E, area(p, c, moved, bandwidth, E, h)
+
+
 def area(p: Array, c: Array, moved: Ramp, bandwidth: Array, E: Array, h: Array):
     """The integral of the position over an interval of h seconds."""
     lag = jnp.where(bandwidth < jnp.inf, (1 - E) / bandwidth, 0.0)  # ∫ E over the rest
