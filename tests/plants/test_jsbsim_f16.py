@@ -104,7 +104,9 @@ def fly(events, about="trim", T=40):
                           outputs=f16.OUTPUTS)  # fmt: skip
     given = {"reference": np.where(np.arange(T) < 20, 0.5, -0.5), "seed": 1, "dt": 0.01,
              "prior": es.Prior([0.0, 0.0], np.eye(2))}  # fmt: skip
-    quiet = es.StateSpace(noisy.A, noisy.B, R=np.zeros((2, 2)), dt=0, states=f16.STATES, inputs=f16.INPUTS, outputs=f16.OUTPUTS)
+    quiet = es.StateSpace(
+        noisy.A, noisy.B, R=np.zeros((2, 2)), dt=0, states=f16.STATES, inputs=f16.INPUTS, outputs=f16.OUTPUTS
+    )
     plant = es.ControlledPlant(quiet, actuator=aircraft.linear.actuator, events=aircraft.linear.events)
     return (es.close_loop(plant, open_loop, es.Kalman(noisy), **given) for plant in (plant, aircraft))
 
@@ -127,5 +129,5 @@ def test_the_simulator_takes_the_events_of_the_linear_model(events):
 
 def test_events_that_the_simulator_cannot_take_are_refused_together():
     model = es.StateSpace(f16.A, f16.B, dt=0)
-    with pytest.raises(es.InputError, match="cannot take a Change(.|\n)*acts on 'pitch_rate' only"):
+    with pytest.raises(es.InputError, match=r"cannot take a Change(.|\n)*acts on 'pitch_rate' only"):
         jsbsim_f16.JsbsimF16(events=[es.Change(1.0, model), es.Upset(1.0, [1.0, 0.0])])
