@@ -86,8 +86,8 @@ def simulate(
     runs: the RMS difference of the pitch rate from the flight without a failure, and the time until the failure is detected.
 
     With --fault, --turbulence or --out, `estimable simulate f16` simulates one flight under the fixed law instead. It writes
-    the record (commands, measured positions, outputs) and, next to it, the truth: NAME.truth.json holds the events, the true
-    states and positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
+    the record (commands, measured positions, outputs) and, next to it, NAME.truth.json with the events, the true states and
+    the true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
     effectiveness, stuck, floating, hard-over, offset, rate, limits, bandwidth, delay; of a state: upset, gust; of an output:
     bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough.
 
@@ -100,20 +100,12 @@ def simulate(
       estimable simulate f16 --fault stuck:elevator@4.5 --fault bias:pitch_rate@3-4=1 --seed 1 --out F.csv
     """
     if what == "f16" and (fault or turbulence or out):
-        check_destination("--out", out, ".csv")
         refused = {"loss": loss, "runs": runs, "folder": folder, "scheduler": scheduler, "lost": lost,
                    "set": settings, "rows": None if rows == 1000 else rows}  # fmt: skip
-        closed, model = simulate_world.flown(
-            what, plant, seed=seed, faults_given=fault or (), turbulence=turbulence,
-            arrivals=(input_arrival, output_arrival), burst=burst, refused=refused,
+        simulate_world.run(
+            what, plant, out, seed=seed, faults_given=fault or (), turbulence=turbulence,
+            arrivals=(input_arrival, output_arrival), burst=burst, refused=refused, machine=machine,
         )  # fmt: skip
-        written = None if out is None else simulate_world.write(closed, model, seed, out)
-        if machine:
-            show.data("simulate", simulate_world.as_data(closed, model, seed, out))
-        else:
-            show.text(lambda _: simulate_world.as_text(closed, plant or what))
-        if written is not None:
-            show.notes(written)
         return
     if what == "f16":
         rest = {"rows": rows, "lost": lost, "settings": settings, "out": out}

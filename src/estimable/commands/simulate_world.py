@@ -1,4 +1,4 @@
-"""What `estimable simulate PLANT --fault ...` flies and writes: a record, and the truth behind it."""
+"""What `estimable simulate PLANT --fault ...` flies and writes: a record, and the true values behind it."""
 
 import dataclasses
 import json
@@ -13,11 +13,25 @@ from ..annotations import AnyRecord
 from ..models.state_space import StateSpace
 from ..results import ClosedLoop
 from . import show
+from .destination import check_destination
 from .fault_option import read_faults
 from .numbers import counted
 from .simulate_report import check_links, link
 
 NAMES = {"short-period": "f16", "jsbsim": "jsbsim", "jsbsim-untrimmed": "jsbsim"}  # of --plant
+
+
+def run(what: str, plant: str | None, out: Path | None, *, seed: int, machine: bool, **options: Any) -> None:
+    """Fly, write and print. `options`: as in `flown`."""
+    check_destination("--out", out, ".csv")
+    closed, model = flown(what, plant, seed=seed, **options)
+    written = None if out is None else write(closed, model, seed, out)
+    if machine:
+        show.data("simulate", as_data(closed, model, seed, out))
+    else:
+        show.text(lambda _: as_text(closed, plant or what))
+    if written is not None:
+        show.notes(written)
 
 
 def flown(
@@ -73,12 +87,12 @@ def _plain(event: AnyRecord) -> dict[str, Any]:
 
 
 def truth_path(out: Path) -> Path:
-    """The file of the truth: next to the record."""
+    """The file of the true values, next to the record."""
     return out.with_suffix(".truth.json")
 
 
 def write(closed: ClosedLoop, model: StateSpace, seed: int, out: Path) -> str:
-    """Write the record and the truth, and return the message."""
+    """Write the record and the true values, and return the message."""
     import pandas as pd
 
     table = pd.DataFrame(columns(closed, model))
@@ -86,7 +100,7 @@ def write(closed: ClosedLoop, model: StateSpace, seed: int, out: Path) -> str:
     told = json.dumps(truth(closed, model, seed)).encode()
     writing.write(truth_path(out), lambda stream: stream.write(told), option="--out")
     size = f"{counted(len(table), 'row')} of {counted(len(table.columns), 'column')}"
-    return f"Wrote {size} to {out}, and the truth to {truth_path(out)}."
+    return f"Wrote {size} to {out}, and the true values to {truth_path(out)}."
 
 
 def as_data(closed: ClosedLoop, model: StateSpace, seed: int, out: Path | None) -> dict[str, Any]:

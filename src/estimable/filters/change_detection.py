@@ -151,11 +151,6 @@ class ChangeDetection(Wrapper[Watch]):
             return self.algorithm
         return self.sampled(Clock.every(self.algorithm.model.dt)).algorithm
 
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """False: it needs the exact input."""
-        return False
-
     def init(self, prior: Prior) -> Watch:
         """The belief before y[0]; no jump can precede it."""
         belief, p = self._ready.init(prior), self.jump.shape[0]

@@ -1,7 +1,7 @@
 """The motion of actuators under held commands, in closed form, and the response of a linear plant to it.
 
-dp/dt = b (c - p), |dp/dt| <= r: while |c - p| > r / b ("reach") the position p moves at the rate r, then exponentially. For an
-interval of length h of which the last τ are exponential, with p1 the position between the two parts and v = ±r:
+dp/dt = b (c - p), |dp/dt| <= r: while |c - p| > r / b ("reach") the position p moves at the rate r, then exponentially. An
+interval of length h ends with an exponential part of length τ. With p1 the position at its beginning, and v = ±r:
 
     p(h) = c + (p1 - c) E(τ),   x(h) = Φ(h) x + Γ0(h) p + v [Γ1(h) - Γ1(τ)] + (c - p1) Γl(τ)
 

@@ -58,7 +58,9 @@ class Chain:
         total = jnp.zeros(p.shape)
         for seconds, age in ((jnp.broadcast_to(dt, p.shape), None),) if self.parts is None else self.parts:
             c = self._within(command if age is None else jnp.sum(jnp.asarray(age) * commands, axis=0))
-            p, integral = glide(p, c, *(jnp.asarray(part) for part in (self.bandwidth, self.rate, self.reach)), seconds)
+            p, integral = glide(
+                p, c, jnp.asarray(self.bandwidth), jnp.asarray(self.rate), jnp.asarray(self.reach), seconds
+            )
             total = total + integral
         return ChainState(p, commands, jnp.ones(())), total / dt
 

@@ -1,5 +1,6 @@
 """A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -78,7 +79,9 @@ class ControlledPlant:
             events=events, position_sigma=sigma,
         )  # fmt: skip
 
-    def _read_actuator(self, model: Any, limits: Any, rate: float | None, faults: checks.Faults) -> Any:
+    def _read_actuator(
+        self, model: StateSpace, limits: np.ndarray | None, rate: float | None, faults: checks.Faults
+    ) -> Any:
         """{input: Actuator}."""
         if isinstance(self.actuator, int | float | np.ndarray | np.number):
             bandwidth = faults.number("actuator", self.actuator, above=0.0)
@@ -175,7 +178,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
     return steps
 
 
-def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
+def _read_events(events: Sequence[Event], model: StateSpace, faults: checks.Faults) -> tuple:
     """The events in order of time, checked against the model."""
     if not isinstance(events, list | tuple) or not all(isinstance(event, Event) for event in events):
         faults.add(

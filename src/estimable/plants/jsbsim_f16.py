@@ -128,9 +128,8 @@ class _Flight:
         self.steps = int(np.ceil(dt * STEPS_A_SECOND - 1e-9))
         self.samples, self.position, self.commands = 0, 0.0, []
         self.stages = aircraft.linear.stages()
-        self.gusts, self.upsets = (
-            [event for event in aircraft.linear.events if isinstance(event, kind)] for kind in (Gust, Upset)
-        )
+        self.gusts = [event for event in aircraft.linear.events if isinstance(event, Gust)]
+        self.upsets = [event for event in aircraft.linear.events if isinstance(event, Upset)]
         self.simulator.fdm.set_dt(dt / self.steps)
         self._place()
 

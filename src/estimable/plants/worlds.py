@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..controllers.state_feedback import StateFeedback
 from ..filters.kalman_filter import Kalman
 from ..models.actuator import Actuator
 from ..models.controlled import ControlledPlant
 from ..models.events import Event
 from ..models.prior import Prior
-from ..protocols import Algorithm, Link
+from ..protocols import Algorithm, Controller, Link
 from ..results import ClosedLoop
 from ..simulation.close_loop import close_loop
 from . import f16, f16_in_jsbsim
@@ -27,7 +26,7 @@ class World(NamedTuple):
     """A plant, its controller and estimator, the `reference` (T, r), the step `dt` [s], and the prior of the state."""
 
     plant: Any
-    controller: StateFeedback
+    controller: Controller[Any]
     estimator: Algorithm[Any]
     reference: np.ndarray
     dt: float
@@ -69,7 +68,7 @@ def fly(
     output_link: Link | None = None,
     **settings: str,
 ) -> ClosedLoop:
-    """Simulate a plant of `WORLDS` in its closed loop, with `events`; the result has the truth. `settings`: of the world.
+    """Simulate a plant of `WORLDS` in its closed loop, with `events`. `settings`: of the world.
 
     >>> from estimable import Stuck
     >>> fly("f16", seed=1, events=[Stuck(4.5, "elevator_deg")]).events
