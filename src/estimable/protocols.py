@@ -1,8 +1,7 @@
 """The interfaces that the drivers require of an algorithm, an identifier, a controller, a link and a plant.
 
 A class declares its interface by deriving from it, as in `class Kalman(Algorithm)`. Abstract members are required; every other
-member is an optional hook with its default here. The drivers use no other members, and only these defaults are inherited:
-algorithms share code through functions, and have their settings in fields.
+member is an optional hook with its default here. The drivers use no other members. Algorithms share code through functions.
 """
 
 from abc import ABC, abstractmethod
@@ -33,6 +32,7 @@ class Algorithm(ABC, Generic[State]):
     """
 
     model: Any
+    takes_uncertain_inputs = False  # whether `Interval.u_covariance` and `u_diffusion` may be given
 
     @property
     @abstractmethod
@@ -89,11 +89,6 @@ class Algorithm(ABC, Generic[State]):
         """Whether `Info.innovation_covariance` is given."""
         return True
 
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """Whether `Interval.u_covariance` and `u_diffusion` may be given."""
-        return False
-
     def check_record(self, rows: int, faults: Faults) -> None:
         """Report a fault if a record with this many rows is too short."""
         return
@@ -148,11 +143,6 @@ class Wrapper(Algorithm[State]):
     def takes_unknown_arrivals(self) -> bool:
         """Whether the wrapped algorithm supports inputs of unknown arrival."""
         return self.algorithm.takes_unknown_arrivals
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """Whether the wrapped algorithm knows what to do with the variance of an input."""
-        return self.algorithm.takes_uncertain_inputs
 
     @property
     def has_innovation_covariance(self) -> bool:

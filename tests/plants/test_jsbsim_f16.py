@@ -94,3 +94,40 @@ def test_without_jsbsim_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "jsbsim", None)
     with pytest.raises(es.InputError, match=r"pip install 'estimable\[flight\]'"):
         jsbsim_f16.JsbsimF16()
+
+
+def fly(events, about="trim", T=40):
+    """Both worlds under the same commands: the linear model, and the simulator about its trim."""
+    aircraft = jsbsim_f16.JsbsimF16(sigma_alpha=1e-9, sigma_q=1e-9, about=about, events=events)
+    open_loop = es.StateFeedback(np.zeros((1, 2)), reference_gain=[[1.0]])
+    noisy = es.StateSpace(aircraft.model.A, aircraft.model.B, R=np.eye(2), dt=0, states=f16.STATES, inputs=f16.INPUTS,
+                          outputs=f16.OUTPUTS)  # fmt: skip
+    given = {"reference": np.where(np.arange(T) < 20, 0.5, -0.5), "seed": 1, "dt": 0.01,
+             "prior": es.Prior([0.0, 0.0], np.eye(2))}  # fmt: skip
+    quiet = es.StateSpace(
+        noisy.A, noisy.B, R=np.zeros((2, 2)), dt=0, states=f16.STATES, inputs=f16.INPUTS, outputs=f16.OUTPUTS
+    )
+    plant = es.ControlledPlant(quiet, actuator=aircraft.linear.actuator, events=aircraft.linear.events)
+    return (es.close_loop(plant, open_loop, es.Kalman(noisy), **given) for plant in (plant, aircraft))
+
+
+@pytest.mark.parametrize("events", [
+    [es.Stuck(0.1, "elevator_deg"), es.Upset(0.05, {"pitch_rate": 8.0}, 0.2)],
+    [es.ActuatorChange(0.05, "elevator_deg", rate=4.0, delay=0.026), es.Offset(0.1, "elevator_deg", 0.2)],
+    [es.HardOver(0.1, "elevator_deg", 1.0), es.Gust(0.05, 0.4, 0.3), es.SensorFault(0.3, "alpha_deg", "bias", 1.0)],
+    [es.Stuck(0.1, "elevator_deg", 0.3), es.Failure(0.2, 0.5)],
+], ids=["stuck, upset", "change, offset", "hard-over, gust", "stuck at, failure"])  # fmt: skip
+def test_the_simulator_takes_the_events_of_the_linear_model(events):
+    """The elevators are those of the linear plant exactly, and the motion is that near the trim."""
+    linear, simulated = fly(events)
+    assert_allclose(simulated.input, linear.input, atol=1e-9)
+    assert [type(event) for event in simulated.events] == [type(event) for event in linear.events]
+    apart = np.abs(simulated.state - linear.state).max(axis=0) / np.abs(linear.state).max(axis=0)
+    assert np.all(apart < 0.1), apart
+    assert_allclose(simulated.output - simulated.state, linear.output - linear.state, atol=1e-6)
+
+
+def test_events_that_the_simulator_cannot_take_are_refused_together():
+    model = es.StateSpace(f16.A, f16.B, dt=0)
+    with pytest.raises(es.InputError, match=r"cannot take a Change(.|\n)*acts on 'pitch_rate' only"):
+        jsbsim_f16.JsbsimF16(events=[es.Change(1.0, model), es.Upset(1.0, [1.0, 0.0])])

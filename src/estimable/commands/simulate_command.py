@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from . import options, show, simulate_flight, simulate_report
+from . import options, show, simulate_flight, simulate_report, simulate_world
 from .destination import check_destination
 
 What = Annotated[
@@ -44,6 +44,15 @@ Scheduler = Annotated[
 OutFile = Annotated[
     Path | None, typer.Option("--out", metavar="PATH", help="Write the record to this .csv file.", show_default=False)
 ]  # fmt: skip
+Fault = Annotated[
+    list[str] | None,
+    typer.Option("--fault", metavar="KIND:CHANNEL@TIME[=VALUE]", show_default=False,
+                 help="f16: a fault, such as stuck:elevator@4.5. May be repeated."),
+]  # fmt: skip
+Turbulence = Annotated[
+    str | None,
+    typer.Option("--turbulence", metavar="SEVERITY", help="f16: light, moderate or severe.", show_default=False),
+]  # fmt: skip
 
 
 def simulate(
@@ -61,6 +70,8 @@ def simulate(
     plant: Plant = None,
     folder: Folder = None,
     scheduler: Scheduler = None,
+    fault: Fault = None,
+    turbulence: Turbulence = None,
     machine: options.Machine = False,
 ) -> None:
     """Simulate a record over lossy links, or a failing F-16.
@@ -74,13 +85,28 @@ def simulate(
     It compares a fixed control law with one that is reconfigured when the failure is detected. It shows medians over the
     runs: the RMS difference of the pitch rate from the flight without a failure, and the time until the failure is detected.
 
+    With --fault, --turbulence or --out, `estimable simulate f16` simulates one flight under the fixed law instead. It writes
+    the record (commands, measured positions, outputs) and, next to it, NAME.truth.json with the events, the true states and
+    the true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
+    effectiveness, stuck, floating, hard-over, offset, rate, limits, bandwidth, delay; of a state: upset, gust; of an output:
+    bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough.
+
     \b
     Example:
       estimable simulate output-error --input-arrival 0.8 --output-arrival 0.7 --seed 1 --out run.csv
       estimable identify run.csv --method recursive-output-error
       estimable simulate f16 --loss 0.8 --runs 200
       estimable simulate f16 --plant jsbsim --loss 0.5
+      estimable simulate f16 --fault stuck:elevator@4.5 --fault bias:pitch_rate@3-4=1 --seed 1 --out F.csv
     """
+    if what == "f16" and (fault or turbulence or out):
+        refused = {"loss": loss, "runs": runs, "folder": folder, "scheduler": scheduler, "lost": lost,
+                   "set": settings, "rows": None if rows == 1000 else rows}  # fmt: skip
+        simulate_world.run(
+            what, plant, out, seed=seed, faults_given=fault or (), turbulence=turbulence,
+            arrivals=(input_arrival, output_arrival), burst=burst, refused=refused, machine=machine,
+        )  # fmt: skip
+        return
     if what == "f16":
         rest = {"rows": rows, "lost": lost, "settings": settings, "out": out}
         numbers = simulate_flight.flown(
@@ -94,7 +120,15 @@ def simulate(
             show.text(lambda _: simulate_flight.as_text(numbers))
         return
     simulate_flight.refuse_options(
-        {"loss": loss, "runs": runs, "plant": plant, "folder": folder, "scheduler": scheduler}
+        {
+            "loss": loss,
+            "runs": runs,
+            "plant": plant,
+            "folder": folder,
+            "scheduler": scheduler,
+            "fault": fault and fault[0],
+            "turbulence": turbulence,
+        }
     )
     check_destination("--out", out, ".csv")
     simulation = simulate_report.simulated(

@@ -38,7 +38,7 @@ class Actuated(Wrapper[Commanded]):
 
     Settings: `algorithm`; `actuators`: an `Actuator` for all inputs, or {input: Actuator} (the others are positions); `start`
     (m,): the inputs before the first command (default None: where the first command holds the actuators). Put it around all
-    other wrappers: a window would start the actuators anew.
+    other wrappers: a window would start the actuators again.
 
     Reports `extra["position"]` (m,), the inputs at the sample. For a whole record `through_actuators` does the same, also for
     `smooth` and `identify`.

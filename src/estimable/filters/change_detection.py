@@ -203,11 +203,6 @@ class ChangeDetection(Wrapper[Watch]):
         """The detector with sampled filters, of constant gains."""
         return self if self.algorithm.ready is not None else self.sampled(Clock.every(self.algorithm.model.dt))
 
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """False: it needs the exact input."""
-        return False
-
     def init(self, prior: Prior) -> Watch:
         """The belief before y[0]; no jump can precede it."""
         self, grid, p = self._ready, self.grid, self.jump.shape[0]

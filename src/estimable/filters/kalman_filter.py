@@ -49,6 +49,7 @@ class Kalman(Smoothable[Belief]):
     True
     """
 
+    takes_uncertain_inputs = True
     model: StateSpace
     ready: SampledModel | None = field(default=None, init=False)
 
@@ -61,11 +62,6 @@ class Kalman(Smoothable[Belief]):
     def names(self) -> Names:
         """Names of states, inputs and outputs."""
         return Names(self.model.states, self.model.inputs, self.model.outputs)
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """True: the variance of an input adds to the process noise."""
-        return True
 
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""

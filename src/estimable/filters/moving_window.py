@@ -64,7 +64,7 @@ class MovingWindow(Wrapper[Copies]):
             faults.instance("state_prior", self.state_prior, Prior, " None means diffuse.")
         if isinstance(self.algorithm, Actuated):
             faults.add(
-                "`algorithm` must not be Actuated: a window starts it anew. Put Actuated around the MovingWindow."
+                "`algorithm` must not be Actuated: a window starts it again and again. Put Actuated around the MovingWindow."
             )
         faults.finish()
         self._check_sizes(faults)
@@ -88,11 +88,6 @@ class MovingWindow(Wrapper[Copies]):
         self.algorithm.check_record(rows, faults)
         if rows < self.length:
             faults.add(f"the window has {self.length} samples, but the record only {rows}: no window is ever full.")
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """False: it needs the exact input."""
-        return False
 
     def init(self, prior: Prior) -> Copies:
         """The states of the copies before y[0]: the one that will fill the first full window, and those before it."""

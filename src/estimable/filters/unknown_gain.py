@@ -59,6 +59,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     ('gain',)
     """
 
+    takes_uncertain_inputs = True
     model: StateSpace
     gain: Prior
     _: KW_ONLY
@@ -116,11 +117,6 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         model = self.model
         gains = gain_blocks.gain_names(self.directions, self.gain.size, model)
         return Names(model.states, model.inputs, model.outputs, gains)
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """True: the variance of an input adds to the process noise."""
-        return True
 
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model and each block of B(θ) discretised, and its noises factored."""

@@ -1,7 +1,7 @@
 """The motion of actuators under held commands, in closed form, and the response of a linear plant to it.
 
-dp/dt = b (c - p), |dp/dt| <= r: while |c - p| > r / b ("reach") the position p moves at the rate r, then exponentially. For an
-interval of length h of which the last τ are exponential, with p1 the position between the two parts and v = ±r:
+dp/dt = b (c - p), |dp/dt| <= r: while |c - p| > r / b ("reach") the position p moves at the rate r, then exponentially. An
+interval of length h ends with an exponential part of length τ. With p1 the position at its beginning, and v = ±r:
 
     p(h) = c + (p1 - c) E(τ),   x(h) = Φ(h) x + Γ0(h) p + v [Γ1(h) - Γ1(τ)] + (c - p1) Γl(τ)
 
@@ -45,6 +45,13 @@ def decay(τ: Array, bandwidth: Array, rate: Array):
     """E(τ). Without a lag (an infinite bandwidth) the position jumps to the command, or arrives there at the end of its ramp."""
     lagging = bandwidth < jnp.inf
     return jnp.where(lagging, jnp.exp(-jnp.where(lagging, bandwidth, 0.0) * τ), jnp.where(rate < jnp.inf, 1.0, 0.0))
+
+
+def glide(p: Array, c: Array, bandwidth: Array, rate: Array, reach: Array, h: Array) -> tuple[Any, Any]:
+    """The position after h seconds, and its integral over them."""
+    moved = ramp(p, c, rate, reach, h)
+    E = decay(moved.rest, bandwidth, rate)
+    return c + (moved.end - c) * E, area(p, c, moved, bandwidth, E, h)
 
 
 def area(p: Array, c: Array, moved: Ramp, bandwidth: Array, E: Array, h: Array):

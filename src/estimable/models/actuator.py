@@ -74,7 +74,7 @@ class Actuator:
         return np.where(np.isinf(self.bandwidth), 0.0, self.rate / np.asarray(self.bandwidth))
 
 
-class Part(NamedTuple):
+class StepPart(NamedTuple):
     """A part of a step in which each command is constant: its length (.., m), the time from it to the end of the step, and the
     age in steps of the command that acts."""
 
@@ -83,7 +83,7 @@ class Part(NamedTuple):
     age: np.ndarray
 
 
-def parts_of(delay: np.ndarray, dt: float, *, held: bool = False) -> list[Part]:
+def parts_of(delay: np.ndarray, dt: float, *, held: bool = False) -> list[StepPart]:
     """The parts of a step of `dt` seconds under delays (.., m): two where a delay is not an integer number of steps.
 
     `held`: positions are held over a step, so that delays are rounded up to steps.
@@ -93,11 +93,11 @@ def parts_of(delay: np.ndarray, dt: float, *, held: bool = False) -> list[Part]:
     rest = np.where(steps - age > ROUND, (steps - age) * dt, 0.0)
     if held:
         age, rest = age + (rest > 0), np.zeros(rest.shape)
-    whole = Part(dt - rest, np.zeros(rest.shape), age)
-    return [Part(rest, dt - rest, age + 1), whole] if np.any(rest) else [whole]
+    whole = StepPart(dt - rest, np.zeros(rest.shape), age)
+    return [StepPart(rest, dt - rest, age + 1), whole] if np.any(rest) else [whole]
 
 
-def ages(parts: list[Part]) -> list[np.ndarray]:
+def ages(parts: list[StepPart]) -> list[np.ndarray]:
     """For each part, 1 for the command that acts among the last L, the newest first, (.., L, m)."""
     count = 1 + max(int(part.age.max()) for part in parts)
     return [(np.arange(count)[:, None] == part.age[..., None, :]).astype(float) for part in parts]
@@ -123,7 +123,7 @@ def read_stops(limits: Numbers, faults: checks.Faults) -> Any:
     return read
 
 
-def by_input(given: Any, inputs: tuple[str, ...], argument: str, faults: checks.Faults) -> dict[str, Actuator]:
+def by_input(given: Actuators, inputs: tuple[str, ...], argument: str, faults: checks.Faults) -> dict[str, Actuator]:
     """The actuators by input: one `Actuator` for all inputs, or {input: Actuator}."""
     if isinstance(given, Actuator):
         return dict.fromkeys(inputs, given)
@@ -137,7 +137,7 @@ def by_input(given: Any, inputs: tuple[str, ...], argument: str, faults: checks.
     return {name: given[name] for name in inputs if isinstance(given.get(name), Actuator)}
 
 
-def known_channel(who: str, kind: str, name: Any, names: tuple[str, ...], faults: checks.Faults) -> None:
+def known_channel(who: str, kind: str, name: str | None, names: tuple[str, ...], faults: checks.Faults) -> None:
     """Check that `name` is one of the channels of a kind ("input", "output", "state")."""
     if name not in names:
         near = checks.suggestion(name, names)

@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import frozen, static
-from ..kernels.actuator_motion import area, decay, ramp
+from ..kernels.actuator_motion import glide
 from .actuator import Actuator, ages, parts_of
 from .sampled import Clock
 
@@ -58,10 +58,10 @@ class Chain:
         total = jnp.zeros(p.shape)
         for seconds, age in ((jnp.broadcast_to(dt, p.shape), None),) if self.parts is None else self.parts:
             c = self._within(command if age is None else jnp.sum(jnp.asarray(age) * commands, axis=0))
-            moved = ramp(p, c, jnp.asarray(self.rate), jnp.asarray(self.reach), seconds)
-            E = decay(moved.rest, jnp.asarray(self.bandwidth), jnp.asarray(self.rate))
-            total = total + area(p, c, moved, jnp.asarray(self.bandwidth), E, seconds)
-            p = c + (moved.end - c) * E
+            p, integral = glide(
+                p, c, jnp.asarray(self.bandwidth), jnp.asarray(self.rate), jnp.asarray(self.reach), seconds
+            )
+            total = total + integral
         return ChainState(p, commands, jnp.ones(())), total / dt
 
     def _within(self, command: Array) -> Any:

@@ -85,7 +85,9 @@ class ControlledPlant:
             events=events, position_sigma=sigma, turbulence=None,
         )  # fmt: skip
 
-    def _read_actuator(self, model: Any, limits: Any, rate: float | None, faults: checks.Faults) -> Any:
+    def _read_actuator(
+        self, model: StateSpace, limits: np.ndarray | None, rate: float | None, faults: checks.Faults
+    ) -> Any:
         """{input: Actuator}."""
         if isinstance(self.actuator, int | float | np.ndarray | np.number):
             bandwidth = faults.number("actuator", self.actuator, above=0.0)
@@ -197,7 +199,7 @@ def _read_steps(name: str, given: Numbers, size: str, faults: checks.Faults) -> 
     return steps
 
 
-def _read_events(events: Any, model: StateSpace, faults: checks.Faults) -> tuple:
+def _read_events(events: Sequence[Event], model: StateSpace, faults: checks.Faults) -> tuple:
     """The events in order of time, checked against the model."""
     if not isinstance(events, list | tuple) or not all(isinstance(event, Event) for event in events):
         faults.add(

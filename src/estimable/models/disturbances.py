@@ -17,7 +17,7 @@ KINDS = ("bias", "scale", "frozen", "dropout", "drift", "noise")
 NEED_VALUE = ("bias", "scale", "drift", "noise")
 
 
-def until_of(event: Any, faults: checks.Faults) -> Any:
+def until_of(event: "Upset | SensorFault", faults: checks.Faults) -> Any:
     """The end of an event, None: the end of the run."""
     if event.until is None:
         return None

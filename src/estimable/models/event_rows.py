@@ -38,7 +38,7 @@ def sensed(events: Sequence[Event], model: StateSpace, t: np.ndarray) -> Sensed 
     if air is not None:
         rows.shift[:] += air
     for event in faults:
-        on, j = _acts(event, t), model.outputs.index(event.output)
+        on, j = acts(event, t), model.outputs.index(event.output)
         _apply(event, rows, on, j, t)
     return rows
 
@@ -58,7 +58,7 @@ def _apply(event: SensorFault, rows: Sensed, on: np.ndarray, j: int, t: np.ndarr
         (rows.frozen if event.kind == "frozen" else rows.dropped)[on, j] = 1.0
 
 
-def _acts(event: Any, t: np.ndarray) -> np.ndarray:
+def acts(event: SensorFault | Upset, t: np.ndarray) -> np.ndarray:
     """The mask of the rows in which an event acts."""
     until = np.inf if event.until is None else event.until
     return (t >= event.time - SAME) & (t < until - SAME)
@@ -103,7 +103,8 @@ def pushes(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndar
     for event in active:
         for k in np.unique(phase):
             rows = phase == k
-            total[rows] += (_upset if isinstance(event, Upset) else _gust)(event, models[k], t[rows], dt)
+            now, model = t[rows], models[k]
+            total[rows] += _upset(event, model, now, dt) if isinstance(event, Upset) else _gust(event, model, now, dt)
     return total
 
 
@@ -113,7 +114,7 @@ def _upset(event: Upset, model: StateSpace, t: np.ndarray, dt: float) -> np.ndar
     step = (
         over(model.A, np.eye(n), np.zeros((n, n)), dt, hold="zero_order")[1] if model.is_continuous else dt * np.eye(n)
     )
-    return np.outer(_acts(event, t), step @ rates)
+    return np.outer(acts(event, t), step @ rates)
 
 
 def _gust(event: Gust, model: StateSpace, t: np.ndarray, dt: float) -> np.ndarray:

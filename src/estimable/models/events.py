@@ -4,6 +4,7 @@ Each event acts from the first sample at or after its `time` [s] on, and names i
 replaces an earlier one, except that effect (`Failure`), `Offset` and motion are independent of each other.
 """
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
@@ -36,7 +37,7 @@ class PlantPhase(NamedTuple):
     gain: np.ndarray
     offset: np.ndarray
 
-    def with_input(self, name: str, **changes: Any) -> "PlantPhase":
+    def with_input(self, name: str, **changes: Actuator | Drive | float) -> "PlantPhase":
         """The phase with the entries of one input changed."""
         i = self.model.inputs.index(name)
         changed = {}
@@ -65,7 +66,7 @@ class Event:
         return phase
 
 
-def begun(event: Any, faults: checks.Faults, **numbers: Any) -> dict[str, Any]:
+def begun(event: Event, faults: checks.Faults, **numbers: Mapping[str, Any] | None) -> dict[str, Any]:
     """The time of an event and its other numbers, checked together."""
     read = {"time": faults.number("time", event.time, lower=0.0, unit="seconds")}
     for name, bounds in numbers.items():

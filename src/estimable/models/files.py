@@ -194,7 +194,7 @@ def _check_section(name: str, section: dict[str, Any], faults: checks.Faults) ->
         _check_names(name, section, KEYS[name], faults)
 
 
-def _check_actuator(channel: str, given: Any, faults: checks.Faults) -> None:
+def _check_actuator(channel: str, given: Tree, faults: checks.Faults) -> None:
     """Check the keys of the section [actuators.channel]."""
     if not isinstance(given, dict):
         faults.add(
@@ -285,10 +285,9 @@ def write_model(
     """
     import tomli_w
 
-    given = (
-        dict.fromkeys(getattr(model, "inputs", ()), actuators) if isinstance(actuators, Actuator) else actuators or {}
-    )
-    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, dict(given)))
+    inputs: tuple[str, ...] = getattr(model, "inputs", ())
+    given = dict.fromkeys(inputs, actuators) if isinstance(actuators, Actuator) else dict(actuators or {})
+    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, given))
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
         "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},

@@ -1,18 +1,50 @@
 """A plant with its actuators over one step, phase by phase, as the loops of `simulation` use it."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ..annotations import Array
 from ..frozen import frozen, static
 from ..kernels.small import factors
 from .actuator import Actuator, ages, parts_of
 from .discretisation import over
 from .events import PlantPhase
+from .operating_point import OperatingPoint
 
 LONGEST_SERIES = 128  # terms: enough for a lag whose time constant is a fiftieth of the step
 ROUNDING = 4e-15  # of the largest value of a response: what its series may leave out
 FASTEST = 1e300  # a rate without a limit, as a number whose product with zero is zero
+
+
+class PlantInSteps(Protocol):
+    """What a step needs of a `ControlledPlant`."""
+
+    @property
+    def quantum(self) -> Any:
+        """Commands are rounded to multiples of it."""
+        ...
+
+    @property
+    def resolution(self) -> Any:
+        """Outputs are rounded to multiples of it."""
+        ...
+
+    @property
+    def mode(self) -> str:
+        """How inputs move."""
+        ...
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The operating point of the model."""
+        ...
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """The actuator of each input."""
+        ...
 
 
 @frozen
@@ -86,7 +118,7 @@ class Steps:
         return self.mode != "direct"
 
 
-def steps_of(phases: list[PlantPhase], plant: Any, dt: float) -> Steps:
+def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float) -> Steps:
     """The step of a `ControlledPlant` over `dt` seconds."""
     sampled = [_matrices(phase, dt) for phase in phases]
     A, B, W = (_by_phase(matrices) for matrices in zip(*sampled, strict=True))
@@ -112,7 +144,7 @@ def _matrices(phase: PlantPhase, dt: float):
     return now.A, now.B, now.G @ np.asarray(factors(now.Q))
 
 
-def _by_phase(values: Any) -> np.ndarray:
+def _by_phase(values: Sequence[Array] | np.ndarray) -> np.ndarray:
     """One entry for each phase; a single one where all are equal."""
     stacked = np.stack([np.asarray(value, float) for value in values])
     return (
@@ -120,21 +152,21 @@ def _by_phase(values: Any) -> np.ndarray:
     )
 
 
-def _limits(plant: Any) -> Any:
+def _limits(plant: PlantInSteps) -> Any:
     """The smallest and the largest command, (2, m)."""
     stops = np.array([actuator.stops for actuator in plant.actuators]).T
     return stops if np.any(np.isfinite(stops)) else None
 
 
-def _reach(plant: Any, dt: float) -> Any:
+def _reach(plant: PlantInSteps, dt: float) -> Any:
     """How far a command may be from the last one, where it is the input at once."""
     fastest = np.array([actuator.fastest for actuator in plant.actuators])
     return fastest * dt if plant.mode == "direct" and np.any(np.isfinite(fastest)) else None
 
 
-def _motion(phases: list[PlantPhase], plant: Any, dt: float) -> Motion:
+def _motion(phases: list[PlantPhase], plant: PlantInSteps, dt: float) -> Motion:
     moving = [[_mover(phase, i) for i in range(phase.model.m)] for phase in phases]
-    lower, upper = np.moveaxis([[actuator.stops for actuator in phase.actuators] for phase in phases], -1, 0)
+    lower, upper = np.moveaxis(np.array([[actuator.stops for actuator in phase.actuators] for phase in phases]), -1, 0)
     rate, reach = (np.array([[getattr(a, name) for a in row] for row in moving]) for name in ("fastest", "reach"))
     drives = [phase.drives for phase in phases]
     driven = np.array([[0 if d is None else 2 if d.to is None else 1 for d in row] for row in drives], float)
@@ -145,10 +177,10 @@ def _motion(phases: list[PlantPhase], plant: Any, dt: float) -> Motion:
         for name, empty in (("to", 0.0), ("place", np.nan))
     )
     limited, any_driven = bool(np.any(np.isfinite(rate))), bool(np.any(driven))
+    driven, target, place = (_by_phase(value) if any_driven else None for value in (driven, target, place))
     return Motion(
         _by_phase(lower), _by_phase(upper), _by_phase(np.minimum(rate, FASTEST)) if limited else None, _by_phase(reach),
-        *(_by_phase(value) if any_driven else None for value in (driven, target, place)),
-        _pieces(phases, moving, plant.mode, dt, limited),
+        driven, target, place, _pieces(phases, moving, plant.mode, dt, limited),
     )  # fmt: skip
 
 
@@ -177,7 +209,7 @@ def _pieces(
     return tuple(pieces)
 
 
-class Response(NamedTuple):
+class ActuatorResponse(NamedTuple):
     """The fields `decay`, `step`, `lag`, `ramp`, `ramp_series` of one actuator; the last axis of series is that of the terms."""
 
     decay: Any
@@ -189,7 +221,7 @@ class Response(NamedTuple):
 
 def _response(
     phase: PlantPhase, i: int, actuator: Actuator, seconds: float, after: float, mode: str, limited: bool
-) -> Response:
+) -> ActuatorResponse:
     """Responses to actuator i over a part of a step, `after` seconds before its end."""
     A, B = (phase.model.A, phase.model.B[:, i]) if mode == "moving" else (np.zeros((0, 0)), np.zeros(0))
 
@@ -198,11 +230,11 @@ def _response(
 
     n, now = len(A), at(np.array([seconds]))[0]
     if not limited:
-        return Response(now[-1], *((now[:n], now[2 * n : -1]) if mode == "moving" else ()))
+        return ActuatorResponse(now[-1], *((now[:n], now[2 * n : -1]) if mode == "moving" else ()))
     terms = chebyshev(at, seconds)
     if mode != "moving":
-        return Response(terms[-1])
-    return Response(terms[-1], now[:n], terms[2 * n : -1], now[n : 2 * n], terms[n : 2 * n])
+        return ActuatorResponse(terms[-1])
+    return ActuatorResponse(terms[-1], now[:n], terms[2 * n : -1], now[n : 2 * n], terms[n : 2 * n])
 
 
 def _responses(A: np.ndarray, B: np.ndarray, actuator: Actuator, τ: np.ndarray, after: float) -> np.ndarray:
@@ -232,7 +264,7 @@ def _responses(A: np.ndarray, B: np.ndarray, actuator: Actuator, τ: np.ndarray,
     return np.concatenate([found[:, : 3 * n], E[:, None]], axis=1)
 
 
-def chebyshev(function: Any, seconds: float) -> np.ndarray:
+def chebyshev(function: Callable[[np.ndarray], np.ndarray], seconds: float) -> np.ndarray:
     """Chebyshev coefficients (functions, terms) on [0, seconds] of functions of a time: (T,) -> (T, functions)."""
     for count in (8, 16, 32, 64, LONGEST_SERIES):
         angles = np.pi * (np.arange(count) + 0.5) / count
@@ -246,10 +278,10 @@ def chebyshev(function: Any, seconds: float) -> np.ndarray:
     return terms[: last + 1].T
 
 
-def _gathered(responses: list[list[Response]]) -> list[Any]:
+def _gathered(responses: list[list[ActuatorResponse]]) -> list[Any]:
     """The fields of a `Piece`: by phase, with the actuators as the last axis and the terms of a series as the first."""
     fields = []
-    for name in Response._fields:
+    for name in ActuatorResponse._fields:
         values = [[getattr(one, name) for one in row] for row in responses]
         if values[0][0] is None:
             fields.append(None)

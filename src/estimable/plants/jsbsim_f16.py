@@ -8,14 +8,20 @@ import contextlib
 import os
 import shutil
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import checks
+from .. import checks, forks
 from ..annotations import Array, Numbers
+from ..kernels.actuator_motion import glide
+from ..models.actuator import Actuator, parts_of
 from ..models.controlled import ControlledPlant
+from ..models.disturbances import Gust, Upset
+from ..models.event_rows import acts, value_of
+from ..models.events import Change, Event, Failure, PlantPhase
 from ..models.state_space import StateSpace
 from ..protocols import Plant
 from . import f16
@@ -34,7 +40,17 @@ SEEN_BY_THE_AIR = f"""<fcs_function name="estimable/effective"><function><sum>
   <difference><property>fcs/elevator-pos-rad</property><property>estimable/about-rad</property></difference></product>
 </sum></function><output>{ELEVATOR}</output></fcs_function>
 """
-PROPERTIES = {"estimable/effect": 1.0, "estimable/about-rad": 0.0, "estimable/nudge-rad": 0.0, ELEVATOR: 0.0}
+PITCH = '<axis name="PITCH">'
+UPSET = """
+ <function name="estimable/upset"><sum><property>estimable/upset-lbsft</property><value>0</value></sum></function>
+"""
+PROPERTIES = {
+    "estimable/effect": 1.0,
+    "estimable/upset-lbsft": 0.0,
+    "estimable/about-rad": 0.0,
+    "estimable/nudge-rad": 0.0,
+    ELEVATOR: 0.0,
+}
 
 
 class JsbsimF16(Plant):
@@ -47,7 +63,10 @@ class JsbsimF16(Plant):
 
     At `failure_time` [s] the effect of the elevator drops from 1 to `gain_after`. `about="trim"`: the effect of its
     deflection from the trim drops. `about="zero"`: the effect of its whole deflection drops, so that the failure also changes
-    the trim.
+    the trim; the positions of events are then whole deflections, else deviations from the trim.
+
+    `events`: as in `ControlledPlant`: `Failure`, `Stuck`, `Floating`, `HardOver`, `Offset`, `ActuatorChange`, `SensorFault`, a
+    `Gust` of alpha [deg], which the vane feels, and an `Upset` of the pitch rate [deg/s²].
 
     Settings: `mach`, `altitude_ft`; `sigma_alpha`, `sigma_q`: the standard deviations of the sensors; `Q` (2, 2): a density
     of process noise that represents the error of the linear model (default 1e-3, .1: measured on this aircraft).
@@ -66,6 +85,7 @@ class JsbsimF16(Plant):
         sigma_alpha: float = f16.SIGMA_ALPHA,
         sigma_q: float = f16.SIGMA_Q,
         Q: Numbers | None = None,
+        events: Sequence[Event] = (),
     ):
         faults = checks.Faults()
         self.gain_after = faults.number("gain_after", gain_after)
@@ -84,8 +104,12 @@ class JsbsimF16(Plant):
         Q = np.diag([1e-3, 0.1]) if Q is None else Q
         names = {"states": f16.STATES, "inputs": f16.INPUTS, "outputs": f16.OUTPUTS}
         self.model = StateSpace(A, B, Q=Q, R=R, dt=0, **names)
-        limits = [np.array([limit - self.trim["elevator_deg"]]) for limit in MOST]
-        self.linear = ControlledPlant(self.model, actuator=f16.ACTUATOR, limits=np.stack(limits))
+        about_deg = self.trim["elevator_deg"] if about == "zero" else 0.0
+        limits = np.array(MOST) - (self.trim["elevator_deg"] - about_deg)
+        actuator = Actuator(f16.ACTUATOR, limits=limits, operating_point=about_deg)
+        dropped = [Failure(self.failure_time, self.gain_after)] if self.gain_after != 1.0 else []
+        self.linear = ControlledPlant(self.model, actuator=actuator, events=[*dropped, *events])
+        _check_events(self.linear.events, self.model)
 
     def __repr__(self) -> str:
         return f"JsbsimF16(gain_after={self.gain_after:g}, about={self.about!r}, mach={self.mach:g})"
@@ -102,33 +126,92 @@ class _Flight:
         self.aircraft, self.dt = aircraft, dt
         self.simulator = _Simulator(aircraft.mach, aircraft.altitude_ft)
         self.steps = int(np.ceil(dt * STEPS_A_SECOND - 1e-9))
-        self.samples, self.position = 0, 0.0
+        self.samples, self.position, self.commands = 0, 0.0, []
+        self.stages = aircraft.linear.stages()
+        self.gusts = [event for event in aircraft.linear.events if isinstance(event, Gust)]
+        self.upsets = [event for event in aircraft.linear.events if isinstance(event, Upset)]
         self.simulator.fdm.set_dt(dt / self.steps)
+        self._place()
 
     @property
     def state(self) -> np.ndarray:
         """Alpha and pitch rate about the trim."""
         fdm, trim = self.simulator.fdm, self.aircraft.trim
-        return np.array([fdm["aero/alpha-deg"] - trim["alpha_deg"], np.degrees(fdm["velocities/q-rad_sec"])])
+        alpha = fdm["aero/alpha-deg"]
+        if self.gusts:  # relative to the earth: `close_loop` adds what the vane feels
+            alpha = np.degrees(np.arctan2(fdm["velocities/w-fps"], fdm["velocities/u-fps"]))
+        return np.array([alpha - trim["alpha_deg"], np.degrees(fdm["velocities/q-rad_sec"])])
 
     @property
     def input(self) -> np.ndarray:
         """The elevator about the trim."""
-        return np.array([self.position])
+        return np.array([self.position + self.stage.offset[0]])
+
+    @property
+    def stage(self) -> PlantPhase:
+        """The plant and its actuator after the events until now."""
+        return self.stages[int(self.aircraft.linear.phase_rows(np.array([self.samples * self.dt]))[0])]
+
+    def _place(self) -> None:
+        """Let a fault that begins now move the elevator at once."""
+        drive = self.stage.drives[0]
+        if drive is not None and drive.place is not None:
+            self.position = drive.place
 
     def move(self, command: Array) -> None:
         """Fly one sample under a held command (1,)."""
-        fdm, trim = self.simulator.fdm, self.aircraft.trim["elevator_deg"]
-        if self.samples * self.dt >= self.aircraft.failure_time - 1e-9:
-            fdm["estimable/effect"] = self.aircraft.gain_after
-            fdm["estimable/about-rad"] = np.radians(trim) if self.aircraft.about == "trim" else 0.0
+        fdm, trim, stage = self.simulator.fdm, self.aircraft.trim["elevator_deg"], self.stage
+        gain, about = float(stage.gain[0]), trim if self.aircraft.about == "trim" else 0.0
+        fdm["estimable/effect"], fdm["estimable/about-rad"] = gain, np.radians(about)
         each = self.dt / self.steps
-        for _ in range(self.steps):
-            before = self.position
-            self.position = command[0] + (before - command[0]) * np.exp(-f16.ACTUATOR * each)
-            fdm["fcs/elevator-cmd-norm"] = ((before + self.position) / 2 + trim) / FULL  # its mean over the step
+        for step in range(self.steps):
+            self.commands.append(float(command[0]))
+            mean = self._move_elevator(stage, each) + stage.offset[0]
+            t = np.array([self.samples * self.dt + (step + 0.5) * each])
+            gust = sum(float(value_of(event, t)[0]) for event in self.gusts)
+            upset = sum(
+                float(event.rates(self.aircraft.model)[1]) for event in self.upsets if acts(event, t - each / 2)[0]
+            )
+            if self.gusts:  # up, so that it adds to alpha
+                fdm["atmosphere/gust-down-fps"] = -fdm["velocities/vt-fps"] * np.tan(np.radians(gust))
+            fdm["estimable/upset-lbsft"] = np.radians(upset) * fdm["inertia/iyy-slugs_ft2"]
+            fdm["fcs/elevator-cmd-norm"] = (mean + trim) / FULL
             fdm.run()
         self.samples += 1
+        self._place()
+
+    def _move_elevator(self, stage: PlantPhase, seconds: float) -> float:
+        """Move the elevator, and return its mean position; the delay is that of the last commands."""
+        own, drive = stage.actuators[0], stage.drives[0]
+        mover = own if drive is None else drive.actuator
+        total = 0.0
+        for part in parts_of(np.array([own.delay]), seconds):
+            age = int(part.age[0])
+            late = self.commands[-1 - age] if age < len(self.commands) else 0.0
+            c = float(np.clip(late, *own.stops))
+            if drive is not None:
+                c = self.position if drive.to is None else drive.to
+            rate = min(float(mover.fastest), 1e300)
+            position, integral = _glide(
+                self.position, c, mover.bandwidth, rate, float(mover.reach), float(part.seconds[0])
+            )
+            self.position, total = float(position), total + float(integral)
+        return total / seconds
+
+
+_glide = forks.jit(glide)
+
+
+def _check_events(events: Sequence[Event], model: StateSpace) -> None:
+    faults = checks.Faults()
+    for event in events:
+        if isinstance(event, Change):
+            faults.add("`events`: the simulator cannot take a Change of its model.")
+        if isinstance(event, Gust) and event.state not in (None, f16.STATES[0]):
+            faults.add(f"`events`: a Gust of the simulator acts on {f16.STATES[0]!r}. Got {event.state!r}.")
+        if isinstance(event, Upset) and event.rates(model)[0] != 0:
+            faults.add(f"`events`: an Upset of the simulator acts on {f16.STATES[1]!r} only.")
+    faults.finish()
 
 
 class _Simulator:
@@ -200,12 +283,13 @@ def _load(folder: Path) -> Any:
 def _changed(text: str) -> str:
     """The aircraft description in which the effective elevator differs from its position."""
     position = COLUMN.format("fcs/elevator-pos-rad")
-    if not (position in text and text.count(PLACE) == text.count(HEAD) == 1):
+    if not (position in text and text.count(PLACE) == text.count(HEAD) == text.count(PITCH) == 1):
         checks.refuse(
             "the F-16 of this JSBSim version has an unknown layout and cannot be changed: use jsbsim 1.2 or 1.3."
         )
     given = "".join(f'<property value="{value}">{name}</property>' for name, value in PROPERTIES.items())
     text = text.replace(position, COLUMN.format(ELEVATOR))
+    text = text.replace(PITCH, PITCH + UPSET)
     return text.replace(PLACE, SEEN_BY_THE_AIR + PLACE).replace(HEAD, HEAD + given)
 
 

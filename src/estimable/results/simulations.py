@@ -43,7 +43,7 @@ class ClosedLoop(Kept):
     - `command` (T, m): the commands of the controller.
     - `applied` (T, m): the commands that the actuators apply, within their limits.
     - `input` (T, m): the positions of the actuators, which act on the plant.
-    - `known_input` (T, m): what the estimator knows of them: the measured positions, or the applied commands.
+    - `known_input` (T, m): the inputs that the estimator receives: the measured positions, or the applied commands.
     - `arrived` (T, m): whether each command arrived.
     - `info`: the reports of the estimator. They are also properties: `mean`, `covariance`, `gain`, `gain_covariance` and
       others, with `extra` for results that only this estimator has, such as `alarm`.

@@ -1,9 +1,10 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownLambdaType=false
 # pyright: reportUnnecessaryIsInstance=false
 """Simulation of a plant under a controller that acts on an estimate."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -12,6 +13,9 @@ from .. import forks
 from ..annotations import Array, Numbers
 from ..errors import RunError
 from ..filters.actuated import Actuated
+from ..filters.bounded import Bounded
+from ..filters.gated import Gated
+from ..filters.smoothed import Smoothed
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.disturbances import SensorFault
@@ -111,78 +115,94 @@ def close_loop_bank(
     Run i draws its noise with the random key `jax.random.fold_in(key(seed), i)`, so its values do not depend on the number
     of runs. Returns a `ClosedLoopBank`. Use `monte_carlo_loops` for more runs than the memory holds.
     """
+    several = isinstance(plant, list | tuple)
     plants = [_plant(one) for one in (plant if isinstance(plant, list | tuple) else [plant])]
-    runs = len(plants) if runs is None and isinstance(plant, list | tuple) else runs
-    links = Links(input_link, output_link)
+    runs = len(plants) if runs is None and several else runs
+    call = _Call(controller, estimator, Links(input_link, output_link), start, lost, seed)
     followed, step = None, None
     for flown, _ in plants:
-        known = _for_channels(estimator, flown)
-        followed, step = check_call(flown, controller, known, links, reference, prior, dt, start, lost)
-    check_run(seed, runs, first, on_failure, engine, len(plants) if isinstance(plant, list | tuple) else None)
-    assert followed is not None and runs is not None  # noqa: PT018
-    names, t = _for_channels(estimator, plants[0][0]).names, np.arange(len(followed)) * step
-
-    def prepared(flown: ControlledPlant, which: np.ndarray) -> tuple[ControlLoop, LoopInputs]:
-        loop = _loop(flown, controller, _for_channels(estimator, flown), links, start, step, lost)
-        return loop, _rows(loop, flown, t, followed, seed, which)
-
-    which, simulator = first + np.arange(runs), plants[0][1]
-    if isinstance(plant, list | tuple):
-        each = [prepared(flown, which[i : i + 1]) for i, (flown, _) in enumerate(plants)]
-        used, run = plants_apart.scan_bank(engine, each, prior, step, select=_everything)
+        known = call.knowing(flown)
+        followed, step = check_call(flown, controller, known, call.links, reference, prior, dt, start, lost)
+    assert followed is not None
+    assert step is not None
+    check_run(seed, runs, first, on_failure, engine, len(plants) if several else None)
+    which, simulator = first + np.arange(runs or 0), plants[0][1]
+    if several:
+        apart = [call.prepared(flown, followed, step, which[i : i + 1]) for i, (flown, _) in enumerate(plants)]
+        used, run = plants_apart.scan_bank(engine, apart, prior, step, select=_everything)
     else:
-        loop, rows = prepared(plants[0][0], which)
-        run_bank = window_loop.scan_bank if simulator is None else python_loop.scan_bank
-        how = engine if simulator is None else simulator
-        used, run = run_bank(how, loop, prior, rows, intervals_of(rows, step), select=_everything)
+        loop, rows = call.prepared(plants[0][0], followed, step, which)
+        given = loop, prior, rows, intervals_of(rows, step)
+        if simulator is None:
+            used, run = window_loop.scan_bank(engine, *given, select=_everything)
+        else:
+            used, run = python_loop.scan_bank(simulator, *given, select=_everything)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
+    t = np.arange(len(followed)) * step
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
+    if on_failure == "raise":
+        _raise_failures(outcomes, first)
+    closed = _closed(info, t, followed, used, call.knowing(plants[0][0]).names)
+    if several:
+        return ClosedLoopBank(closed, outcomes, tuple(flown.events for flown, _ in plants))
+    return ClosedLoopBank(replace(closed, events=plants[0][0].events), outcomes)
+
+
+def _raise_failures(outcomes: tuple[Outcome, ...], first: int) -> None:
     for i, outcome in enumerate(outcomes):
-        if outcome.code and on_failure == "raise":
-            raise RunError(
-                outcome._replace(sentence=f"Run {first + i}: {outcome.sentence}" if runs > 1 else outcome.sentence)
-            )
-    bank = ClosedLoopBank(_closed(info, t, followed, used, names), outcomes)
-    if isinstance(plant, list | tuple):
-        return replace(bank, events=tuple(flown.events for flown, _ in plants))
-    return replace(bank, runs=replace(bank.runs, events=plants[0][0].events))
+        if outcome.code:
+            which = f"Run {first + i}: " if len(outcomes) > 1 else ""
+            raise RunError(outcome._replace(sentence=which + outcome.sentence))
 
 
-def _loop(
-    plant: ControlledPlant, controller: Controller[Any], estimator: Any, links: Links, start: Numbers | None, step: Any,
-    lost: str,
-) -> ControlLoop:  # fmt: skip
-    """The loop of a plant, for steps of `step` seconds."""
-    names, commanded = estimator.names, isinstance(estimator, Actuated)
-    ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
-    ready, longest = ready.sampled(Clock.every(step, known_hold(plant, estimator))), longest_delay(links.output)
-    return ControlLoop(
-        plant.steps(step), Reordered(ready, longest, plant.model.m, len(names.outputs)) if longest else ready, controller,
-        links, _start(plant, start), plant.point.states, np.asarray(step), plant.position_sigma,
-        _input_covariance(plant, estimator, commanded),
-        columns=tuple(plant.model.outputs.index(name) for name in names.outputs), lost=lost,
-        commanded=commanded, late=longest > 0, freezes=_freezes(plant),
-    )  # fmt: skip
+class _Call(NamedTuple):
+    """The arguments of `close_loop` that are common to all plants of a bank."""
+
+    controller: Controller[Any]
+    estimator: Algorithm[Any]
+    links: Links
+    start: Numbers | None
+    lost: str
+    seed: int
+
+    def knowing(self, plant: ControlledPlant) -> Any:
+        """The estimator; an identifier has the names of the plant's channels, where it does not define its own."""
+        if isinstance(plant, ControlledPlant) and isinstance(self.estimator, RecursiveIdentifier):
+            return self.estimator.for_channels(plant.model.inputs, plant.model.outputs)
+        return self.estimator
+
+    def prepared(
+        self, plant: ControlledPlant, followed: np.ndarray, step: float, which: np.ndarray
+    ) -> tuple[ControlLoop, LoopInputs]:
+        """The loop of a plant for steps of `step` seconds, and the rows of its runs `which`."""
+        estimator = self.knowing(plant)
+        commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
+        ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
+        ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
+        columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
+        loop = ControlLoop(
+            plant.steps(step), Reordered(ready, longest, plant.model.m, len(columns)) if longest else ready, self.controller,
+            self.links, _start(plant, self.start), plant.point.states, np.asarray(step), plant.position_sigma,
+            None if commanded else _input_covariance(plant, estimator), columns=columns, lost=self.lost,
+            commanded=commanded, late=longest > 0, freezes=_freezes(plant),
+        )  # fmt: skip
+        return loop, _rows(loop, plant, np.arange(len(followed)) * step, followed, self.seed, which)
 
 
-def _plant(given: Plant) -> tuple[Any, Any]:
+def _plant(given: Plant | Sequence[Plant]) -> tuple[Any, Any]:
     """The plant with its actuators, and the simulator that replaces it, or None."""
     if isinstance(given, StateSpace | OutputError):
         return ControlledPlant(given), None
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
-def _for_channels(estimator: Algorithm[Any], plant: ControlledPlant) -> Any:
-    """An identifier with the names of the plant's channels, where it does not define its own."""
-    if isinstance(plant, ControlledPlant) and isinstance(estimator, RecursiveIdentifier):
-        return estimator.for_channels(plant.model.inputs, plant.model.outputs)
-    return estimator
-
-
-def _input_covariance(plant: ControlledPlant, estimator: Algorithm[Any], commanded: bool) -> Any:
+def _input_covariance(plant: ControlledPlant, estimator: Algorithm[Any]) -> Any:
     """The variance of the measured positions: over several samples, errors of linear pieces add up as one at each sample."""
-    known = plant.position_sigma is None or commanded or not estimator.takes_uncertain_inputs
-    return None if known else np.diag(plant.position_sigma**2)
+    while isinstance(estimator, Bounded | Smoothed | Gated):
+        estimator = estimator.algorithm
+    if plant.position_sigma is None or not estimator.takes_uncertain_inputs:
+        return None
+    return np.diag(plant.position_sigma**2)
 
 
 def _freezes(plant: ControlledPlant) -> bool:

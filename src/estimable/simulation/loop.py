@@ -43,9 +43,9 @@ class LoopInputs:
 class LoopState:
     """The states of the plant, the estimator, the controller and the links. x: the deviation of the state; `position` (m,): of
     the actuators; `commands` (L, m): the last ones, the newest first, where actuators delay them; `applied` (m,): the last
-    command; `input`, `input_end`: what the estimator knows of the inputs over the next
-    interval; `output`: the last reading of each sensor, where one may freeze. `last`: the completed outputs of the last
-    sample, and 1 for those seen, for a controller that acts before a sample (else None)."""
+    command; `input`, `input_end`: the inputs over the next interval that the estimator knows; `output`: the last reading of
+    each sensor, where one may freeze. `last`: the completed outputs of the last sample, and 1 for those seen, for a controller
+    that acts before a sample (else None)."""
 
     x: Any
     position: Any
@@ -147,7 +147,7 @@ class ControlLoop:
         return self.go_on(after, decided, state.x, moved.acting, standing, end)
 
     def _standing(self, state: LoopState, position: Array, row: LoopInputs) -> Any:
-        """What is known of the inputs at a sample: the measured positions, or the last command."""
+        """The known inputs at a sample: the measured positions, or the last command."""
         return state.applied if self.commanded or not self.plant.moves else self._measured(position, row, 0)
 
     def _measured(self, position: Array, row: LoopInputs, end: int) -> Any:

@@ -13,6 +13,7 @@ from ..estimation.binding import check_hold, check_prior, check_prior_kind, mode
 from ..filters.actuated import Actuated
 from ..filters.wrapped import check_algorithm
 from ..models.controlled import ControlledPlant
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..networks.links import DelayLink
@@ -123,7 +124,7 @@ def _check_blocks(
 def _check_inputs(
     plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], links: Links, faults: checks.Faults
 ) -> None:
-    """Check what the estimator knows of the inputs when the controller acts."""
+    """Check which inputs the estimator knows when the controller acts."""
     model, inner = plant.model, model_of(estimator)
     if tuple(estimator.names.inputs) != tuple(model.inputs):
         faults.add(
@@ -147,7 +148,7 @@ def _check_inputs(
         )
 
 
-def _check_late(link: Link | None, inner: Any, faults: checks.Faults) -> None:
+def _check_late(link: Link | None, inner: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """Check that outputs that arrive late can be used where the link says so."""
     if is_link(link) and link.late == "use" and not isinstance(link, DelayLink | Trace):  # pyright: ignore[reportOptionalMemberAccess]
         faults.add('`output_link`: late="use" is possible with a DelayLink or a Trace, whose longest delay is known.')

@@ -28,7 +28,7 @@ def phase_of(plant: Steps, weight: Array) -> Steps:
     return replace(varying, **{name: None if M is None else jnp.asarray(M) for name, M in constant.items()})
 
 
-class Moved(NamedTuple):
+class MovedPlant(NamedTuple):
     """The next deviation of the state, the positions at the next sample, and those that act at this one, (m,)."""
 
     x: Any
@@ -55,20 +55,20 @@ def effective(now: Steps, position: Array) -> Any:
     return scaled if now.bias is None else scaled + now.bias
 
 
-def move(now: Steps, x: Array, position: Array, commands: Array, noise: Array) -> Moved:
+def move(now: Steps, x: Array, position: Array, commands: Array, noise: Array) -> MovedPlant:
     """Move the plant and its actuators over a step; `commands` (L, m): the last ones, the newest first."""
     free = apply(now.A, x) + apply(now.W, noise)
     if now.motion is None:
-        return Moved(free + apply(now.B, effective(now, commands[0])), commands[0], acting(now, commands[0]))
+        return MovedPlant(free + apply(now.B, effective(now, commands[0])), commands[0], acting(now, commands[0]))
     end, responses = position, []
     for piece in now.motion.pieces:
         end, response = _moved(now, piece, end, commands)
         responses.append(response)
     if now.mode != "moving":
         input = end if now.mode == "direct" else position
-        return Moved(free + apply(now.B, effective(now, input)), end, acting(now, input))
+        return MovedPlant(free + apply(now.B, effective(now, input)), end, acting(now, input))
     x = free + sum(responses)
-    return Moved(x if now.bias is None else x + apply(now.B, now.bias), end, acting(now, position))
+    return MovedPlant(x if now.bias is None else x + apply(now.B, now.bias), end, acting(now, position))
 
 
 def _moved(now: Steps, piece: Piece, p: Array, commands: Array) -> tuple[Any, Any]:

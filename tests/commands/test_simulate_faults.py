@@ -1,0 +1,51 @@
+"""`estimable simulate f16 --fault`: a record, and the truth behind it."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+import estimable as es
+from estimable.plants import worlds
+
+
+def test_the_record_and_the_truth_are_those_of_the_flight(run, tmp_path):
+    out = tmp_path / "F.csv"
+    told = run("simulate", "f16", "--fault", "stuck:elevator@4.5", "--fault", "effectiveness:elevator@3=0.7",
+               "--fault", "dropout:alpha@5-6", "--seed", "1", "--out", str(out), "--json")  # fmt: skip
+    assert told.code == 0
+    assert [event["event"] for event in told.json["events"]] == ["Failure", "Stuck", "SensorFault"]
+    record, truth = pd.read_csv(out), json.loads((tmp_path / "F.truth.json").read_text())
+    events = [es.Stuck(4.5, "elevator_deg"), es.Failure(3.0, 0.7, "elevator_deg"),
+              es.SensorFault(5.0, "alpha_deg", "dropout", until=6.0)]  # fmt: skip
+    closed = worlds.fly("f16", seed=1, events=events)
+    assert_allclose(record["elevator_deg"], closed.input[:, 0], rtol=1e-12)
+    assert_allclose(record["elevator_deg_command"], closed.applied[:, 0], rtol=1e-12)
+    assert_allclose(record["alpha_deg"], closed.output[:, 0], rtol=1e-12)
+    assert record["alpha_deg"].isna().sum() == 100
+    assert_allclose(truth["states"]["pitch_rate"], closed.state[:, 1], rtol=1e-12)
+    assert truth["events"][1] == {"event": "Stuck", "time": 4.5, "input": "elevator_deg", "at": None}
+    assert len(np.unique(truth["inputs"]["elevator_deg"][451:])) == 1
+
+
+@pytest.mark.parametrize(("arguments", "sentences"), [
+    (("--fault", "stuk:elevator@4.5", "--fault", "bias:pitch@3"), ("no kind 'stuk'", "Did you mean 'stuck'", "needs a value")),
+    (("--fault", "stuck:motor3@4.5"), ("has no input 'motor3'. Its inputs are 'elevator_deg'",)),
+    (("--fault", "stuck:elevator@-1",), ("`time` must be at least 0 seconds",)),
+    (("--fault", "rate:elevator@1=0"), ("`rate` must be greater than 0",)),
+    (("--fault", "stuck"), ("must be KIND:CHANNEL@TIME",)),
+    (("--fault", "offset:elevator@1=one"), ("the value must be a number",)),
+    (("--fault", "stuck:elevator@1-2"), ("lasts until the end of the run",)),
+    (("--fault", "stuck:elevator@1", "--runs", "3", "--loss", "0.5"), ("--runs does not apply", "--loss does not apply")),
+])  # fmt: skip
+def test_wrong_faults_are_a_sentence_each(run, arguments, sentences):
+    shown = run("simulate", "f16", *arguments)
+    assert shown.code == 2
+    for sentence in sentences:
+        assert sentence in shown.stderr
+
+
+def test_a_record_takes_no_fault(run):
+    assert "--fault applies only to f16" in run("simulate", "output-error", "--fault", "stuck:u@1").stderr
