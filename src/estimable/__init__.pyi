@@ -46,6 +46,8 @@ from .errors import EstimableError as EstimableError
 from .errors import EstimableWarning as EstimableWarning
 from .errors import InputError as InputError
 from .errors import RunError as RunError
+from .estimation.assess_gain import assess_gain as assess_gain
+from .estimation.detectable_loss import detectable_loss as detectable_loss
 from .estimation.estimate import estimate as estimate
 from .estimation.estimate import log_likelihood as log_likelihood
 from .estimation.estimate_bank import estimate_bank as estimate_bank

@@ -5,7 +5,7 @@ from pathlib import Path
 from . import options, show
 from .destination import check_destination
 from .gain_command import present
-from .run_filter import run_filter
+from .run_filter import run_gain
 
 NEXT = ("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", "A model file to start from:")
 STORY = "A simulated F-16 at Mach 0.9, 20,000 ft. At 4.5 s its elevator loses half its effectiveness."
@@ -26,7 +26,7 @@ def demo(report: options.Report = Path("report.html"), machine: options.Machine 
 
     check_destination("--report", report, ".html")
     with show.working("Estimating the gain"):
-        run = run_filter(None, path("f16-flight.csv"), path("f16-model.toml"))
+        run = run_gain(path("f16-flight.csv"), path("f16-model.toml"))
     present("demo", run, machine, report, command="estimable demo", story=(STORY,))
     if not machine:
         show.notes(*NEXT, f"  {run.model_path}")

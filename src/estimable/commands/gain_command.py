@@ -1,5 +1,6 @@
 """`estimable gain`: how much of an input's effect is left."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from .destination import check_destination
 from .gain_report import write_gain_report
 from .gain_summary import gain_summary
 from .record_options import reads_a_record
-from .run_filter import FilterRun, run_filter
+from .run_filter import FilterRun, has_unknown_gain, run_filter, run_gain
 
 
 @reads_a_record
@@ -20,13 +21,16 @@ def gain(
     report: options.Report = None,
     settings: options.Set = None,
     reading: Any = None,
+    healthy: options.Healthy = None,
+    offset: options.Offset = True,
+    as_given: options.AsGiven = False,
     machine: options.Machine = False,
 ) -> None:
     """Find how much of an input's effect is left.
 
     The model file describes the plant and, in its section [gain], the prior of the gain. The gain is estimated together
-    with the state, sample by sample. The report shows each change of the gain, its mean over the 2 s before the first
-    change (without a change: the 2 s before one third of the record), and its mean over the last 2 s.
+    with the state, sample by sample. The noise is fitted to the part before any change, offsets are estimated, and errors
+    of 10 % in the model count in the interval (--as-given: none of this). The report begins with whether to believe it.
 
     \b
     Example:
@@ -35,11 +39,34 @@ def gain(
     """
     check_destination("--report", report, ".html", record=record)
     with show.working("Estimating the gain"):
-        run = run_filter(name, record, model, settings=settings or (), reading=reading)
+        run = _run(name, record, model, settings or (), reading, _span(healthy), offset, as_given)
     again = gain_text.command_of(run, "gain", settings or (), reading)
     present("gain", run, machine, report, command=f"{again} --report report.html")
     if not machine:
         show.notes(*run.record.notes, *gain_text.next_steps(run, settings or (), reading))
+
+
+def _run(
+    name: str | None, record: Path, model: Path, settings: Iterable[str], reading: dict[str, Any],
+    healthy: tuple[float, float] | None, offset: bool, as_given: bool,
+) -> FilterRun:  # fmt: skip
+    """The whole chain, unless a filter or settings are given, the run is as given, or the prior knows the gain exactly."""
+    if name is None and not settings and not as_given and has_unknown_gain(model):
+        return run_gain(record, model, reading=reading, healthy=healthy, offset=offset)
+    if healthy is not None or not offset:
+        checks.refuse("--healthy and --no-offset prepare the model: leave --filter, --set and --as-given out.")
+    return run_filter(name, record, model, settings=settings, reading=reading)
+
+
+def _span(text: str | None) -> tuple[float, float] | None:
+    """The seconds of `--healthy FROM:TO`."""
+    if text is None:
+        return None
+    try:
+        first, last = (float(part) for part in text.split(":"))
+    except ValueError:
+        checks.refuse(f"--healthy needs the first and last second, as in --healthy 0:8. Got {text!r}.")
+    return first, last
 
 
 def present(

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from . import gain_text, innovation_checks
-from .gain_summary import GainSummary, GainWindow, is_effectiveness
+from .gain_summary import GainAt, GainSummary, is_effectiveness
 from .numbers import spread_of
 from .run_filter import FilterRun
 
@@ -18,9 +18,10 @@ def write_gain_report(
     check = innovation_checks.innovation_check(run.judged)
     report = report_of(
         run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
-        title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(summary, check)),
+        title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(run, summary, check)),
         facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", _script(run))),
         files=(run.record_path, run.model_path), judged=run.judged,
+        quiet=run.assessment and run.assessment.detectable and run.assessment.detectable.quiet,
     )  # fmt: skip
     write_report(report, path)
 
@@ -35,8 +36,8 @@ def _facts(run: FilterRun, summary: GainSummary) -> Any:
                 f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"detected at {change.detected_at_s:.4g} s"
             )
     for i, name in enumerate(summary.names):
-        for word, window in (("before", summary.before), ("after", summary.after)):
-            yield Fact(f"{_of(name)} {word}", _spread(window, i), _when(window))
+        for word, at in (("before", summary.before), ("after", summary.after)):
+            yield Fact(f"{_of(name)} {word}", _spread(at, i), _when(at))
         gain, spread = float(summary.after.mean[i]), 2 * float(summary.after.sigma[i])
         if lost:
             yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread) + " %", _when(summary.after))
@@ -46,12 +47,12 @@ def _of(name: str) -> str:
     return "Gain" if name == "gain" else name
 
 
-def _spread(window: GainWindow, i: int) -> str:
-    return spread_of(float(window.mean[i]), 2 * float(window.sigma[i]))
+def _spread(at: GainAt, i: int) -> str:
+    return spread_of(float(at.mean[i]), 2 * float(at.sigma[i]))
 
 
-def _when(window: GainWindow) -> str:
-    return f"{window.start:.4g} to {window.end:.4g} s, 2 sigma"
+def _when(at: GainAt) -> str:
+    return f"at {at.time:.4g} s, 2 sigma"
 
 
 def _script(run: FilterRun) -> str:

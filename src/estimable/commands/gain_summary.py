@@ -7,21 +7,21 @@ import numpy as np
 from ..filters.unknown_gain import UnknownGain
 from ..protocols import Algorithm
 from ..results import Estimate
-from ..tables import standard_deviation
 from .numbers import decimals
 
-WINDOW = 2.0  # seconds over which the gain is averaged
 SIGMAS = 2.0  # smaller differences are not reported as a change
+THIRD = 1 / 3  # of the record, at which a gain without a change is compared with its end
+SHORT = 2.0  # seconds: a record whose first third ends later than this before its end is too short to compare
 
 
-class GainWindow(NamedTuple):
-    """The gains over an interval of a record: its times, their mean (p,), and their standard deviation at its end (p,).
+class GainAt(NamedTuple):
+    """The gains at one time: their estimates `mean` (p,), which are medians where they are not Gaussian, and their standard
+    deviations (p,): the widths of the 95 % intervals over 3.92.
 
-    The mean is NaN and the standard deviation infinite if a gain is unknown.
+    An unknown gain is NaN, with an infinite standard deviation.
     """
 
-    start: float
-    end: float
+    time: float
     mean: np.ndarray
     sigma: np.ndarray
 
@@ -33,8 +33,8 @@ class GainSummary(NamedTuple):
     """
 
     names: tuple[str, ...]
-    before: GainWindow
-    after: GainWindow
+    before: GainAt
+    after: GainAt
     overlap: bool
     changes: tuple[Any, ...] = ()
 
@@ -72,9 +72,10 @@ class GainSummary(NamedTuple):
             return f"{name}: the record does not determine it."
         was, now, chance = (f"{value:.{decimals(spread)}f}" for value in (before, after, spread))
         if abs(after - before) <= spread:
-            early, late = (f"{window.start:.4g} to {window.end:.4g} s" for window in (self.before, self.after))
-            same = f"{was} and {now} differ by less than 2 sigma ({chance})"
-            return f"{name}: no change is detected, {early} against {late}: {same}."
+            early, late = (f"at {one.time:.4g} s" for one in (self.before, self.after))
+            return (
+                f"{name}: no change is detected: {was} {early} and {now} {late} differ by less than 2 sigma ({chance})."
+            )
         return f"{name} {_verb(before, after)} from {was} to {now}; chance alone explains up to {chance} (2 sigma)."
 
 
@@ -83,24 +84,21 @@ def _verb(before: float, after: float) -> str:
 
 
 def gain_summary(result: Estimate) -> GainSummary:
-    """The gains over the 2 s before the first detected change, and over the last 2 s of a record (at most since the last
-    change was detected).
+    """The gains before the first detected change, and at the end of a record.
 
-    If no change was detected, the first window ends at one third of the record. The mean is that of the estimates in the
-    window. The standard deviation is that of its last estimate, which uses all earlier samples. `findings` assumes that the
-    errors of the two windows are independent. The errors of a constant gain are correlated, so the comparison is then
-    conservative. A window without a sample uses the last sample before its end.
+    If no change was detected, the first are those after one third of the record. Each number is the estimate at that row with
+    its own standard deviation. `findings` assumes that the errors of the two are independent. The errors of a constant gain are
+    correlated, so the comparison is then conservative.
     """
     t = np.zeros(len(result.gain)) if result.t is None else np.asarray(result.t)
-    sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
-    known = np.where(np.isfinite(sigma), result.gain, np.nan)
+    median, sigma = result.gain_standing
+    sigma = np.where(np.isnan(median), np.inf, sigma)
     changes = changes_of(result)
-    before = float(t[max(changes[0].onset - 1, 0)]) if changes else float(t[0] + (t[-1] - t[0]) / 3)
-    begun = changes[-1].detected_at if changes else 0
-    return GainSummary(
-        result.names.gains, _window(t, known, sigma, before), _window(t, known, sigma, t[-1], begun),
-        overlap=bool(before > t[-1] - WINDOW) and not changes, changes=changes,
-    )  # fmt: skip
+    row = (
+        max(changes[0].onset - 1, 0) if changes else int(np.searchsorted(t, t[0] + THIRD * (t[-1] - t[0]), "right")) - 1
+    )
+    before, after = (GainAt(float(t[k]), median[k], sigma[k]) for k in (row, len(t) - 1))
+    return GainSummary(result.names.gains, before, after, bool(before.time > t[-1] - SHORT) and not changes, changes)
 
 
 def changes_of(result: Estimate) -> tuple[Any, ...]:
@@ -108,17 +106,6 @@ def changes_of(result: Estimate) -> tuple[Any, ...]:
     from .. import diagnostics
 
     return diagnostics.changes(result) if "alarm" in result.extra else ()
-
-
-def _window(t: np.ndarray, gain: np.ndarray, sigma: np.ndarray, end: float, first: int = 0) -> GainWindow:
-    """The `WINDOW` seconds up to `end`, not before row `first`."""
-    last = int(np.searchsorted(t, end, side="right")) - 1
-    rows = slice(min(max(first, int(np.searchsorted(t, end - WINDOW, side="right"))), last), last + 1)
-    seen = ~np.isnan(gain[rows])
-    count = seen.sum(axis=0)
-    mean = np.where(count, np.nansum(gain[rows], axis=0) / np.maximum(count, 1), np.nan)
-    start = min(max(t[first], end - WINDOW), t[last])
-    return GainWindow(float(start), float(end), mean, sigma[last])
 
 
 def is_effectiveness(algorithm: Algorithm[Any]) -> bool:

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..annotations import Tree
 from ..diagnostics.consistency import Consistency
-from ..tables import standard_deviation
+from ..results import DetectableLoss
 from . import innovation_checks, run_filter
-from .gain_summary import GainSummary, GainWindow, by_name, is_effectiveness
+from .gain_summary import GainAt, GainSummary, by_name, is_effectiveness
 from .numbers import counted, spread_of
 from .record_options import as_words
 from .run_filter import FilterRun
@@ -38,11 +38,13 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
         "changes": [change._asdict() for change in summary.changes],
         "gain_before": by_name(names, before.mean),
         "gain_before_sigma": by_name(names, before.sigma),
-        "before_s": [before.start, before.end],
+        "before_s": before.time,
         "gain_after": by_name(names, after.mean),
         "gain_after_sigma": by_name(names, after.sigma),
-        "after_s": [after.start, after.end],
-        "findings": findings(summary, check),
+        "after_s": after.time,
+        "gain_interval": _interval(run),
+        **_verdict(run),
+        "findings": findings(run, summary, check),
         "log_likelihood": result.log_likelihood,
         "nis": innovation_checks.described(check),
         "innovation_faults": innovation_checks.faults(run.judged, run.record),
@@ -54,16 +56,56 @@ def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[An
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
     return [
-        *findings(summary, check), "", _table(run, summary, "±" if unicode else "+/-"), "",
+        *findings(run, summary, check), "", _table(run, summary, "±" if unicode else "+/-"), "",
         *_plots(run, summary, min(console.width, WIDEST), unicode), "",
         innovation_checks.sentence(check), *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
         "", *header(run),
     ]  # fmt: skip
 
 
-def findings(summary: GainSummary, check: Consistency | None) -> tuple[str, ...]:
-    """The findings about each gain, after a warning if the model does not explain the record."""
-    return (*innovation_checks.warning(check), *summary.findings)
+def findings(run: FilterRun, summary: GainSummary, check: Consistency | None) -> tuple[str, ...]:
+    """The verdict on the model, the findings about each gain, and the smallest loss that would have been detected."""
+    if run.assessment is None:
+        return (*innovation_checks.warning(check), *summary.findings)
+    found = run.assessment
+    changed = {change.gain for change in summary.changes}
+    shown = () if found.detectable is None else found.detectable.sentences
+    quiet = [sentence for name, sentence in zip(summary.names, shown, strict=False) if name not in changed]
+    still = () if found.detectable is None else found.detectable.still
+    return (found.trust.sentence, *summary.findings, *quiet, *still)
+
+
+def _interval(run: FilterRun) -> Any:
+    """The 95 % interval of each gain at the end."""
+    median, sigma = (values[-1] for values in run.result.gain_standing)
+    if run.result.gain_quantiles is not None:
+        ends = np.asarray(run.result.gain_quantiles)[-1][:, [0, 4]]
+    else:
+        ends = np.stack([median - 1.959964 * sigma, median + 1.959964 * sigma], axis=1)
+    pairs = [[float(low), float(high)] for low, high in ends]
+    return pairs[0] if len(pairs) == 1 else dict(zip(run.result.names.gains, pairs, strict=True))
+
+
+def _verdict(run: FilterRun) -> dict[str, Any]:
+    """The verdict of the whole chain; nothing where a filter ran as given."""
+    if run.assessment is None:
+        return {"verdict": None, "reasons": [], "untestable": [], "detectable_loss": None, "prepared": []}
+    found, loss = run.assessment, run.assessment.detectable
+    return {
+        "verdict": found.trust.word,
+        "verdict_p": found.trust.p,
+        "reasons": found.trust.reasons,
+        "untestable": [one.sentence for one in found.trust.untestable],
+        "detectable_loss": None if loss is None else _loss(loss),
+        "prepared": found.notes,
+    }
+
+
+def _loss(loss: DetectableLoss) -> dict[str, Any]:
+    return {
+        "start_s": loss.start, "end_s": loss.end, "power": loss.power,
+        "loss": by_name(loss.gains, loss.loss[:, -1]), "floor_sigma": by_name(loss.gains, loss.floor_sigma),
+    }  # fmt: skip
 
 
 def header(run: FilterRun) -> list[str]:
@@ -75,7 +117,7 @@ def header(run: FilterRun) -> list[str]:
     return [
         f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}; {outputs}{inputs}",
         f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
-        *_settings(run),
+        *(run.assessment.notes if run.assessment else _settings(run)),
         *_unseen(run),
     ]
 
@@ -125,19 +167,19 @@ def _table(run: FilterRun, summary: GainSummary, sign: str) -> Any:
 
     lost = is_effectiveness(run.algorithm)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
-    for heading in (["gain"] if len(summary.names) > 1 else []) + ["", "seconds"]:
+    for heading in (["gain"] if len(summary.names) > 1 else []) + ["", "second"]:
         table.add_column(heading)
     for heading in [f"gain {sign} 2 sigma", *(["effectiveness lost"] if lost else [])]:
         table.add_column(heading, justify="right", style="bold")
     for i, name in enumerate(summary.names):
-        for word, window in (("before", summary.before), ("after", summary.after)):
+        for word, at in (("before", summary.before), ("after", summary.after)):
             label = [name if word == "before" else ""] if len(summary.names) > 1 else []
-            table.add_row(*label, word, f"{window.start:.4g} to {window.end:.4g}", *_cells(window, i, lost, sign))
+            table.add_row(*label, word, f"{at.time:.4g}", *_cells(at, i, lost, sign))
     return table
 
 
-def _cells(window: GainWindow, i: int, lost: bool, sign: str) -> list[str]:
-    gain, spread = float(window.mean[i]), 2 * float(window.sigma[i])
+def _cells(at: GainAt, i: int, lost: bool, sign: str) -> list[str]:
+    gain, spread = float(at.mean[i]), 2 * float(at.sigma[i])
     shown = [spread_of(gain, spread, sign=sign)]
     return [*shown, spread_of(100 * (1 - gain), 100 * spread, unit=" %", sign=sign)] if lost else shown
 
@@ -146,16 +188,19 @@ def _plots(run: FilterRun, summary: GainSummary, width: int, unicode: bool) -> l
     from rich.text import Text
 
     result, few = run.result, summary.names[:PLOTS]
-    sigma = standard_deviation(result.gain_covariance, result.extra.get("gain_diffuse_covariance"))
+    median, sigma = result.gain_standing
+    sigma = np.where(np.isnan(median), np.inf, sigma)
     t = np.arange(len(sigma), dtype=float) if result.t is None else result.t
-    windows = {} if summary.overlap else {"before": summary.before[:2], "after": summary.after[:2]}
+    windows = {}
     for change in summary.changes[:1]:
         if change.onset_s is not None:
             windows["change"] = (change.onset_s, change.detected_at_s)
     lines: list[Any] = []
     for i, name in enumerate(few):
         lines.append(f"{name} over time, with its {'±' if unicode else '+/-'} 2 sigma band")
-        drawn = plot(t, result.gain[:, i], sigma[:, i], width=width, marks=windows, ink=UNICODE if unicode else ASCII)
+        drawn = plot(
+            t, np.nan_to_num(median[:, i]), sigma[:, i], width=width, marks=windows, ink=UNICODE if unicode else ASCII
+        )
         lines += [_coloured(Text(line, no_wrap=True)) for line in drawn]
     if len(few) < len(summary.names):
         lines.append(f"{counted(len(summary.names) - len(few), 'more gain')} not drawn.")

@@ -44,6 +44,9 @@ ARRIVED_HELP = "A column that shows whether the input arrived (1) or not (0). Re
 NA_HELP = "A number that marks a missing value, such as -9999. May be repeated."
 OUT_HELP = "Write the estimates of all samples to this .csv file."
 REPORT_HELP = "Write an interactive report to this .html file."
+HEALTHY_HELP = "Fit the noise to these seconds, such as 0:8. Default: up to the first change."
+OFFSET_HELP = "Whether offsets of the state equations are estimated."
+AS_GIVEN_HELP = "Use the model file as it is: no fitted noise, no offsets, no errors of the model."
 JSON_HELP = "Write JSON to stdout."
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
@@ -72,5 +75,8 @@ Arrived = Annotated[list[str] | None, _option("--arrived", "NAME", ARRIVED_HELP)
 Na = Annotated[list[float] | None, _option("--na", "NUMBER", NA_HELP)]
 Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
 Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
+Healthy = Annotated[str | None, _option("--healthy", "FROM:TO", HEALTHY_HELP)]
+Offset = Annotated[bool, _option("--offset/--no-offset", None, OFFSET_HELP)]
+AsGiven = Annotated[bool, _option("--as-given", None, AS_GIVEN_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
 Version = Annotated[bool, _option("--version", None, "Print the version and exit.")]

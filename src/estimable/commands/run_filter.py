@@ -11,7 +11,8 @@ from ..data.record import Record
 from ..data.through_actuators import through_actuators
 from ..models.files import ModelFile
 from ..models.prior import Prior
-from ..results import Estimate, Names
+from ..models.state_space import StateSpace
+from ..results import Estimate, GainAssessment, Names
 from .judging import estimate_between_changes
 from .settings import read_settings, settings_in_force
 
@@ -23,6 +24,7 @@ class FilterRun(NamedTuple):
     `judged`: the estimate whose innovations show whether the model explains the record. For a change detector (which counts
     process noise many times) it is that of the algorithm inside, restarted at each detected change; else `result`.
     `commanded`: the record holds commands, which actuators of the model file turned into positions.
+    `assessment`: the whole chain, where `run_gain` ran it.
     """
 
     filter: str
@@ -36,6 +38,7 @@ class FilterRun(NamedTuple):
     settings: dict[str, Any]
     judged: Estimate
     commanded: bool = False
+    assessment: GainAssessment | None = None
 
 
 def as_data(run: FilterRun) -> dict[str, Any]:
@@ -102,6 +105,14 @@ def gain_filter(file: ModelFile) -> str:
     return "change-detection" if np.all(np.asarray(sizes) > 0) else "unknown-gain"
 
 
+def has_unknown_gain(model: Path) -> bool:
+    """Whether the whole chain applies: a linear model with a gain that its prior does not know exactly."""
+    from ..models.files import read_model
+
+    file = read_model(model)
+    return isinstance(file.model, StateSpace) and file.gain is not None and gain_filter(file) == "change-detection"
+
+
 def run_filter(
     name: str | None,
     record: Path,
@@ -142,3 +153,29 @@ def run_filter(
     return FilterRun(
         name, algorithm, file.prior, measured, result, record, model, options, chosen, judged, bool(file.actuators)
     )
+
+
+def run_gain(
+    record: Path,
+    model: Path,
+    *,
+    reading: dict[str, Any] | None = None,
+    healthy: tuple[float, float] | None = None,
+    offset: bool = True,
+) -> FilterRun:
+    """Read a model file and a record, and run the whole chain: `assess_gain`. Other arguments and errors are those of
+    `run_filter`.
+    """
+    from ..estimation.assess_gain import assess_gain
+    from ..models.files import read_model
+
+    file = read_model(model)
+    algorithm = catalogue.build("unknown-gain", file, walk=0.0, forgetting=1.0)
+    measured, options = read_measured(file, record, algorithm.names, reading)
+    found = assess_gain(algorithm, measured, prior=file.prior, healthy=healthy, offset=offset)
+    onsets = [change.onset for change in diagnostics.changes(found.result)]
+    judged = estimate_between_changes(found.plain, measured, file.prior, onsets)
+    return FilterRun(
+        "mixture", found.algorithm, file.prior, measured, found.result, record, model, options, {}, judged,
+        bool(file.actuators), found,
+    )  # fmt: skip

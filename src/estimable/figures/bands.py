@@ -58,7 +58,7 @@ def bands(result: Any) -> list[Band]:
     ]
     return [
         *_of("state", names.states, result.mean, result.covariance, diffuse["mean"]),
-        *_of("gain", names.gains, result.gain, result.gain_covariance, diffuse["gain"]),
+        *_gains(result, diffuse["gain"]),
         *_of("unknown_input", tuple(map(names.labelled, names.unknown_inputs)), *inputs),
         *_of(
             "innovation",
@@ -67,6 +67,15 @@ def bands(result: Any) -> list[Band]:
             result.innovation_covariance,
         ),
     ]
+
+
+def _gains(result: Any, diffuse: np.ndarray | None) -> list[Band]:
+    """The gains; where their distribution is not Gaussian, the median and the width of the 95 % interval over 3.92."""
+    if result.gain_quantiles is None:
+        return _of("gain", result.names.gains, result.gain, result.gain_covariance, diffuse)
+    median, sigma = result.gain_standing
+    sigma = np.where(np.isnan(median), np.inf, sigma)
+    return [Band(name, "gain", median[:, i], sigma[:, i]) for i, name in enumerate(result.names.gains)]
 
 
 def _of(

@@ -171,10 +171,11 @@ class ChangeDetection(Wrapper[Watch]):
     def _labels(self) -> int:
         """The kinds of jump: one of each gain, and one of all together."""
         p = self.jump.shape[-1]
-        return p + self._jump_together
+        return p + self.jump_together
 
     @property
-    def _jump_together(self) -> bool:
+    def jump_together(self) -> bool:
+        """Whether a jump of all gains at once is a hypothesis."""
         return self.together == "any" and self.jump.shape[-1] > 1
 
     def sampled(self, clock: Clock) -> Self:
@@ -248,7 +249,7 @@ class ChangeDetection(Wrapper[Watch]):
         return white, G
 
     def _weigh(self, track: OnsetFilter) -> jumps.Ratios:
-        return jumps.weigh(track.score, track.information, self.jump, self.scales, self._jump_together)
+        return jumps.weigh(track.score, track.information, self.jump, self.scales, self.jump_together)
 
     def _tell(self, watch: Watch, info: Info, statistic: Array, verdict: jumps.Verdict, evidence: jumps.Ratios) -> Info:
         """The algorithm's report of the current belief, and of the jumps that it may not have shown yet."""

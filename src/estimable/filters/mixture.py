@@ -165,9 +165,9 @@ class Mixture(Algorithm[Members]):
         log_weight = state.log_weight + log_likelihood - total
         unseen = [_unseen(info) for info in infos]
         probability = jax.nn.softmax(log_weight - jnp.log(1 - jnp.stack(unseen)))
-        return Members(states, log_weight), self._merged(infos, probability, total)
+        return Members(states, log_weight), self.merged(infos, probability, total)
 
-    def _merged(self, infos: list[Info], probability: Array, log_likelihood: Array) -> Info:
+    def merged(self, infos: list[Info], probability: Array, log_likelihood: Array) -> Info:
         """The moments of the mixture of the reports, and its quantiles."""
         columns = [np.array(at) for at in self.columns]
         shared = [

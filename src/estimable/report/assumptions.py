@@ -10,6 +10,7 @@ from ..annotations import Tree
 from ..data.record import Record
 from ..estimation.binding import model_of
 from ..filters.change_detection import ChangeDetection
+from ..models.markov_disturbance import with_disturbances
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, GainAlgorithm, Wrapper
@@ -76,6 +77,9 @@ def record_items(record: Record) -> Any:
 
 
 def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
+    disturbance = model.disturbance
+    if disturbance is not None:
+        prior = with_disturbances(prior, disturbance.variance, model.n)
     for name, text in zip(model.states, _spreads(prior), strict=True):
         yield f"State {name}", text
     inner = algorithm.innermost

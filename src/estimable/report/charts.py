@@ -1,7 +1,7 @@
 """The diagrams of an estimate: gains, states with their measurements, innovations."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
 SHADE = "rgba(26,26,26,0.12)"
+STILL = "rgba(107,107,107,0.18)"  # of an interval without information
 FILL = 0.22  # opacity of a band
 MOST_POINTS = 6000  # most points drawn of a curve; of a longer record every k-th row is drawn
 MOST_CHARTS = 24
@@ -49,8 +50,16 @@ class MeasuredState(NamedTuple):
     values: np.ndarray
 
 
-def charts_of(result: Estimate, measured: dict[str, MeasuredState], changes: Sequence[Moment]) -> list[Chart]:
-    """The gains, then the states with their measurements, then the innovations."""
+def charts_of(
+    result: Estimate,
+    measured: dict[str, MeasuredState],
+    changes: Sequence[Moment],
+    quiet: Mapping[str, tuple[float, float]] | None = None,
+) -> list[Chart]:
+    """The gains, then the states with their measurements, then the innovations.
+
+    `quiet`: of a gain, the interval in which the input carries no information about it.
+    """
     rows = thinned(len(bands(result)[0].middle))
     panels: list[Chart] = []
     unit = "" if result.t is None else " s"
@@ -62,7 +71,8 @@ def charts_of(result: Estimate, measured: dict[str, MeasuredState], changes: Seq
             panels.append(_innovation(thin, cropped(band), units.get(band.name, "")))
         elif band.kind == "gain":
             marks = [change for change in changes if change.gain == band.name]
-            panels.append(_estimate(thin, GAIN, cropped(band), None, marks, unit))
+            still = (quiet or {}).get(band.name)
+            panels.append(_shaded(_estimate(thin, GAIN, cropped(band), None, marks, unit), still))
         else:
             output = measured.get(band.name)
             seen = None if output is None else output._replace(values=output.values[rows])
@@ -95,6 +105,25 @@ def _estimate(
     layout = {"yaxis": {"title": {"text": measured}, "range": within}, **_marked(marks)}
     heading = "Gain" if band.name == "gain" else f"{band.kind.capitalize()} {label}"
     return Chart(heading, tuple(keys), tuple(traces), layout)
+
+
+def _shaded(chart: Chart, interval: tuple[float, float] | None) -> Chart:
+    """The chart with an interval without information shaded."""
+    if interval is None:
+        return chart
+    start, end = interval
+    box = {
+        "type": "rect",
+        "x0": start,
+        "x1": end,
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "fillcolor": STILL,
+        "line": {"width": 0},
+    }
+    layout = {**chart.layout, "shapes": [box, *chart.layout.get("shapes", [])]}
+    return chart._replace(keys=(*chart.keys, Key("no information from the input", MEASURED, "band")), layout=layout)
 
 
 def _innovation(band: Band, within: tuple[float, float] | None, unit: str) -> Chart:

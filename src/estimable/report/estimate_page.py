@@ -2,7 +2,7 @@
 
 import hashlib
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ def report_of(
     commands: Sequence[tuple[str, str]] = (),
     files: Sequence[Path] = (),
     judged: Estimate | None = None,
+    quiet: Mapping[str, tuple[float, float]] | None = None,
 ) -> Report:
     """Make a report of one `Estimate`, with its record, algorithm and prior.
 
@@ -46,16 +47,19 @@ def report_of(
     - `judged`: another `Estimate` of the record, whose innovations are checked instead. For a change detector this is the
       estimate of the algorithm inside it, because the detector assumes more process noise than the model has.
 
+    - `quiet`: {gain: (start, end)}, the interval in which the input carries no information about a gain.
+
     Equal arguments give equal reports, byte for byte. Raises `InputError` if the result has no rows over time.
     """
     if result.mean is None or len(result.mean) != len(record):
         checks.refuse('a report needs every row: make the result by `estimate` with keep = "all".')
     rows = thinned(len(record))
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
+    charts = charts_of(result, measured_states(algorithm, record), _moments(result, times), quiet)
     return Report(
-        title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]",
-        tuple(charts_of(result, measured_states(algorithm, record), _moments(result, times))), _verdicts(result, judged, record),
-        (*sections_of(algorithm, record, prior), versions(result.engine, files)), tuple(commands),
+        title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]", tuple(charts),
+        _verdicts(result, judged, record), (*sections_of(algorithm, record, prior), versions(result.engine, files)),
+        tuple(commands),
     )  # fmt: skip
 
 

@@ -10,6 +10,8 @@ from .designs import DisturbanceAccommodation as DisturbanceAccommodation
 from .designs import Optimum as Optimum
 from .designs import RhoSynthesis as RhoSynthesis
 from .designs import TransKalman as TransKalman
+from .detectable import DetectableLoss as DetectableLoss
+from .detectable import GainAssessment as GainAssessment
 from .estimates import Estimate as Estimate
 from .estimates import EstimateBank as EstimateBank
 from .estimates import Forecast as Forecast
