@@ -21,7 +21,7 @@ from .rearrangement import INDEXED, MOVES, indexed, moved
 from .reductions import REDUCTIONS
 from .simplification import simplify
 
-MOST = 10_000  # operations: above this, compilation takes seconds, and arrays are as fast
+MOST = 16_000  # operations: above this, compilation takes seconds, and arrays are as fast
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
 HOISTED = {"div", "sqrt", "log"}  # slow, and without side effects
 
