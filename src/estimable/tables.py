@@ -56,7 +56,7 @@ def diffuse_of(result: Any) -> dict[str, Any]:
     }
 
 
-def to_pandas(result):
+def to_pandas(result, outputs):
     """One row for each sample, indexed by time (or by sample): each quantity next to its standard deviation, which is infinite
     if it is unknown (a diffuse prior). An unknown input is in the row of its sample, also if it was estimated later."""
     import pandas as pd
@@ -75,21 +75,29 @@ def to_pandas(result):
                 columns[f"{prefix}{name}_sigma"] = sigma[:, i]
     if result.log_likelihood_steps is not None:
         columns["log_likelihood"] = result.log_likelihood_steps
+    columns |= _output_columns(result, outputs)
     if not columns:
         checks.refuse('this result has no rows, because it was made with keep="likelihood". Use keep="all".')
     index = None if result.t is None else pd.Index(result.t, name="time")
     return pd.DataFrame(columns, index=index)
 
 
-def to_xarray(result):
-    """Named dimensions time, states, gains, outputs, and a second of each (states_2, ..) for covariances."""
-    try:
-        import xarray as xr
-    except ImportError:
-        checks.refuse("xarray is not installed: pip install 'estimable[xarray]'.")
+def _output_columns(result, outputs) -> dict[str, np.ndarray]:
+    """Each output that the states imply, and its standard deviation."""
+    kind, columns = result.kind, {}
+    sigma = None if outputs.covariance is None else standard_deviation(outputs.covariance)
+    if outputs.mean is None:
+        return {}
+    for i, name in enumerate(result.names.outputs):
+        columns[f"{name}_{kind}"] = outputs.mean[:, i]
+        if sigma is not None:
+            columns[f"{name}_{kind}_sigma"] = sigma[:, i]
+    return columns
+
+
+def _variables(result) -> dict[str, Any]:
+    """(dimensions, values) of each array of a result, and of each covariance."""
     names = result.names
-    coordinates = {kind: list(getattr(names, kind)) for kind in KINDS if getattr(names, kind)}
-    coordinates |= {f"{kind}_2": labels for kind, labels in coordinates.items()}
     variables = {}
     for field, covariance, kind, _ in BLOCKS:
         for name, shape in ((field, (kind,)), (covariance, (kind, f"{kind}_2"))):
@@ -98,6 +106,21 @@ def to_xarray(result):
                 variables[name] = (("time", *shape), values)
     if result.log_likelihood_steps is not None:
         variables["log_likelihood_steps"] = (("time",), result.log_likelihood_steps)
+    return variables
+
+
+def to_xarray(result, outputs):
+    """Named dimensions time, states, gains, outputs, and a second of each (states_2, ..) for covariances."""
+    try:
+        import xarray as xr
+    except ImportError:
+        checks.refuse("xarray is not installed: pip install 'estimable[xarray]'.")
+    names = result.names
+    coordinates = {kind: list(getattr(names, kind)) for kind in KINDS if getattr(names, kind)}
+    coordinates |= {f"{kind}_2": labels for kind, labels in coordinates.items()}
+    variables = _variables(result)
+    for name, values, axes in (("output", outputs.mean, ()), ("output_covariance", outputs.covariance, ("outputs_2",))):
+        variables |= {} if values is None else {name: (("time", "outputs", *axes), values)}
     if not variables:
         checks.refuse('this result has no rows, because it was made with keep="likelihood". Use keep="all".')
     if result.t is not None:

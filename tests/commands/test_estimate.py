@@ -48,7 +48,7 @@ def test_estimates_for_people(run, width):
 def test_the_table_is_that_of_the_result(run, tmp_path):
     answer = run(*CALL, "kalman", "--out", "table.csv")
     assert answer.code == 0
-    assert answer.stderr == RULE + "Wrote 19 rows of 9 columns to table.csv.\n"
+    assert answer.stderr == RULE + "Wrote 19 rows of 13 columns to table.csv.\n"
     table = pd.read_csv(tmp_path / "table.csv", index_col="time")
     pd.testing.assert_frame_equal(table, directly().to_pandas(), check_exact=False, rtol=1e-12)
     assert run(*CALL, "kalman", "--out", "table.csv", "--json").json["out"] == "table.csv"

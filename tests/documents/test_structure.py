@@ -50,6 +50,7 @@ ROOMS = (  # each may know those before it
 )
 LAZY = {  # (room, room): imports inside a function that go the other way
     ("results", "figures"),  # .plot()
+    ("results", "estimation"),  # Estimate.outputs() samples the model of its record
     ("results", "analysis"),  # TransKalman.margin() is the rho_margin of its error
 }
 LAZY_NAMES = {"Online"}  # of `results`, from a later room: it runs engines, and changes

@@ -215,7 +215,8 @@ def test_results_say_what_they_are():
     assert repr(result).startswith("SmoothedEstimate(log-likelihood")
     assert result.innovation is None
     assert result.log_likelihood == pytest.approx(estimate(Kalman(c.model), c.record, prior=c.prior).log_likelihood)
-    assert result.to_pandas().columns.tolist() == ["x1", "x1_sigma", "x2", "x2_sigma", "x3", "x3_sigma"]
+    columns = result.to_pandas().columns.tolist()
+    assert columns[:7] == ["x1", "x1_sigma", "x2", "x2_sigma", "x3", "x3_sigma", f"{c.model.outputs[0]}_smoothed"]
     assert result.plot().data
 
 

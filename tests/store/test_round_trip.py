@@ -134,6 +134,7 @@ THINGS = {
     "Record": lambda: RECORD,
     "Record with gaps": lambda: GAPS,
     "Record cut": lambda: GAPS[5:],
+    "Outputs": lambda: FILTERED.outputs(),
     "Log": lambda: es.Log([es.Topic("imu", [0, 4], 1e-3, {"gx": [0.0, np.nan]}, {"gx": "rad/s"}, "boot")], notes=["all"]),
     "Kalman": lambda: Kalman(MODEL),
     "UnknownGain": lambda: GAIN,

@@ -15,7 +15,7 @@ from ..filters.linearised import Linearised
 from ..filters.wrapped import check_algorithm
 from ..models.prior import Prior
 from ..protocols import Algorithm, Smoothable, Wrapper
-from ..results import Outcome, SmoothedEstimate
+from ..results import Origin, Outcome, SmoothedEstimate
 from . import gauss_newton, two_filters
 from .binding import bind
 from .estimate import check_options
@@ -79,8 +79,9 @@ def smooth(
     info = jax.tree_util.tree_map(np.asarray, run.info)
     names = bound.names._replace(note="")
     return SmoothedEstimate(
-        info, bound.t, float(forward.log_likelihood), used, outcome, ran if ran == run.engine else "xla", names
-    )
+        info, bound.t, float(forward.log_likelihood), used, outcome, ran if ran == run.engine else "xla", names,
+        Origin(algorithm, record, prior),
+    )  # fmt: skip
 
 
 def _check_call(algorithm: Algorithm[Any], lag: int | None, iterations: int) -> None:

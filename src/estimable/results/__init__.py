@@ -43,6 +43,7 @@ _HOMES = {
     "OrderSelection": "results.order_selection",
     "Origin": "results.estimates",
     "Outcome": "results.steps",
+    "Outputs": "results.steps",
     "Perturbed": "results.margins",
     "Ranked": "results.comparisons",
     "Reachability": "results.verdicts",

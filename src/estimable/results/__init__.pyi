@@ -46,6 +46,7 @@ from .steps import Info as Info
 from .steps import Interval as Interval
 from .steps import Names as Names
 from .steps import Outcome as Outcome
+from .steps import Outputs as Outputs
 from .steps import Sample as Sample
 from .steps import outcome_code as outcome_code
 from .trusts import Direction as Direction

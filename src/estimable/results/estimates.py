@@ -1,12 +1,14 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false, reportUnknownVariableType=false
 """The results of the estimating drivers."""
 
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
 
+from .. import checks
 from ..frozen import frozen, static
-from .steps import Info, Names, Outcome
+from .steps import Info, Names, Outcome, Outputs
 
 WIDTH = 2 * 1.959963984540054  # standard deviations in the 95 % interval of a Gaussian
 
@@ -98,12 +100,14 @@ class Kept:
 
 
 class Shown(Kept):
-    """A result of one run, with its printed form, table and figure."""
+    """A result of one run, with its printed form, table and figure; `kind` names its outputs in a table."""
 
+    kind = "filtered"
     log_likelihood: float
     outcome: Outcome
     engine: str
     names: Names
+    origin: Any
 
     def __repr__(self) -> str:
         parts = [f"log-likelihood {self.log_likelihood:.6g}", f"engine {self.engine}"]
@@ -121,17 +125,52 @@ class Shown(Kept):
             parts.append(self.outcome.sentence)
         return f"{type(self).__name__}({', '.join(parts)})"
 
-    def to_pandas(self):
-        """A DataFrame, one row per sample, indexed by time: each state, gain and innovation with its standard deviation."""
+    def outputs(self, *, predictive: bool = False) -> Outputs:
+        """The outputs that the estimated states imply, C x + D u, in every row, also of outputs that were not seen.
+
+        Their covariance is that of the estimate; `predictive=True` adds the noise of the sensors. It is NaN where the prior is
+        diffuse and the outputs have not yet determined the state.
+        """
+        checks.require(predictive=(predictive, bool))
+        return self._predictive if predictive else self._outputs
+
+    @cached_property
+    def _outputs(self) -> Outputs:
+        from ..estimation.outputs import outputs_of
+
+        return outputs_of(self, False)
+
+    @cached_property
+    def _predictive(self) -> Outputs:
+        from ..estimation.outputs import outputs_of
+
+        return outputs_of(self, True)
+
+    @property
+    def output(self):
+        """The outputs that the estimated states imply, C x + D u, (T, p), also where an output was not seen."""
+        return self._outputs.mean
+
+    @property
+    def output_covariance(self):
+        """Their covariances, (T, p, p), without the noise of the sensors."""
+        return self._outputs.covariance
+
+    def to_pandas(self, *, predictive: bool = False):
+        """A DataFrame, one row per sample, indexed by time: each state, gain, innovation and output with its standard deviation.
+
+        An output has the columns NAME_filtered and NAME_filtered_sigma (NAME_smoothed of a smoother); `predictive` as in
+        `outputs`.
+        """
         from ..tables import to_pandas
 
-        return to_pandas(self)
+        return to_pandas(self, self.outputs(predictive=predictive))
 
-    def to_xarray(self):
+    def to_xarray(self, *, predictive: bool = False):
         """An xarray Dataset with named dimensions and the full covariances. Needs the extra `xarray`."""
         from ..tables import to_xarray
 
-        return to_xarray(self)
+        return to_xarray(self, self.outputs(predictive=predictive))
 
     def plot(self):
         """A plotly figure: states and gains with their 2 sigma bands, and innovations with their bounds."""
@@ -164,6 +203,8 @@ class Estimate(Shown):
     - `names`: the names of the columns of each array.
     - `origin`: the algorithm, the record and the prior of the run.
     - `info`: the record that holds the arrays.
+
+    `output` (T, p) and `output_covariance` (T, p, p) are the outputs that the estimated states imply (`outputs`).
     """
 
     info: Annotated[Info, "T"]
@@ -195,6 +236,8 @@ class SmoothedEstimate(Shown):
     outcome: Outcome = static()
     engine: str = static()
     names: Names = static()
+    origin: Any = None
+    kind = "smoothed"
     __repr__ = Shown.__repr__
 
 

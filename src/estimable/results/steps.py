@@ -80,6 +80,14 @@ class Info:
     extra: Any = None
 
 
+@saved
+class Outputs(NamedTuple):
+    """Outputs of a result: `mean` (T, p), and their `covariance` (T, p, p); None where the result has none."""
+
+    mean: Annotated[Any, "T p"]
+    covariance: Annotated[Any, "T p p", "symmetric"]
+
+
 OUTCOMES = {
     0: "",
     1: "the estimate is no longer finite: the model may be unstable and unobserved, or numbers overflowed",

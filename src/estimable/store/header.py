@@ -18,6 +18,7 @@ MOVED: dict[tuple[str, str], tuple[str, str]] = {}
 ADDED: dict[str, dict[str, Any]] = {
     "StateSpace": {"schedule": None},
     "Progress": {"schedule": None},
+    "SmoothedEstimate": {"origin": None},
     "Record": {"breaks": (), "origin": None, "grid": None, "placing": (), "sources": (), "notes": ()},
 }
 MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
