@@ -20,7 +20,7 @@ def test_the_record_and_the_truth_are_those_of_the_flight(run, tmp_path):
     record, truth = pd.read_csv(out), json.loads((tmp_path / "F.truth.json").read_text())
     events = [es.Stuck(4.5, "elevator_deg"), es.Failure(3.0, 0.7, "elevator_deg"),
               es.SensorFault(5.0, "alpha_deg", "dropout", until=6.0)]  # fmt: skip
-    closed = worlds.fly("f16", seed=1, events=events)
+    closed = worlds.world("f16", events).fly(seed=1)
     assert_allclose(record["elevator_deg"], closed.input[:, 0], rtol=1e-12)
     assert_allclose(record["elevator_deg_command"], closed.applied[:, 0], rtol=1e-12)
     assert_allclose(record["alpha_deg"], closed.output[:, 0], rtol=1e-12)
@@ -30,7 +30,19 @@ def test_the_record_and_the_truth_are_those_of_the_flight(run, tmp_path):
     assert len(np.unique(truth["inputs"]["elevator_deg"][451:])) == 1
 
 
+def test_turbulence_moves_the_aircraft_and_is_among_the_true_states(run, tmp_path):
+    out = tmp_path / "T.csv"
+    assert run("simulate", "f16", "--turbulence", "severe", "--seed", "2", "--out", str(out)).code == 0
+    true = json.loads((tmp_path / "T.truth.json").read_text())["states"]
+    still = worlds.world("f16").fly(seed=2)
+    assert 0.2 < np.std(true["alpha"] - still.state[:, 0]) < 3.0
+    gust = np.degrees(np.array(true["gust_w"]) / worlds.AIRSPEED)
+    felt = pd.read_csv(out)["alpha_deg"] - true["alpha"] - gust
+    assert abs(np.std(felt) - 0.03) < 0.003
+
+
 @pytest.mark.parametrize(("arguments", "sentences"), [
+    (("--turbulence", "awful"), ("`--turbulence` must be one of 'none', 'light', 'moderate', 'severe'",)),
     (("--fault", "stuk:elevator@4.5", "--fault", "bias:pitch@3"), ("no kind 'stuk'", "Did you mean 'stuck'", "needs a value")),
     (("--fault", "stuck:motor3@4.5"), ("has no input 'motor3'. Its inputs are 'elevator_deg'",)),
     (("--fault", "stuck:elevator@-1",), ("`time` must be at least 0 seconds",)),

@@ -46,20 +46,18 @@ def flown(
     if plant is not None:
         faults.choice("--plant", plant, tuple(NAMES))
     check_links(arrivals, burst, faults)
+    faults.choice("--turbulence", turbulence or "none", worlds.SEVERITIES)
     for option, value in refused.items():
         if value is not None:
             faults.add(f"--{option} does not apply to a flight with --fault, --turbulence or --out: leave it out.")
     faults.finish()
     name = what if plant is None else NAMES[plant]
     about = {"about": "zero"} if plant == "jsbsim-untrimmed" else {}
-    healthy = worlds.WORLDS[name](**about).plant
-    model = healthy.model
-    events = read_faults(faults_given, model)
+    events = read_faults(faults_given, worlds.world(name, **about).plant.model)
+    links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
     with show.working("Flying"):
-        closed = worlds.fly(
-            name, seed=seed, events=events, turbulence=turbulence or worlds.NO_TURBULENCE, **about,
-            **dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True)),
-        )  # fmt: skip
+        flight = worlds.world(name, events, turbulence=turbulence or "none", **about)
+        closed, model = flight.fly(seed=seed, **links), flight.plant.model
     return closed, model
 
 

@@ -10,6 +10,7 @@ from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
 from .actuator import Actuator, by_input
+from .disturbances import Upset
 from .events import Change, Event, PlantPhase
 from .operating_point import OperatingPoint
 from .output_error import OutputError, past_states
@@ -151,11 +152,17 @@ def _in_turbulence(model: StateSpace, events: Sequence[Event], turbulence: Turbu
     """The model and the events with the states of the turbulence."""
     checks.require(turbulence=(turbulence, Turbulence))
     if isinstance(events, list | tuple):
-        events = [
-            replace(event, model=turbulence.into(event.model)) if isinstance(event, Change) else event
-            for event in events
-        ]
+        events = [_with_gusts(event, model, turbulence) for event in events]
     return turbulence.into(model), events
+
+
+def _with_gusts(event: Event, model: StateSpace, turbulence: Turbulence) -> Event:
+    """The event for the model with the states of the turbulence."""
+    if isinstance(event, Change):
+        return replace(event, model=turbulence.into(event.model))
+    if isinstance(event, Upset) and np.shape(event.by) == (model.n,):
+        return replace(event, by=dict(zip(model.states, event.by, strict=True)))
+    return event
 
 
 def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Faults) -> None:

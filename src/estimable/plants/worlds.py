@@ -1,4 +1,4 @@
-"""Plants in closed loops with everything that a flight needs, to simulate by name with events: `fly`."""
+"""Plants in closed loops with everything that a flight needs, to simulate by name with events."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -9,8 +9,10 @@ from .. import checks
 from ..filters.kalman_filter import Kalman
 from ..models.actuator import Actuator
 from ..models.controlled import ControlledPlant
+from ..models.dryden import Dryden
 from ..models.events import Event
 from ..models.prior import Prior
+from ..models.turbulence import Turbulence
 from ..protocols import Algorithm, Controller, Link
 from ..results import ClosedLoop
 from ..simulation.close_loop import close_loop
@@ -19,7 +21,8 @@ from .jsbsim_f16 import JsbsimF16
 
 Q = np.diag([1e-3, 0.1])  # density of process noise that represents the error of a linear model of the F-16
 ELEVATOR = Actuator(f16.ACTUATOR, limits=(-25.0, 25.0), rate=60.0)
-NO_TURBULENCE = "none"
+SEVERITIES = ("none", "light", "moderate", "severe")  # of turbulence
+ALTITUDE, AIRSPEED = 6096.0, 275.0  # [m], [m/s]: the flight condition of the models
 
 
 class World(NamedTuple):
@@ -32,23 +35,39 @@ class World(NamedTuple):
     dt: float
     prior: Prior
 
+    def fly(self, *, seed: int, **links: Link | None) -> ClosedLoop:
+        """Simulate the loop. `links`: `input_link` and `output_link`; the actuators hold what is lost."""
+        return close_loop(
+            self.plant, self.controller, self.estimator, reference=self.reference, seed=seed, prior=self.prior, dt=self.dt,
+            lost="hold", **links,
+        )  # fmt: skip
 
-def f16_world(events: Sequence[Event] = ()) -> World:
+
+def f16_world(events: Sequence[Event] = (), turbulence: str = "none") -> World:
     """The short period of the F-16 under its fixed pitch-rate law, for 16.5 s: three doublets of ±10 deg/s. The elevator has
     limits of ±25 deg and a rate of 60 deg/s.
     """
     model = f16.short_period(Q=Q)
     t = np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
-    plant = ControlledPlant(model, actuator=ELEVATOR, events=list(events))
+    plant = ControlledPlant(model, actuator=ELEVATOR, events=list(events), turbulence=_air(turbulence))
     return World(plant, f16.law(), Kalman(model), f16.pitch_command(t)[:, None], 1 / f16.RATE, _exact(2))
 
 
-def jsbsim_world(events: Sequence[Event] = (), about: str = "trim") -> World:
+def jsbsim_world(events: Sequence[Event] = (), turbulence: str = "none", about: str = "trim") -> World:
     """The F-16 of JSBSim under a fixed pitch-rate law, for 16.5 s: three doublets of ±2.5 deg/s."""
+    if turbulence != "none":
+        checks.refuse("the F-16 of JSBSim flies in still air here: turbulence is possible for the short period.")
     aircraft = JsbsimF16(about=about, events=events)
     t = np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
     law, estimator = f16_in_jsbsim.law(aircraft.model), Kalman(f16_in_jsbsim.with_upset(aircraft.model))
     return World(aircraft, law, estimator, f16_in_jsbsim.doublets(t)[:, None], 1 / f16.RATE, _exact(3))
+
+
+def _air(severity: str) -> Turbulence | None:
+    """The turbulence of a severity, which enters alpha; the vane feels it."""
+    if severity == "none":
+        return None
+    return Turbulence(Dryden.at(ALTITUDE, AIRSPEED, severity=severity), {"alpha": "alpha"}, angle="deg")
 
 
 def _exact(n: int) -> Prior:
@@ -58,28 +77,15 @@ def _exact(n: int) -> Prior:
 WORLDS: dict[str, Callable[..., World]] = {"f16": f16_world, "jsbsim": jsbsim_world}
 
 
-def fly(
-    name: str,
-    *,
-    seed: int,
-    events: Sequence[Event] = (),
-    turbulence: str = NO_TURBULENCE,
-    input_link: Link | None = None,
-    output_link: Link | None = None,
-    **settings: str,
-) -> ClosedLoop:
-    """Simulate a plant of `WORLDS` in its closed loop, with `events`. `settings`: of the world.
+def world(name: str, events: Sequence[Event] = (), *, turbulence: str = "none", **settings: str) -> World:
+    """A world of `WORLDS` by name, with `events` and `turbulence` ("none", "light", "moderate" or "severe").
 
     >>> from estimable import Stuck
-    >>> fly("f16", seed=1, events=[Stuck(4.5, "elevator_deg")]).events
+    >>> world("f16", [Stuck(4.5, "elevator_deg")]).fly(seed=1).events
     (Stuck(time=4.5, input='elevator_deg', at=None),)
     """
     faults = checks.Faults()
     faults.choice("name", name, tuple(WORLDS))
-    faults.choice("turbulence", turbulence, (NO_TURBULENCE,))
+    faults.choice("turbulence", turbulence, SEVERITIES)
     faults.finish()
-    world = WORLDS[name](events, **settings)
-    return close_loop(
-        world.plant, world.controller, world.estimator, reference=world.reference, seed=seed, prior=world.prior, dt=world.dt,
-        input_link=input_link, output_link=output_link, lost="hold",
-    )  # fmt: skip
+    return WORLDS[name](events, turbulence, **settings)
