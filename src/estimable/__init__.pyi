@@ -114,6 +114,7 @@ from .models.operating_point import OperatingPoint as OperatingPoint
 from .models.output_error import OutputError as OutputError
 from .models.prior import Prior as Prior
 from .models.state_space import StateSpace as StateSpace
+from .models.uncertainty import ModelUncertainty as ModelUncertainty
 from .models.uncorrelated import uncorrelated as uncorrelated
 from .networks.links import BernoulliLink as BernoulliLink
 from .networks.links import DelayLink as DelayLink
