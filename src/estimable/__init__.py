@@ -60,6 +60,7 @@ _HOMES = {
     "MarkovParameters": "identifiers.markov_parameters",
     "MinimumVariance": "identifiers.minimum_variance",
     "Mixture": "filters.mixture",
+    "ModelUncertainty": "models.uncertainty",
     "MovingWindow": "filters.moving_window",
     "NonlinearModel": "models.nonlinear_model",
     "Offset": "models.events",

@@ -119,6 +119,7 @@ from .models.prior import Prior as Prior
 from .models.state_space import StateSpace as StateSpace
 from .models.turbulence import Turbulence as Turbulence
 from .models.turbulence import with_turbulence as with_turbulence
+from .models.uncertainty import ModelUncertainty as ModelUncertainty
 from .models.uncorrelated import uncorrelated as uncorrelated
 from .networks.links import BernoulliLink as BernoulliLink
 from .networks.links import DelayLink as DelayLink

@@ -235,27 +235,38 @@ def build(name: str, file: ModelFile, /, **settings: Any) -> Any:
         faults.finish()
     _check_settings(built, wraps, file, settings, faults)
     faults.finish()
-    if wraps and built.cls is Mixture:
-        walks = [settings.pop("walk")] if "walk" in settings else WALKS
-        given = {} if len(walks) == 1 else {"probability": WALK_PROBABILITY}
-        own = {**given, **{key: settings.pop(key) for key in ["probability"] if key in settings}}
-        return Mixture([build(wraps, file, **{**settings, "walk": walk}) for walk in walks], **own)
     if wraps:
-        own = {key: settings.pop(key) for key in settings_of(built.cls) if key in settings}
-        return built.cls(build(wraps, file, **settings), **{**built.settings, **own})
+        return _wrapper(built, wraps, file, settings)
     if isinstance(file.model, NonlinearModel):
         return _nonlinear(built, file, settings)
     if built.cls is UnknownGain:
         assert file.gain is not None
-        return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **settings})
+        return UnknownGain(file.model, file.gain.prior, **{**file.gain.settings, **_uncertain(file), **settings})
     if built.name in NONLINEAR and file.gain is not None:
         checks.refuse(
             f"{built.name} does not estimate the gain of a linear model, but the model file has a section [gain]: use "
             "unknown-gain, which is exact, or leave out the section."
         )
+    if built.cls is Kalman:
+        return Kalman(file.model, **{**_uncertain(file), **settings})
     if built.cls is AlphaBeta:
         return AlphaBeta(**{"model": file.model, **settings})
     return built.cls(file.model, **settings)
+
+
+def _wrapper(built: Entry, wraps: str, file: ModelFile, settings: dict[str, Any]) -> Any:
+    """A wrapper around the algorithm `wraps`; a mixture of those with several walks, unless a walk is given."""
+    if built.cls is Mixture:
+        walks = [settings.pop("walk")] if "walk" in settings else WALKS
+        own = {"probability": settings.pop("probability", WALK_PROBABILITY if len(walks) > 1 else None)}
+        return Mixture([build(wraps, file, **{**settings, "walk": walk}) for walk in walks], **own)
+    own = {key: settings.pop(key) for key in settings_of(built.cls) if key in settings}
+    return built.cls(build(wraps, file, **settings), **{**built.settings, **own})
+
+
+def _uncertain(file: ModelFile) -> dict[str, Any]:
+    """The uncertainty of the model, for the filters that take it."""
+    return {} if file.uncertainty is None else {"uncertainty": file.uncertainty}
 
 
 def _check_settings(

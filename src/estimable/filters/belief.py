@@ -8,7 +8,7 @@ from jax.lax import stop_gradient
 
 from ..annotations import Array
 from ..frozen import frozen, replace
-from ..kernels import all_outputs, independent, kalman
+from ..kernels import all_outputs, independent, kalman, schmidt
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Drift, Gaussian, Measurement, Posterior, Transition
 from ..kernels.later_information import Later, unit_noise
@@ -74,20 +74,26 @@ def side_by_side(a: Belief, b: Belief) -> Belief:
 
 
 def correct(
-    belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool
+    belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool, considered: slice | None = None
 ) -> tuple[Belief, Posterior]:
-    """Condition on the seen outputs; `independently` as in `posterior`."""
+    """Condition on the seen outputs; `independently` and `considered` as in `posterior`."""
     if belief.drift is not None:
         raise ValueError(
             "correct was called twice without predict: the cross noise S of a sample can be used only once."
         )
-    post = posterior(belief, measurement, sample, independently=independently)
+    post = posterior(belief, measurement, sample, independently=independently, considered=considered)
     before = belief.factor if belief.before is None else belief.before
     return Belief(*post.state, *(post.drift or (None, None)), before), post
 
 
-def posterior(belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool) -> Posterior:
-    """The belief given the seen outputs; `independently`: V is known to be diagonal, and Ω is None."""
+def posterior(
+    belief: Belief, measurement: Measurement, sample: Sample, *, independently: bool, considered: slice | None = None
+) -> Posterior:
+    """The belief given the seen outputs; `independently`: V is known to be diagonal, and Ω is None. `considered`: the states that
+    are not estimated.
+    """
+    if considered is not None:
+        return schmidt.correct(belief.gaussian, measurement, sample.y, sample.seen, considered)
     update = kalman.correct
     if independently and belief.diffuse.shape[1] == 0:
         p, n = measurement.C.shape

@@ -275,7 +275,7 @@ class ChangeDetection(Wrapper[Watch]):
         weight = jnp.concatenate([1 - unseen[None], unseen * verdict.probability.ravel()])
         mean = jnp.concatenate([jnp.zeros((p, 1)), jump.shift], axis=1)
         variance = jnp.concatenate([jnp.zeros((p, 1)), jump.variance], axis=1) + diagonal(now.gain_covariance)[:, None]
-        found = now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight)
+        found = self.algorithm.skewed(now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight))
         unknown = jnp.sum(watch.track.belief.diffuse[-p:] ** 2, axis=1) > 0
         return jnp.where(unknown[:, None], jnp.nan, found)
 

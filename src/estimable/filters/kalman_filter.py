@@ -1,6 +1,6 @@
 """The Kalman filter."""
 
-from dataclasses import field
+from dataclasses import KW_ONLY, field
 from typing import Self
 
 import jax.numpy as jnp
@@ -14,9 +14,10 @@ from ..kernels.smoothing import Instant
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..models.uncertainty import ModelUncertainty, tangents
 from ..protocols import Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
-from . import belief
+from . import belief, uncertain
 from .belief import Belief
 from .input_noise import with_input_noise
 
@@ -34,7 +35,7 @@ class Kalman(Smoothable[Belief]):
     input is unknown, use `UnknownGain`.
 
     Settings: `model`, a `StateSpace` with R, continuous or discrete. A continuous one is discretised for each distinct step
-    of the record.
+    of the record. `uncertainty`, a `ModelUncertainty` of A, B or C (default None: they are right).
 
     Cost: about 2 p (p + n)(p + n) + n² (2 (n + p) + q) multiplications per sample, with q process noises;
     0.15 us at n = 4, p = 2 as machine code.
@@ -51,11 +52,15 @@ class Kalman(Smoothable[Belief]):
 
     takes_uncertain_inputs = True
     model: StateSpace
+    _: KW_ONLY
+    uncertainty: ModelUncertainty | None = None
     ready: SampledModel | None = field(default=None, init=False)
 
     def __post_init__(self):
         faults = checks.Faults()
         faults.instance("model", self.model, StateSpace)
+        if self.uncertainty is not None and faults.instance("uncertainty", self.uncertainty, ModelUncertainty):
+            self.uncertainty.check(self.model, faults)
         faults.finish()
 
     @property
@@ -65,7 +70,13 @@ class Kalman(Smoothable[Belief]):
 
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model discretised for the steps of `clock` and its noises factored."""
-        return replace(self, ready=sample(self.model, clock), model=None)
+        return replace(self, ready=self._sampled(clock), model=None)
+
+    def _sampled(self, clock: Clock) -> SampledModel:
+        ready = sample(self.model, clock)
+        if self.uncertainty is None:
+            return ready
+        return replace(ready, tangents=tangents(self.model, self.uncertainty, clock, lambda model: model))
 
     def at(self, k: int | Array) -> Self:
         """The filter at row k of a time-varying model."""
@@ -73,17 +84,22 @@ class Kalman(Smoothable[Belief]):
 
     @property
     def _ready(self) -> SampledModel:
-        return sample(self.model, Clock.every(self.model.dt)) if self.ready is None else self.ready
+        return self._sampled(Clock.every(self.model.dt)) if self.ready is None else self.ready
 
     def init(self, prior: Prior) -> Belief:
         """The belief about x[0], before y[0]."""
         ready = self._ready
-        return belief.believe(prior, ready.point.states, ready.added)
+        state = belief.believe(prior, ready.point.states, ready.added)
+        return state if ready.tangents is None else uncertain.beside(state, ready.tangents)
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Update the belief with one sample."""
-        independently = self._ready.independent
-        state, post = belief.correct(state, self.measurement(sample), sample, independently=independently)
+        ready, considered = self._ready, None
+        if self.uncertainty is not None and self.uncertainty.treat == "considered":
+            considered = slice(state.mean.shape[0] - ready.tangents.count, state.mean.shape[0])
+        state, post = belief.correct(
+            state, self.measurement(sample, state), sample, independently=ready.independent, considered=considered
+        )
         info = replace(
             self.tell(state),
             innovation=post.innovation,
@@ -95,26 +111,47 @@ class Kalman(Smoothable[Belief]):
 
     def tell(self, state: Belief) -> Info:
         """Mean and covariance of a belief, in the user's units."""
-        diffuse = gram(state.diffuse) if state.diffuse.shape[1] else None
-        return Info(state.mean + self._ready.point.states, state.covariance, diffuse_covariance=diffuse)
+        origin = self._ready.point.states
+        n = origin.shape[0]
+        diffuse = gram(state.diffuse)[:n, :n] if state.diffuse.shape[1] else None
+        return Info(state.mean[:n] + origin, state.covariance[:n, :n], diffuse_covariance=diffuse)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
-        return belief.predict(state, self._transition(interval), self._ready.Ω)
+        Ω, q = self._ready.Ω, state.mean.shape[0] - self._ready.A.shape[0]
+        if Ω is not None and q:
+            Ω = jnp.concatenate([Ω, jnp.zeros((q, Ω.shape[1]))])
+        return belief.predict(state, self._transition(interval, state), Ω)
+
+    @property
+    def for_smoothing(self) -> Self:
+        """The filter itself. Raises `InputError` for an uncertain model."""
+        uncertain.refuse_smoothing(self.uncertainty)
+        return self
 
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model, for the smoother."""
         return Instant(self._transition(interval), self.measurement(sample))
 
-    def measurement(self, sample: Sample) -> Measurement:
-        """y = C x + d + V e, where d comes from the known input."""
+    def measurement(self, sample: Sample, about: Belief | None = None) -> Measurement:
+        """y = C x + d + V e, where d comes from the known input. `about`: the belief, of a model with uncertain entries."""
         model = self._ready
         d = model.point.outputs + apply(model.D, sample.u - model.point.inputs)
-        return Measurement(model.C, d, model.V, model.Ω)
+        if model.tangents is None or about is None:
+            return Measurement(model.C, d, model.V, model.Ω)
+        q = model.tangents.count
+        C, constant = uncertain.observation(model, model.tangents, uncertain.parts(about.mean, q, 0))
+        Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((q, model.Ω.shape[1]))])
+        return Measurement(C, d + constant, model.V, Ω)
 
-    def _transition(self, interval: Interval) -> Transition:
+    def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
         """x+ = A x + c + W e', where c comes from the known input; noise of the input is part of W."""
         model = self._ready
+        if model.tangents is not None and state is not None:
+            q = model.tangents.count
+            A, b, constant = uncertain.motion(model, model.tangents, uncertain.parts(state.mean, q, 0), interval)
+            W = uncertain.noise(with_input_noise(model.W, model, interval, jnp.ones((1, 1))), q)
+            return Transition(A, b[:, 0] + constant, W)
         c = apply(model.B, interval.u - model.point.inputs)
         if model.B_end is not None:
             c = c + apply(model.B_end, interval.u_end - model.point.inputs)

@@ -10,6 +10,7 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import frozen, replace, set_field
 from ..kernels import joint_gain
+from ..kernels.bank_moments import gaussian_quantiles
 from ..kernels.kalman import Measurement, Posterior, Transition
 from ..kernels.small import factors, gram, triangularise
 from ..kernels.smoothing import Instant
@@ -17,11 +18,14 @@ from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
+from ..models.uncertainty import ModelUncertainty, skewed, tangents
 from ..protocols import JumpingGains, Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
-from . import belief
+from . import belief, uncertain
 from .belief import Belief
 from .input_noise import refuse_unknown_input, with_input_noise
+
+WIDEST = 0.05  # standard deviation of a gain beside which the scale of B can be estimated
 
 
 @frozen
@@ -47,6 +51,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
       (p, outputs, m).
     - `walk`: the variance per second of each θ, (p,) or one number, or a covariance (p, p) per second. θ is constant over a
       step and moves at its end.
+    - `uncertainty`: a `ModelUncertainty` of A, B or C (default None: they are right); of B, it is that of the matrix that the
+      gains multiply. The gain then has `gain_quantiles`, with the skew of a quotient where B is uncertain.
     - `forgetting` λ in (0, 1]: after each sample the covariance P of (x, θ) becomes D P D with D = diag(I, λ^-1/2 I), so that
       old information about θ loses weight.
 
@@ -68,6 +74,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     feedthrough: Any = None
     walk: Any = 0.0
     forgetting: Any = 1.0
+    uncertainty: ModelUncertainty | None = None
     ready: SampledModel | None = field(default=None, init=False)
     walk_factor: Any = field(default=None, init=False)
 
@@ -87,8 +94,26 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
                 "as matrices have no meaning for it: give the continuous model (dt = 0)."
             )
         forgetting = faults.number("forgetting", self.forgetting, above=0.0, upper=1.0)
+        if self.uncertainty is not None:
+            self._check_uncertainty(directions, faults)
         faults.finish()
         set_field(self, directions=directions, feedthrough=feedthrough, fixed=fixed, walk=walk, forgetting=forgetting)
+
+    def _check_uncertainty(self, directions: Any, faults: checks.Faults) -> None:
+        given = self.uncertainty
+        if not faults.instance("uncertainty", given, ModelUncertainty) or given is None:
+            return
+        given.check(self.model, faults)
+        if faults.sentences or "B" not in given.of(self.model):
+            return
+        if not gain_blocks.is_word(directions):
+            faults.add("`uncertainty` of B has no meaning here: `directions` replace the B of the model.")
+        widest = float(np.sqrt(np.max(np.diagonal(np.asarray(self.gain.covariance), axis1=-2, axis2=-1), initial=0.0)))
+        if given.treat == "estimated" and (widest > WIDEST or self.gain.diffuse is not None):
+            faults.add(
+                f'`uncertainty` with treat = "estimated" cannot tell a gain from the scale of B: the prior of the gain must '
+                f'have a standard deviation of at most {WIDEST:g}. It has {widest:.3g}. Use treat = "considered".'
+            )
 
     def _check_gain(self, directions: Numbers | str | None, faults: checks.Faults) -> None:
         p = faults.sizes.get("p", self.gain.size)
@@ -120,12 +145,15 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model and each block of B(θ) discretised, and its noises factored."""
-        return replace(self, ready=sample(self._in_blocks(), clock), walk_factor=factors(self.walk), model=None)
+        ready = sample(self._in_blocks(self.model), clock)
+        if self.uncertainty is not None:
+            ready = replace(ready, tangents=tangents(self.model, self.uncertainty, clock, self._in_blocks))
+        return replace(self, ready=ready, walk_factor=factors(self.walk), model=None)
 
-    def _in_blocks(self) -> StateSpace:
+    def _in_blocks(self, model: StateSpace) -> StateSpace:
         p = self.gain.mean.shape[-1]
         return gain_blocks.in_blocks(
-            self.model, p, directions=self.directions, fixed=self.fixed, feedthrough=self.feedthrough
+            model, p, directions=self.directions, fixed=self.fixed, feedthrough=self.feedthrough
         )
 
     def at(self, k: int | Array) -> Self:
@@ -141,6 +169,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         """The belief about (x[0], θ) before y[0]: the state from `prior`, the gain from this filter's own prior."""
         ready = self._ready.ready
         state = belief.believe(prior, ready.point.states, ready.added)
+        if ready.tangents is not None:
+            state = uncertain.beside(state, ready.tangents)
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
@@ -162,56 +192,99 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def condition(self, state: Belief, sample: Sample, about: Belief | None = None) -> tuple[Belief, Posterior]:
         """The belief about (x, θ) after one sample, and the whole update. `about` has no effect, as the model is linear."""
-        independently = self._ready.ready.independent
-        return belief.correct(state, self._measurement(sample), sample, independently=independently)
+        ready = self._ready.ready
+        measurement = self._measurement(sample, state if about is None else about)
+        return belief.correct(
+            state, measurement, sample, independently=ready.independent, considered=self._considered(state)
+        )
+
+    def _considered(self, state: Belief) -> slice | None:
+        """The uncertain entries in the state, where they are not estimated."""
+        if self.uncertainty is None or self.uncertainty.treat == "estimated":
+            return None
+        end = state.mean.shape[0] - self.gain.mean.shape[0]
+        return slice(end - self._uncertain, end)
+
+    @property
+    def _uncertain(self) -> int:
+        """The number of uncertain entries of the model."""
+        found = self._ready.ready.tangents
+        return 0 if found is None else found.count
 
     def tell(self, state: Belief) -> Info:
         """Mean and covariance of a belief about (x, θ), in the user's units."""
-        n = state.mean.shape[0] - self.gain.mean.shape[0]
+        p = self.gain.mean.shape[0]
+        end = state.mean.shape[0] - p
+        n = end - self._uncertain
         covariance, extra, diffuse = state.covariance, {}, None
-        extra["state_gain_covariance"] = covariance[:n, n:]
+        extra["state_gain_covariance"] = covariance[:n, end:]
         if state.diffuse.shape[1]:
             diffuse = gram(state.diffuse)
-            extra["gain_diffuse_covariance"] = diffuse[n:, n:]
+            extra["gain_diffuse_covariance"] = diffuse[end:, end:]
+        quantiles = None
+        if self.uncertainty is not None:
+            found = self.skewed(gaussian_quantiles(state.mean[end:], covariance[end:, end:]))
+            unknown = jnp.sum(state.diffuse[end:] ** 2, axis=1) > 0
+            quantiles = jnp.where(unknown[:, None], jnp.nan, found)
         return Info(
             mean=state.mean[:n] + self._ready.ready.point.states,
             covariance=covariance[:n, :n],
-            gain=state.mean[n:],
-            gain_covariance=covariance[n:, n:],
+            gain=state.mean[end:],
+            gain_covariance=covariance[end:, end:],
+            gain_quantiles=quantiles,
             diffuse_covariance=None if diffuse is None else diffuse[:n, :n],
             extra=extra,
         )
+
+    def skewed(self, quantiles: Array) -> Array:
+        """The quantiles (p, 5) of the gains, with the skew of a quotient where the B that they multiply is uncertain."""
+        found = self._ready.ready.tangents
+        return skewed(quantiles) if found is not None and found.skew else quantiles
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
         transition = self._transition(interval, state)
         return self._forget(belief.predict(state, transition, self._cross_noise(self._ready.ready)))
 
+    @property
+    def for_smoothing(self) -> Self:
+        """The filter itself. Raises `InputError` for an uncertain model."""
+        uncertain.refuse_smoothing(self.uncertainty)
+        return self
+
     def instant(self, sample: Sample, interval: Interval) -> Instant:
         """This row of the model of (x, θ), for the smoother; not defined with forgetting."""
         refuse_unknown_input(interval)  # its effect depends on the gain
         return Instant(self._transition(interval), self._measurement(sample))
 
-    def _measurement(self, sample: Sample) -> Measurement:
-        """y = H (x, θ) + d + V e."""
-        model = self._ready.ready
+    def _measurement(self, sample: Sample, about: Belief | None = None) -> Measurement:
+        """y = H (x, θ) + d + V e; `about`: the belief at which the effect of uncertain entries is linear."""
+        model, C, constant = self._ready.ready, self._ready.ready.C, 0.0
+        if model.tangents is not None and about is not None:
+            now = uncertain.parts(about.mean, model.tangents.count, self.gain.mean.shape[0])
+            C, constant = uncertain.observation(model, model.tangents, now)
         d = joint_gain.effects(model.D, sample.u - model.point.inputs, self.gain.mean.shape[0] + 1)
-        H = joint_gain.observation(model.C, d[:, 1:])
-        return Measurement(H, model.point.outputs + d[:, 0], model.V, self._cross_noise(model))
+        H = joint_gain.observation(C, d[:, 1:])
+        return Measurement(H, model.point.outputs + d[:, 0] + constant, model.V, self._cross_noise(model))
 
     def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
         """The step to the next (x, θ); `state` is the belief about θ where inputs are uncertain."""
         model, p = self._ready.ready, self.gain.mean.shape[0]
-        b = joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
-        if model.B_end is not None:
-            b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
         noise = model.W if state is None else with_input_noise(model.W, model, interval, _moments(state, p))
+        if model.tangents is not None and state is not None:
+            now = uncertain.parts(state.mean, model.tangents.count, p)
+            A, b, constant = uncertain.motion(model, model.tangents, now, interval)
+            noise = uncertain.noise(noise, model.tangents.count)
+        else:
+            A, constant, b = model.A, 0.0, joint_gain.effects(model.B, interval.u - model.point.inputs, p + 1)
+            if model.B_end is not None:
+                b = b + joint_gain.effects(model.B_end, interval.u_end - model.point.inputs, p + 1)
         W = joint_gain.block_diagonal(noise, self._ready.walk_factor * jnp.sqrt(interval.dt))
-        return Transition(joint_gain.transition(model.A, b[:, 1:]), jnp.concatenate([b[:, 0], jnp.zeros(p)]), W)
+        return Transition(joint_gain.transition(A, b[:, 1:]), jnp.concatenate([b[:, 0] + constant, jnp.zeros(p)]), W)
 
     def _cross_noise(self, model: SampledModel):
         """Ω of (x, θ): the process noise of θ is independent of the noise of the outputs."""
-        p = self.gain.mean.shape[0]
+        p = self.gain.mean.shape[0] + self._uncertain
         return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
 
     def _forget(self, state: Belief) -> Belief:

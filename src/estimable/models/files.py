@@ -17,6 +17,7 @@ from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
 from .prior import Prior
 from .state_space import StateSpace
+from .uncertainty import ModelUncertainty
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S")
 KEYS = {
@@ -43,9 +44,11 @@ KEYS = {
     ),
     "unknown": ("inputs",),
     "actuators": ("bandwidth", "limits", "rate", "delay", "operating_point", "floats_to"),  # of each input
+    "uncertainty": ("A", "B", "C", "relative", "treat"),
     "schedule": ("at", *MATRICES),  # of the section of each channel, such as [schedule.airspeed]
 }
 SETTINGS = KEYS["gain"][3:]
+OPTIONAL = ("gain", "unknown", "record", "actuators", "uncertainty")
 REQUIRED = {
     "model": ("dt", "states", "outputs", "A", "C", "R"),
     "prior": ("mean", "covariance"),
@@ -70,6 +73,7 @@ class ModelFile(NamedTuple):
     - `gain`: the section [gain]. None: the file has no such section.
     - `unknown`: the names of the unknown inputs.
     - `record`: arguments of `read_record`.
+    - `uncertainty`: the section [uncertainty]. None: the file has no such section.
     - `actuators`: {input: `Actuator`}. The record then holds the commands of these inputs (`through_actuators`).
     """
 
@@ -79,6 +83,7 @@ class ModelFile(NamedTuple):
     unknown: tuple[str, ...] = ()
     record: dict[str, Any] = {}  # noqa: RUF012  never changed
     actuators: dict[str, Actuator] = {}  # noqa: RUF012  never changed
+    uncertainty: ModelUncertainty | None = None
 
 
 def read_model(path: str | Path) -> ModelFile:
@@ -122,7 +127,7 @@ def _from_python(path: Path) -> ModelFile:
         if not isinstance(found.get(name), kinds):
             faults.add(f"a Python model file must define `{name}`, {words}.")
     faults.finish()
-    optional = {name: found[name] for name in ("gain", "unknown", "record", "actuators") if name in found}
+    optional = {name: found[name] for name in OPTIONAL if name in found}
     file = ModelFile(found["model"], found["prior"], **optional)
     _check_file(file, faults)
     faults.finish()
@@ -150,8 +155,9 @@ def _from_sections(sections: dict[str, Any]) -> ModelFile:
     if gain is not None and gain_prior is not None:
         section = GainSection(gain_prior, {key: gain[key] for key in SETTINGS if key in gain})
     actuators = {name: _actuator(name, given, faults) for name, given in sections.get("actuators", {}).items()}
+    uncertainty = _uncertainty(sections.get("uncertainty"), faults)
     faults.finish()
-    file = ModelFile(model, prior, section, unknown, record, actuators)
+    file = ModelFile(model, prior, section, unknown, record, actuators, uncertainty)
     _check_file(file, faults)
     faults.finish()
     return file._replace(unknown=tuple(unknown))
@@ -214,6 +220,14 @@ def _actuator(channel: str, given: dict[str, Any], faults: checks.Faults) -> Any
         return None
 
 
+def _uncertainty(given: dict[str, Any] | None, faults: checks.Faults) -> ModelUncertainty | None:
+    try:
+        return None if given is None else ModelUncertainty(**given)
+    except checks.InputError as error:
+        faults.sentences += [f"[uncertainty] {fault}" for fault in error.faults]
+        return None
+
+
 def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior | None:
     try:
         return Prior(given["mean"], given["covariance"], diffuse=given.get("diffuse"))
@@ -224,7 +238,7 @@ def _prior(section: str, given: dict[str, Any], faults: checks.Faults) -> Prior 
 
 def _check_file(file: ModelFile, faults: checks.Faults) -> None:
     """Check that the prior, gain, unknown inputs and record options fit the model."""
-    model, prior, gain, unknown, record, actuators = file
+    model, prior, gain, unknown, record, _, uncertainty = file
     if prior.size != model.n:
         faults.add(f"[prior] must describe n = {model.n} states: {model.size_source}. Got {prior.size}.")
     for name in faults.names("[unknown] inputs", unknown, "", ""):
@@ -236,7 +250,14 @@ def _check_file(file: ModelFile, faults: checks.Faults) -> None:
         faults.add(f"`gain` must be a GainSection(prior, settings). Got {type(gain).__name__}.")
     elif gain is not None:
         _check_names("gain", gain.settings, SETTINGS, faults)
+    if uncertainty is not None and faults.instance("uncertainty", uncertainty, ModelUncertainty):
+        uncertainty.check(model, faults)
     _check_record(record, faults)
+    _check_actuators(file, faults)
+
+
+def _check_actuators(file: ModelFile, faults: checks.Faults) -> None:
+    model, record, actuators = file.model, file.record, file.actuators
     if actuators:
         by_input(actuators, model.inputs, "actuators", faults)
         if isinstance(record, dict) and record.get("hold", HOLDS[0]) != HOLDS[0]:
@@ -277,6 +298,7 @@ def write_model(
     unknown: tuple[str, ...] = (),
     record: dict[str, Any] | None = None,
     actuators: Actuators | None = None,
+    uncertainty: ModelUncertainty | None = None,
 ) -> None:
     """Write a TOML model file that `read_model` reads back exactly.
 
@@ -287,7 +309,7 @@ def write_model(
 
     inputs: tuple[str, ...] = getattr(model, "inputs", ())
     given = dict.fromkeys(inputs, actuators) if isinstance(actuators, Actuator) else dict(actuators or {})
-    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, given))
+    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, given, uncertainty))
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
     sections: dict[str, Any] = {
         "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},
@@ -306,6 +328,8 @@ def write_model(
         sections["unknown"] = {"inputs": unknown}
     if given:
         sections["actuators"] = {name: vars(actuator) for name, actuator in given.items()}
+    if uncertainty is not None:
+        sections["uncertainty"] = {key: getattr(uncertainty, key) for key in KEYS["uncertainty"]}
     text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
     writing.write(path, lambda stream: stream.write(text.encode()))
 

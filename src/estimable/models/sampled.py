@@ -39,6 +39,7 @@ class SampledModel:
 
     Matrices named in `varying` have a time axis, read at row k, or at `rows[k]` if several rows share one entry.
     `added` (d,): the variances of the last states, disturbances, before the first sample; None where there are none.
+    `tangents`: the derivatives of its matrices with respect to their uncertain entries, if there are any.
     `independent`: V is diagonal and there is no Ω, so that each output has its own independent noise. `wandering` (n, n, m), of
     a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state.
     """
@@ -57,9 +58,12 @@ class SampledModel:
     independent: bool = static(default=False)
     wandering: Any = None
     added: Any = None
+    tangents: Any = None
 
     def at(self, k: int | Array) -> "SampledModel":
         """The model at row k."""
+        if self.tangents is not None and self.tangents.varying:
+            return replace(self, tangents=self.tangents.at(k)).at(k)
         if not self.varying:
             return self
         row = k if self.rows is None else self.rows[k]
