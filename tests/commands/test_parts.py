@@ -24,19 +24,24 @@ def result_of(gain, variance, t, **info):
     return Estimate(info, t, 0.0, Outcome(0, None, None, ""), "xla", names)
 
 
-def test_the_windows_are_two_seconds_to_a_third_and_to_the_end():
+def test_the_gains_are_those_of_a_third_and_of_the_end_with_their_own_sigma():
     t = 5.0 + np.arange(0, 13) * 1.0  # from 5 to 17 s: a third at 9 s
     summary = gain_summary(result_of(np.arange(13.0), 0.01 * np.arange(1, 14), t))
-    assert (summary.before.start, summary.before.end) == (7.0, 9.0)
-    assert (summary.after.start, summary.after.end) == (15.0, 17.0)
-    assert summary.before.mean.tolist() == [3.5]  # t = 8, 9
-    assert summary.after.mean.tolist() == [11.5]  # t = 16, 17
+    assert (summary.before.time, summary.after.time) == (9.0, 17.0)
+    assert (summary.before.mean.tolist(), summary.after.mean.tolist()) == ([4.0], [12.0])
     assert summary.before.sigma == pytest.approx([math.sqrt(0.05)])
     assert summary.after.sigma == pytest.approx([math.sqrt(0.13)])
     assert not summary.overlap
 
 
-def test_a_window_without_a_sample_has_the_last_one_before_its_end():
+def test_of_a_distribution_that_is_no_gaussian_the_median_and_the_interval_count():
+    quantiles = np.array([0.0, 0.4, 0.5, 0.6, 3.919928])[None, None] * np.ones((13, 1, 1))
+    summary = gain_summary(result_of(np.ones(13), np.ones(13), np.arange(13.0), gain_quantiles=quantiles))
+    assert summary.after.mean.tolist() == [0.5]
+    assert summary.after.sigma == pytest.approx([1.0], rel=1e-6)
+
+
+def test_between_samples_the_last_one_before_counts():
     summary = gain_summary(result_of([1.0, 2.0, 3.0], [1.0, 4.0, 9.0], np.array([0.0, 10.0, 90.0])))
     assert (summary.before.mean[0], summary.before.sigma[0]) == (2.0, 2.0)
     assert (summary.after.mean[0], summary.after.sigma[0]) == (3.0, 3.0)
@@ -61,7 +66,7 @@ def test_one_sample_is_before_and_after(t):
             1.0,
             0.9,
             0.1,
-            "The gain: no change is detected, 2 to 4 s against 10 to 12 s: 1.00 and 0.90 differ by less than 2 sigma (0.28).",
+            "The gain: no change is detected: 1.00 at 4 s and 0.90 at 12 s differ by less than 2 sigma (0.28).",
         ),
     ],
 )
@@ -76,7 +81,7 @@ def test_rows_of_which_nothing_is_known_do_not_count():
     early, always = np.where(t < 4, 1.0, 0.0)[:, None, None], np.ones((13, 1, 1))
     gain = np.where(t < 4, 99.0, 1.0)
     summary = gain_summary(result_of(gain, np.ones(13), t, extra={"gain_diffuse_covariance": early}))
-    assert summary.before.mean.tolist() == [1.0]  # of t = 3 and 4
+    assert summary.before.mean.tolist() == [1.0]
     unknown = gain_summary(result_of(gain, np.ones(13), t, extra={"gain_diffuse_covariance": always}))
     assert np.isnan(unknown.after.mean[0])
     assert np.isinf(unknown.after.sigma[0])

@@ -59,6 +59,13 @@ def _script(run: FilterRun) -> str:
     """The same run in Python."""
     reading = "".join(f",\n    {name}={value!r}" for name, value in run.reading.items() if value is not None)
     settings = "".join(f", {name}={value!r}" for name, value in run.settings.items())
+    if run.assessment is None:
+        steps = [f"algorithm = es.catalogue.build({run.filter!r}, file{settings})",
+                 "result = es.estimate(algorithm, record, prior=file.prior)"]  # fmt: skip
+    else:
+        steps = ['algorithm = es.catalogue.build("unknown-gain", file, walk=0.0, forgetting=1.0)',
+                 f"found = es.assess_gain(algorithm, record, prior=file.prior{settings})",
+                 "print(found.sentence)", "result = found.result"]  # fmt: skip
     return "\n".join(
         [
             "import estimable as es",
@@ -67,8 +74,7 @@ def _script(run: FilterRun) -> str:
             f"    {run.record_path.name!r}, outputs=file.model.outputs, inputs=file.model.inputs{reading},",
             ")",
             *(("record = es.through_actuators(record, file.actuators)",) if run.commanded else ()),
-            f"algorithm = es.catalogue.build({run.filter!r}, file{settings})",
-            "result = es.estimate(algorithm, record, prior=file.prior)",
+            *steps,
             "result.plot().show()",
         ]
     )

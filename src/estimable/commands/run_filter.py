@@ -175,7 +175,8 @@ def run_gain(
     found = assess_gain(algorithm, measured, prior=file.prior, healthy=healthy, offset=offset)
     onsets = [change.onset for change in diagnostics.changes(found.result)]
     judged = estimate_between_changes(found.plain, measured, file.prior, onsets)
+    given = {name: value for name, value in (("healthy", healthy), ("offset", offset)) if value not in (None, True)}
     return FilterRun(
-        "mixture", found.algorithm, file.prior, measured, found.result, record, model, options, {}, judged,
+        "mixture", found.algorithm, file.prior, measured, found.result, record, model, options, given, judged,
         bool(file.actuators), found,
     )  # fmt: skip

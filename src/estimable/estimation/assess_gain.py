@@ -12,9 +12,11 @@ from ..filters.change_detection import ChangeDetection
 from ..filters.mixture import Mixture
 from ..filters.unknown_gain import UnknownGain
 from ..frozen import replace
+from ..models import gain_blocks
 from ..models.markov_disturbance import markov_disturbance
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
+from ..models.uncertainty import ModelUncertainty
 from ..results import DetectableLoss, Estimate, GainAssessment, NoiseFit
 from .detectable_loss import detectable_loss
 from .estimate import estimate
@@ -26,6 +28,7 @@ WALKS, SHARES = (0.0, 3e-4, 3e-3), (0.8, 0.1, 0.1)  # variances of the gain per 
 OFFSET = 0.05  # of the range of an input, times |B|: standard deviation of an offset of a state equation
 FEWEST = 100  # rows to fit the noise to
 PERSISTENCE = 15.0  # of the process noise, in the search for the part before a change
+RELATIVE = 0.1  # of the entries of A and B: their standard deviation where none is given
 LASTING = 10.0  # steps of the record: first time constant of a lasting disturbance
 
 
@@ -44,10 +47,12 @@ def assess_gain(
        (`offset=False`: none).
     2. Q, R, and disturbances that last, each with a time constant and a density, are fitted to the part before any change
        (`healthy`: its first and last second). Where the record does not determine them, those of the model remain.
-    3. The gain is followed by a mixture of three detectors of changes, for gains that are constant or drift.
-    4. `trust` judges the model. `detectable_loss` says how small a loss the record would have shown.
+    3. The entries of A and B count as uncertain: by the algorithm's own `uncertainty`, or else by 10 % of those of a continuous
+       model other than 0 and 1.
+    4. The gain is followed by a mixture of three detectors of changes, for gains that are constant or drift.
+    5. `trust` judges the model. `detectable_loss` says how small a loss the record would have shown.
 
-    `algorithm`: an `UnknownGain`; its model may be continuous or discrete. `as_given`: neither 1 nor 2.
+    `algorithm`: an `UnknownGain`; its model may be continuous or discrete. `as_given`: none of 1 to 3.
 
     Returns a `GainAssessment`. Raises `InputError` with every fault of the call, `RunError` if the computation fails.
 
@@ -67,13 +72,13 @@ def assess_gain(
     faults.finish()
     notes, fit, chosen = [], None, algorithm
     if not as_given:
-        chosen, fit, notes = _prepared(algorithm, record, prior, rows, offset)
-    members = [ChangeDetection(chosen, walk=walk) for walk in WALKS]
-    mixture = Mixture(members, probability=SHARES)
+        chosen, fit, notes = _prepared(replace(algorithm, uncertainty=None), record, prior, rows, offset)
+    plain, member = replace(chosen, uncertainty=None), algorithm if as_given else _uncertain(algorithm, chosen, notes)
+    mixture = Mixture([ChangeDetection(member, walk=walk) for walk in WALKS], probability=SHARES)
     result = estimate_mixture(mixture, record, prior=prior)
-    verdict = trust(members[0], record, prior=prior, result=result)
-    loss = _detectable(members[0], record, prior, result)
-    return GainAssessment(result, mixture, chosen, verdict, loss, fit, tuple(notes))
+    verdict = trust(ChangeDetection(plain), record, prior=prior, result=result)
+    loss = _detectable(mixture.algorithms[0], record, prior, result)
+    return GainAssessment(result, mixture, plain, verdict, loss, fit, tuple(notes))
 
 
 def _rows_of(healthy: tuple[float, float], record: Record, faults: checks.Faults) -> slice | None:
@@ -166,6 +171,24 @@ def _nonzero(model: StateSpace, free: tuple[str, ...]) -> dict[str, Any]:
         if np.any(size > 0):
             found[name] = (size > 0).tolist()
     return found
+
+
+def _uncertain(given: UnknownGain, prepared: UnknownGain, notes: list[str]) -> UnknownGain:
+    """The prepared algorithm with the uncertainty of the given one, or with the default one."""
+    if given.uncertainty is not None:
+        notes.append("The interval includes the uncertainty of the model.")
+        return replace(prepared, uncertainty=given.uncertainty)
+    model = given.model
+    if (
+        not model.is_continuous
+        or model.varying
+        or model.schedule is not None
+        or not gain_blocks.is_word(given.directions)
+    ):
+        notes.append("The interval takes A and B as exact: give `uncertainty`, or a continuous model.")
+        return prepared
+    notes.append(f"The interval includes errors of {100 * RELATIVE:.0f} % in the entries of A and B.")
+    return replace(prepared, uncertainty=ModelUncertainty(relative=RELATIVE))
 
 
 def _detectable(detector: ChangeDetection, record: Record, prior: Prior, result: Estimate) -> DetectableLoss | None:

@@ -1,4 +1,4 @@
-"""A mixture of algorithms that differ in numbers only, run as a bank: one program in several lanes."""
+"""A mixture of algorithms, each run by itself: members that differ in numbers only share one program."""
 
 import jax
 import jax.numpy as jnp
@@ -8,17 +8,17 @@ from .. import forks
 from ..data.record import Record
 from ..filters.mixture import Mixture
 from ..models.prior import Prior
-from ..results import Estimate, Info
-from .estimate_bank import estimate_bank
+from ..results import Estimate
+from .estimate import estimate
 
 
 def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estimate:
-    """The estimate of a mixture, from a bank of its members: as `estimate`, with the members compiled once.
+    """The estimate of a mixture from those of its members: as `estimate`, without compiling all members as one step.
 
     The weights follow from the members' log-likelihoods; the reports are merged row by row.
     """
-    bank = estimate_bank(list(mixture.algorithms), record, prior=prior)
-    infos = [_of(bank.info, i) for i in range(len(mixture.algorithms))]
+    runs = [estimate(member, record, prior=prior) for member in mixture.algorithms]
+    infos = [run.info for run in runs]
     steps = np.stack([np.asarray(info.log_likelihood) for info in infos], axis=1)
     weights = np.log(np.maximum(mixture.probability, 1e-300)) + np.cumsum(steps, axis=0)
     total = np.logaddexp.reduce(weights, axis=1)
@@ -31,10 +31,4 @@ def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estim
         infos, jnp.asarray(probability), jnp.asarray(np.diff(total, prepend=0.0))
     )
     info = jax.tree_util.tree_map(np.asarray, merged)
-    failed = next((one for one in bank.outcomes if one.code), bank.outcomes[0])
-    return Estimate(info, bank.t, float(total[-1]), failed, bank.engine, mixture.names)
-
-
-def _of(info: Info, i: int) -> Info:
-    """The report of one run of a bank."""
-    return jax.tree_util.tree_map(lambda leaf: leaf[i], info)
+    return Estimate(info, runs[0].t, float(total[-1]), runs[0].outcome, runs[0].engine, mixture.names)

@@ -112,11 +112,8 @@ def _scaled(shape: tuple[int, ...], at: tuple[int, ...], by: complex) -> np.ndar
 def with_further_inputs(samples: Sample, intervals: Interval, hold: str) -> tuple[Sample, Interval]:
     """The rows with the rate of each input and a constant as inputs."""
     u, dt = intervals.u, np.asarray(intervals.dt)[:, None]
-    if hold == "first_order":
-        rate = (intervals.u_end - u) / dt
-        start = end = rate
-    else:
-        start = end = np.diff(u, axis=0, prepend=u[:1]) / dt
+    moved = intervals.u_end - u if hold == "first_order" else np.diff(u, axis=0, prepend=u[:1])
+    start = end = np.divide(moved, dt, out=np.zeros_like(moved), where=dt > 0)
     one = np.ones((len(u), 1))
     before = np.concatenate([u, start, one], axis=1)
     after = np.concatenate([intervals.u_end, end, one], axis=1)

@@ -86,6 +86,6 @@ class Trust(NamedTuple):
             if not self.untestable:
                 return "Believe: the record agrees with the model."
             names = ", ".join(dict.fromkeys(one.direction.name for one in self.untestable))
-            return f"Believe, if {names} {'is' if len(self.untestable) == 1 else 'are'} right: the record agrees with the model."
+            return f"Believe, if {names} {'is' if len(self.untestable) == 1 else 'are'} right: the record agrees."
         lead = "Check the model" if self.word == "check" else "Do not use these numbers"
         return f"{lead}: {self.reasons[0]}" + ("" if self.reasons[0].endswith(".") else ".")
