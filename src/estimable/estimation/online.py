@@ -19,11 +19,13 @@ from ..models.discretisation import HOLDS
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..protocols import Algorithm
-from ..results import Info, Interval, Outcome, Sample
+from ..results import Gap, Info, Interval, Outcome, Sample
 from .binding import check_algorithm, check_hold, check_prior, check_prior_kind, model_of
 from .following import Following, Given, Values, channels_of, nominal
+from .gaps import Given as GivenGaps
 from .online_arguments import KnownInputs, step_length
-from .online_steps import Quick
+from .online_gaps import Anchor, OnlineGaps, settings_of
+from .online_steps import Quick, sampled
 from .resuming import check_state
 from .turns import wait
 
@@ -60,6 +62,7 @@ class Progress:
     corrected: bool = static(default=False)
     hold: str = static(default="zero_order")
     lost: str = static(default="zero")
+    gaps: Any = None
 
     def resumed(self) -> "Online":
         """The run that continues from here."""
@@ -92,6 +95,8 @@ class Online:
         self._wild_is_named = False
         self._known = KnownInputs(progress.algorithm)
         self._follows = Following(progress.algorithm, progress.schedule) if channels_of(progress.algorithm) else None
+        self._across = None if progress.gaps is None else OnlineGaps(progress.algorithm, progress.gaps, progress.hold)
+        self._elapsed = 0.0
         self._quick = self._machine_code(progress)
 
     @property
@@ -153,6 +158,7 @@ class Online:
         *,
         arrived: Numbers | None = None,
         schedule: Values | None = None,
+        sigma: Numbers | None = None,
     ) -> Info:
         """Update the estimate with the outputs y (p,) of this sample, NaN where missing, and return the report (an `Info`).
 
@@ -161,6 +167,8 @@ class Online:
 
         `schedule`: the present values of the channels that the matrices of a scheduled model follow. A channel that is an
         output or an input of the model is read from y or u. Otherwise a value holds until the next is given.
+
+        `sigma` (p,): the standard deviations of the noise of this sample, NaN for that of the model; XLA then runs the steps.
         """
         turn = self._turn
         try:
@@ -171,19 +179,23 @@ class Online:
             if self._follows is not None or schedule is not None:
                 self._follow(y=y, u=u, schedule=schedule)
             quick = self._quick
-            if quick is not None and arrived is None and quick.correct(y, u) == 0:
+            plain = self._across is None and arrived is None and sigma is None
+            if plain and quick is not None and quick.correct(y, u) == 0:
                 self._progress = None
                 return quick.info
-            return self._checked_correct(y, u, arrived)
+            return self._checked_correct(y, u, arrived, sigma)
         finally:
             turn.append(True)
 
-    def _checked_correct(self, y: Numbers, u: Numbers | None, arrived: Numbers | None) -> Info:
+    def _checked_correct(self, y: Numbers, u: Numbers | None, arrived: Numbers | None, sigma: Numbers | None) -> Info:
         """`correct`, with all checks of its arguments."""
         quick = self._quick
         model, faults = model_of(self.algorithm), checks.Faults()
         faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
         seen = faults.array("y", y, "p", nan=True)
+        noise = None if sigma is None else faults.array("sigma", sigma, "p", nan=True)
+        if noise is not None and np.any(noise < 0):
+            faults.add(f"`sigma` must be standard deviations, at least 0. Got {checks.short(sigma)}.")
         self._check_room(faults)
         if self._now.corrected and model.S is not None:
             faults.add(
@@ -194,7 +206,9 @@ class Online:
         applied = self._applied(u, arrived, faults)
         faults.finish()
         seen = self._without_wild(seen)
-        if quick is not None and self._is_prepared(quick, "correct"):
+        if self._across is not None and not np.isnan(seen).all():
+            self._across.anchor = None
+        if noise is None and quick is not None and self._is_prepared(quick, "correct"):
             code = quick.correct(seen, applied)
             assert code is not None  # the arguments are plain by now
             self._settle(code)
@@ -203,7 +217,8 @@ class Online:
         fate = None
         if self.algorithm.takes_unknown_arrivals:
             fate = np.full(len(self._known.columns), np.nan) if arrived is None else np.asarray(arrived, float)
-        sample, now = Sample(np.nan_to_num(seen, nan=0.0), ~np.isnan(seen), applied, fate), self._progress_now()
+        values, now = np.nan_to_num(seen, nan=0.0), self._progress_now()
+        sample = Sample(values, ~np.isnan(seen), applied, fate, sigma=noise)
         state, info = _correct(self._at_step(now.dt), now.sample, now.state, sample)
         info = jax.tree_util.tree_map(np.asarray, info)
         self._settle(int(info.outcome))
@@ -241,7 +256,7 @@ class Online:
             if self._follows is not None or schedule is not None:
                 self._follow(u=u, schedule=schedule)
             quick = self._quick
-            if quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
+            if self._across is None and quick is not None and arrived is None and quick.predict(u, u_end, dt) == 0:
                 self._progress = None
             else:
                 self._checked_predict(u, u_end, arrived, dt)
@@ -253,7 +268,7 @@ class Online:
     ) -> None:
         """`predict`, with all checks of its arguments."""
         quick, faults = self._quick, checks.Faults()
-        step = step_length(model_of(self.algorithm), dt, self._now.dt, faults)
+        step = step_length(model_of(self.algorithm), dt, self._now.dt, faults, several=self._across is not None)
         self._check_room(faults)
         if u is None and self._known.columns:
             faults.add(f"`u` must be given to predict: the model has {self._known.counted}.")
@@ -267,6 +282,8 @@ class Online:
         elif u_end is not None:
             faults.add('`u_end` needs online(..., hold="first_order"): this input is constant between samples.')
         faults.finish()
+        if self._across is not None and self._moved_across(applied, end, step):
+            return
         if quick is not None and self._is_prepared(quick, "predict", step):
             quick.predict(applied, end if quick.moving_input else None, None)
             self._progress = None
@@ -275,6 +292,31 @@ class Online:
         now = self._progress_now()
         state = _predict(self._at_step(step), now.sample, now.state, interval)
         self.progress = replace(now, state=state, held=applied, dt=step, sample=now.sample + 1, corrected=False)
+
+    def _moved_across(self, u: np.ndarray, u_end: np.ndarray, dt: float) -> bool:
+        """Whether this step was part of a gap, and has been made."""
+        across, now = self._across, self._progress_now()
+        assert across is not None
+        at = now.sample, self._elapsed
+        self._elapsed += dt
+        regular = model_of(self.algorithm).dt or now.dt
+        if not across.covers(u, u_end, dt, regular):
+            across.anchor = Anchor(now.state, u, dt)
+            return False
+        step = across.step(now.state, now.held, u, u_end, dt, at)
+        state = _predict(step.algorithm, 0, step.state, step.interval)
+        across.anchor = step.anchor
+        across.found.append(step.gap)
+        usual = dt if regular is None or not across.long(dt, regular) else now.dt
+        after = replace(now, state=state, held=step.anchor.u, dt=usual, sample=now.sample + 1, corrected=False)
+        self.progress = after
+        self._quick = self._machine_code(after)
+        return True
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """What was done in each step in which an input was unknown."""
+        return () if self._across is None else tuple(self._across.found)
 
     def _machine_code(self, progress: Progress) -> Quick | None:
         """The run as machine code, or None where XLA runs it."""
@@ -338,7 +380,7 @@ class Online:
         if u is None:
             return self._known.rest
         lost = self._progress_now().held if arrived is not None and self._base.lost == "hold" else 0.0
-        return self._known.applied(u, arrived, lost, faults)
+        return self._known.applied(u, arrived, lost, faults, nan=self._across is not None)
 
     def _check_room(self, faults: checks.Faults) -> None:
         steps = model_of(self.algorithm).steps
@@ -353,7 +395,7 @@ class Online:
             if len(self._sampled) >= 64:
                 self._sampled.clear()
             now = self.algorithm if self._follows is None else self._follows.now
-            self._sampled[dt] = now.sampled(Clock.every(dt, self._base.hold))
+            self._sampled[dt] = sampled(now, Clock.every(dt, self._base.hold))
         return self._sampled[dt]
 
 
@@ -364,6 +406,7 @@ def online(
     engine: str = "auto",
     hold: str = "zero_order",
     lost: str = "zero",
+    gaps: GivenGaps = "refuse",
 ) -> Online:
     """Start an algorithm that runs one sample at a time. Its results equal those of `estimate` to rounding.
 
@@ -375,6 +418,10 @@ def online(
       arrays, or lists of floats; "xla": some hundreds of microseconds; "auto": the first of these that can run the algorithm.
     - `hold`: how the input moves between samples, "zero_order" or "first_order".
     - `lost`: what the actuator does when a packet is lost, "zero" or "hold".
+    - `gaps`: what to do where an input is unknown, given as NaN to `predict`, or where a step is longer than 1.5 regular ones.
+      "refuse": an error. A run does not know how its inputs move, so a bridge needs `Gaps("bridge", diffusion=...)`; then the
+      results are those of `estimate` with the same `Gaps`. "break" uses no such number. `.gaps` says what was done. A run with
+      `gaps` checks every sample, which takes some tens of microseconds.
 
     Returns an `Online`. Raises `InputError` for a wrong call, `RunError` where the numbers fail.
     """
@@ -390,5 +437,9 @@ def online(
         check_prior(prior, model, faults)
     check_hold(model, hold, faults)
     faults.finish()
-    state = _init(nominal(algorithm).sampled(Clock.every(model.dt, hold)), prior)
-    return Online(Progress(algorithm, state, np.zeros(len(algorithm.names.inputs)), hold=hold, lost=lost), engine)
+    settings = settings_of(gaps, algorithm, faults)
+    ready = nominal(algorithm).sampled(Clock.every(model.dt, hold))
+    if settings is not None:
+        ready = OnlineGaps(algorithm, settings, hold).with_room(ready)
+    held = np.zeros(len(algorithm.names.inputs))
+    return Online(Progress(algorithm, _init(ready, prior), held, hold=hold, lost=lost, gaps=settings), engine)
