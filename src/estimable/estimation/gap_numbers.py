@@ -14,7 +14,7 @@ from ..models import several_steps
 from ..models.discretisation import over, wandering
 from ..models.sampled import Clock, point_of
 from ..models.state_space import StateSpace
-from ..models.stationary_spread import Spread, growth_time, spread
+from ..models.stationary_spread import StateSpread, growth_time, spread
 from ..protocols import Algorithm
 
 
@@ -151,7 +151,7 @@ class Known:
             return ""
         return "the state would spread as far as after a restart"
 
-    def spread_of(self, diffusion: np.ndarray) -> Spread:
+    def spread_of(self, diffusion: np.ndarray) -> StateSpread:
         """The spread of the state under the logged inputs."""
         g, v = (x.reshape(-1, x.shape[-1]).max(axis=0) for x in (np.asarray(diffusion), np.asarray(self.logged)))
         model, B = self._one, self._effects

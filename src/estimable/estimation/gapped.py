@@ -17,13 +17,13 @@ from ..protocols import Algorithm
 from ..results import Info, Interval
 from . import gaps
 from .gap_numbers import Known
-from .gaps import Gaps, Plan
+from .gaps import Gaps, GapPlan
 
 
 class Gapped(NamedTuple):
     """The plan of a record, and what is known about its algorithm."""
 
-    plan: Plan
+    plan: GapPlan
     known: Known
     record: Record
 

@@ -74,7 +74,7 @@ def read(given: Given, inputs: int, faults: checks.Faults) -> Gaps:
     return Gaps(given)
 
 
-class Plan(NamedTuple):
+class GapPlan(NamedTuple):
     """The rows that the engine runs, and the numbers of the intervals after them.
 
     `rows` (T',): their rows in the record. `u`, `u_covariance`, `u_diffusion`: with a leading axis in a bank. `lengths`: for the
@@ -93,7 +93,7 @@ class Plan(NamedTuple):
 
 def plan(
     record: Record, rows: Record, u: np.ndarray, settings: Gaps, known: Known, faults: checks.Faults
-) -> Plan | None:
+) -> GapPlan | None:
     """What to do with a record; None where every input is known. `rows`: those of a bank, or the record."""
     unknown = np.isnan(u)
     if u.ndim == 3:
@@ -156,7 +156,7 @@ class _Planner:
         self.breaks = self.restart.copy()
         self.found: list[Gap] = []
 
-    def plan(self) -> Plan | None:
+    def plan(self) -> GapPlan | None:
         """The whole plan."""
         partly = self._affected()
         for i in np.flatnonzero(self.restart).tolist():
@@ -275,9 +275,9 @@ class _Planner:
         row, last = int(self.rows[i]), int(self.rows[end])
         self.found.append(Gap(row, last, float(self.t[i]), float(self.t[end] - self.t[i]), done, why))
 
-    def _result(self) -> Plan:
+    def _result(self) -> GapPlan:
         lengths = np.where(self.restart & (self.long | self.breaks), self.median, self.seconds)
-        return Plan(
+        return GapPlan(
             self.rows,
             self.u,
             self.seconds,

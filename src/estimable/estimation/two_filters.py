@@ -167,7 +167,7 @@ class Backward:
         return state
 
 
-def instant_of(algorithm: Smoothable[Any] | Linearised, row: SmootherRows) -> Instant:
+def instant_of(algorithm: Any, row: SmootherRows) -> Instant:
     """The linear model of a row."""
     return row.instant if row.instant is not None else algorithm.instant(row.sample, row.interval)
 

@@ -6,14 +6,12 @@ Letters: x = Z1 a + V b, with a in the stable invariant subspace and V a basis o
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import linalg
-
 from ..kernels.riccati import dlyap
 
 MARGINAL = 1e-9  # of the fastest mode, or of one: a mode as slow as this does not decay
 
 
-class Spread(NamedTuple):
+class StateSpread(NamedTuple):
     """The covariance (n, n) of what is stable, the directions (n, r) without a spread, and L (k, n) of the stable part."""
 
     covariance: np.ndarray
@@ -30,12 +28,14 @@ class Spread(NamedTuple):
 
 def spread(
     A: np.ndarray, GQG: np.ndarray, B: np.ndarray, variance: np.ndarray, diffusion: np.ndarray, dt: float
-) -> Spread:
+) -> StateSpread:
     """The spread under process noise and inputs (m,) of a `variance` about the operating point, which wander by `diffusion`.
 
     Each input is a first-order process, u' = -u g / (2 variance) + noise of density g: its mean square step over a short time s
     is g s. `dt` = 0: continuous.
     """
+    from scipy import linalg
+
     T11, Z1, V, L = _parts(A, dt)
     k, rate = len(T11), np.where(variance > 0, diffusion / np.where(variance > 0, 2 * variance, 1.0), 0.0)
     lasting = variance * (rate == 0)  # inputs that do not move: their effect is that of a constant
@@ -54,11 +54,13 @@ def spread(
         P = dlyap(F, N) if k + m else N
         steady = linalg.solve(np.eye(k) - T11, constant) if k else constant
     P = P[:k, :k] + steady @ steady.T
-    return Spread(Z1 @ ((P + P.T) / 2) @ Z1.T, V, L)
+    return StateSpread(Z1 @ ((P + P.T) / 2) @ Z1.T, V, L)
 
 
 def _parts(A: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The stable block T11 (k, k) of a Schur form, Z1 (n, k), V (n, n - k) and L (k, n)."""
+    from scipy import linalg
+
     fastest = max(np.abs(np.linalg.eigvals(A)).max(initial=0.0), np.finfo(float).tiny)
 
     def decays(real: Any, imaginary: Any = 0.0) -> bool:
