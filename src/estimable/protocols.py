@@ -402,13 +402,3 @@ class Plant(ABC):
         """A run with samples `dt` seconds apart: an object with `state` (n,) and `input` (m,), as deviations, and
         `move(command)`.
         """
-
-
-@runtime_checkable
-class Resumable(Protocol):
-    """A run that can be saved: `progress` is a record of its complete state, and `progress.resumed()` restores it."""
-
-    @property
-    def progress(self) -> Any:
-        """The current state of the run."""
-        ...

@@ -1,7 +1,7 @@
 """The numbers that decide about a gap: how fast an input moves, and how far the state spreads."""
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -16,6 +16,13 @@ from ..models.sampled import Clock, point_of
 from ..models.state_space import StateSpace
 from ..models.stationary_spread import StateSpread, growth_time, spread
 from ..protocols import Algorithm
+
+
+class GapSettings(Protocol):
+    """The settings that these numbers depend on."""
+
+    diffusion: Any
+    spread: Any
 
 
 class Bridge:
@@ -41,7 +48,7 @@ class Bridge:
 class Known:
     """What is known about an algorithm and of the inputs of its record, for the decision and for a restart."""
 
-    def __init__(self, algorithm: Algorithm[Any], inputs: list[int], hold: str, settings: Any, stacked: bool):
+    def __init__(self, algorithm: Algorithm[Any], inputs: list[int], hold: str, settings: "GapSettings", stacked: bool):
         self.algorithm, self.inputs, self.hold, self.settings = algorithm, inputs, hold, settings
         self.model = algorithm.innermost.model
         self.linear = isinstance(self.model, StateSpace)

@@ -17,7 +17,7 @@ from ..protocols import Algorithm
 from ..results import Info, Interval
 from . import gaps
 from .gap_numbers import Known
-from .gaps import Gaps, GapPlan
+from .gaps import GapPlan, Gaps
 
 
 class Gapped(NamedTuple):

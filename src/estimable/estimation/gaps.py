@@ -1,5 +1,6 @@
 """Where the input of a record is unknown, and what a driver does there."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -184,7 +185,7 @@ class _Planner:
         partly[-1] = False
         return partly
 
-    def _decide(self, i: int, end: int, bridge: Any) -> None:
+    def _decide(self, i: int, end: int, bridge: Callable[[int, int, float], None]) -> None:
         """Bridge or break the gap from row i to row `end`."""
         seconds = float(self.t[end] - self.t[i])
         words = self._why_break(seconds)

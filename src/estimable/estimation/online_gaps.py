@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..annotations import Tree
 from ..filters.belief import Belief, believe
 from ..filters.restarting import Restarting
 from ..frozen import replace
@@ -73,7 +74,7 @@ class OnlineGaps:
         P = (vectors * np.maximum(values, 0.0)) @ vectors.T
         return believe(Prior(np.zeros(len(P)), P, diffuse=diffuse))
 
-    def with_room(self, algorithm: Any) -> Any:
+    def with_room(self, algorithm: Algorithm[Any]) -> Any:
         """The algorithm whose state has room for the diffuse directions of a break."""
         return algorithm if self.fresh is None else Restarting(algorithm, self.fresh)
 
@@ -86,7 +87,7 @@ class OnlineGaps:
         return regular is not None and dt > LONG * regular and self.settings.diffusion is not None
 
     def step(
-        self, state: Any, held: np.ndarray, u: np.ndarray, u_end: np.ndarray, dt: float, at: tuple[int, float]
+        self, state: Tree, held: np.ndarray, u: np.ndarray, u_end: np.ndarray, dt: float, at: tuple[int, float]
     ) -> StepAcross:
         """The step across a gap. `at`: the sample, and the seconds since the start of the run."""
         anchor, m = self.anchor, len(u)

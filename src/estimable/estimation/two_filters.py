@@ -24,7 +24,7 @@ from ..kernels.small import apply, held, triangularise
 from ..kernels.smoothing import Evidence, Instant
 from ..kernels.wrapping import nearest
 from ..models.prior import Prior
-from ..protocols import Smoothable
+from ..protocols import Algorithm, Smoothable
 from ..results import Info, Interval, Sample, outcome_code
 from .binding import Bound
 
@@ -167,9 +167,10 @@ class Backward:
         return state
 
 
-def instant_of(algorithm: Any, row: SmootherRows) -> Instant:
+def instant_of(algorithm: Algorithm[Any], row: SmootherRows) -> Instant:
     """The linear model of a row."""
-    return row.instant if row.instant is not None else algorithm.instant(row.sample, row.interval)
+    smoothable: Any = algorithm
+    return row.instant if row.instant is not None else smoothable.instant(row.sample, row.interval)
 
 
 def nothing(instant: Instant, belief: Belief, by_elimination: bool) -> Evidence | Later:

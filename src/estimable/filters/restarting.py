@@ -92,7 +92,7 @@ def restarted(tree: Tree, fresh: Belief) -> Any:
             return jax.vmap(lambda one: _joint(one, fresh))(b)
         return _joint(b, fresh)
 
-    def is_belief(node: Any) -> bool:
+    def is_belief(node: Tree) -> bool:
         return isinstance(node, Belief)
 
     leaves, structure = jax.tree_util.tree_flatten(tree, is_leaf=is_belief)

@@ -1,6 +1,6 @@
 """A discrete model over several of its own steps, for rows that are missing."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -8,8 +8,11 @@ import numpy as np
 from ..frozen import replace
 from .state_space import StateSpace
 
+if TYPE_CHECKING:
+    from .sampled import Clock
 
-def several_steps(model: StateSpace, clock: Any) -> tuple[StateSpace, np.ndarray, np.ndarray | None]:
+
+def several_steps(model: StateSpace, clock: "Clock") -> tuple[StateSpace, np.ndarray, np.ndarray | None]:
     """The model at each distinct length of the clock, the index of each row, and `wandering` of `SampledModel` if it wanders.
 
     Over j steps x+ = A^j x + Σ_i A^(j-1-i) (B u_i + B_end u_(i+1) + G w_i), where u_i moves as the clock's hold says. Only w_0

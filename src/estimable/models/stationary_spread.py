@@ -6,6 +6,7 @@ Letters: x = Z1 a + V b, with a in the stable invariant subspace and V a basis o
 from typing import Any, NamedTuple
 
 import numpy as np
+
 from ..kernels.riccati import dlyap
 
 MARGINAL = 1e-9  # of the fastest mode, or of one: a mode as slow as this does not decay
@@ -63,7 +64,7 @@ def _parts(A: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
     fastest = max(np.abs(np.linalg.eigvals(A)).max(initial=0.0), np.finfo(float).tiny)
 
-    def decays(real: Any, imaginary: Any = 0.0) -> bool:
+    def decays(real: complex, imaginary: float = 0.0) -> bool:
         mode = complex(real) + 1j * float(np.real(imaginary))
         return mode.real < -MARGINAL * fastest if dt == 0 else abs(mode) < 1 - MARGINAL
 
