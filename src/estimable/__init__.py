@@ -42,6 +42,7 @@ _HOMES = {
     "GainAlgorithm": "protocols",
     "GainReconfiguration": "controllers.gain_reconfiguration",
     "GainSection": "models.files",
+    "Gaps": "estimation.gaps",
     "Gated": "filters.gated",
     "GilbertElliottLink": "networks.links",
     "Gust": "models.disturbances",

@@ -53,6 +53,7 @@ from .estimation.estimate import log_likelihood as log_likelihood
 from .estimation.estimate_bank import estimate_bank as estimate_bank
 from .estimation.fit_noise import fit_noise as fit_noise
 from .estimation.forecast import forecast as forecast
+from .estimation.gaps import Gaps as Gaps
 from .estimation.online import online as online
 from .estimation.score import score as score
 from .estimation.smooth import smooth as smooth

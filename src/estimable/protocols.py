@@ -5,7 +5,7 @@ member is an optional hook with its default here. The drivers use no other membe
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from .annotations import Array, Numbers
@@ -50,6 +50,10 @@ class Algorithm(ABC, Generic[State]):
     @abstractmethod
     def predict(self, state: State, interval: Interval) -> State:
         """Move to the next sample."""
+
+    def restarted(self, state: State, fresh: Callable[[Any], Any]) -> State:
+        """The state where a record breaks. `fresh` restarts x in each `Belief` of a tree, and carries the rest over."""
+        return fresh(state)
 
     def sampled(self, clock: Clock) -> Self:
         """The algorithm prepared for the steps of a record: its model discretised, its noises factored."""
@@ -115,6 +119,10 @@ class Wrapper(Algorithm[State]):
     def predict(self, state: State, interval: Interval) -> State:
         """Move to the next sample."""
         return self.algorithm.predict(state, interval)
+
+    def restarted(self, state: State, fresh: Callable[[Any], Any]) -> State:
+        """The state where a record breaks, by the wrapped algorithm."""
+        return self.algorithm.restarted(state, fresh)
 
     def sampled(self, clock: Clock) -> Self:
         """The same wrapper around the sampled algorithm."""
@@ -394,13 +402,3 @@ class Plant(ABC):
         """A run with samples `dt` seconds apart: an object with `state` (n,) and `input` (m,), as deviations, and
         `move(command)`.
         """
-
-
-@runtime_checkable
-class Resumable(Protocol):
-    """A run that can be saved: `progress` is a record of its complete state, and `progress.resumed()` restores it."""
-
-    @property
-    def progress(self) -> Any:
-        """The current state of the run."""
-        ...

@@ -110,7 +110,7 @@ def test_no_force_of_norm_one_passes_the_peak_gain(found):
 
 @MODELS
 def test_an_adversary_never_breaks_the_bound_of_the_chosen_loop(found, model):
-    """A perturbation of the largest size allowed that always points along the state, chosen anew at every step."""
+    """A perturbation of the largest size allowed that always points along the state, chosen fresh at every step."""
     told = found[model.dt]
     A, κ, h = told.closed_loop, 0.9 * told.margin.margin, model.dt or 0.1
     bound = told.margin.perturbed(κ)

@@ -48,7 +48,7 @@ TURNS = (
     Turn(r"(gives?|gave|given) way", "is replaced by", "What is forgotten gives way to the prior."),
     Turn(r"(can|could|may) be had", "is obtained from", "Its size can be had by a fit."),
     Turn(r"fates?", "arrival; whether they arrived", "Inputs of unknown fate."),
-    Turn(r"anew", "again", "The watch starts anew."),
+    Turn(r"fresh", "again", "The watch starts fresh."),
     Turn(r"(works?|worked|working) out", "computes", "The weights are worked out."),
     Turn(r"as long as it is not", "unless, until", "As long as it is not seen, it grows."),
     Turn(r"opened by", "say what happens", "A gain that is opened by an input."),

@@ -305,7 +305,7 @@ def test_a_second_process_reads_the_object_of_the_first(tmp_path, monkeypatch):
     assert [path.stat().st_mtime_ns for path in kept] == written
     assert len(kept) == 2
     for path in kept:
-        path.write_bytes(path.read_bytes()[:-100])  # damaged: compiled anew, not loaded
+        path.write_bytes(path.read_bytes()[:-100])  # damaged: compiled fresh, not loaded
     assert run() == first
 
 

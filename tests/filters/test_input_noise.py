@@ -128,9 +128,12 @@ UNCERTAIN = Interval(U, U, None, np.asarray(0.1), u_covariance=COVARIANCE)
 
 
 @pytest.mark.parametrize("algorithm", [ExtendedKalman(MODEL), UnscentedKalman(MODEL)])
-def test_filters_that_cannot_take_it_refuse(algorithm):
-    with pytest.raises(InputError, match="needs an input that is known between samples"):
-        predicted(algorithm, UNCERTAIN, hold="zero_order")
+def test_nonlinear_filters_take_a_constant_error_and_refuse_one_that_wanders(algorithm):
+    linear = predicted(Kalman(MODEL), UNCERTAIN, hold="zero_order")
+    assert_allclose(predicted(algorithm, UNCERTAIN, hold="zero_order"), linear, rtol=1e-9, atol=1e-14)
+    wandering = Interval(U, U, None, np.asarray(0.1), u_diffusion=DIFFUSION)
+    with pytest.raises(InputError, match="needs an input that does not wander"):
+        predicted(algorithm, wandering, hold="zero_order", wanders=True)
 
 
 def test_smoothing_a_gain_and_a_discrete_model_refuse():

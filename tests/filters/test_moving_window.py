@@ -1,4 +1,4 @@
-"""MovingWindow against the algorithm started anew at every row; its bounds, averages and gates."""
+"""MovingWindow against the algorithm started fresh at every row; its bounds, averages and gates."""
 
 from dataclasses import replace
 

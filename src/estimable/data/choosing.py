@@ -123,6 +123,8 @@ def table_arguments(channels: dict[str, Any], choice: Choice, faults: checks.Fau
         faults.add("`grid` places samples by their times: give `time`, the column that holds them.")
     if channels["arrived"] is not None:
         faults.add("`arrived` marks the rows of the table, which `grid` replaces: leave one of them out.")
+    if channels["sigma"] is not None:
+        faults.add("`sigma` belongs to the rows of the table, which `grid` replaces: leave one of them out.")
     faults.finish()
     t = np.asarray(channels["t"])
 
@@ -149,7 +151,7 @@ def _table_rows(channels: dict[str, Any], choice: Choice, faults: checks.Faults)
     faults.finish()
     if t is None or not asked:
         return channels
-    values = {name: channels[name] for name in ("y", "u", "arrived")}
+    values = {name: channels[name] for name in ("y", "u", "arrived", "sigma")}
     if choice.repeated is not None:
         t, values = one_row_an_instant(t, values, {}, faults, choice.repeated)
     after = [] if choice.max_gap is None else np.flatnonzero(np.diff(t) > choice.max_gap) + 1

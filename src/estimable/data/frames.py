@@ -27,6 +27,7 @@ def channels_of(
     arrived: str | Sequence[str] | None,
     na_values: Numbers | None,
     options: TimeOptions,
+    sigma: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """The arguments `y`, `u`, `t`, `arrived`, `outputs`, `inputs`, `origin`, `sources` and `notes` of a `Record`, from named
     columns. `outputs` and `inputs` may map names to columns.
@@ -46,7 +47,10 @@ def channels_of(
     if arrivals and len(arrivals) not in (1, len(inputs)):
         given = checks.listed(arrivals)
         faults.add(f"`arrived` must name one column for all inputs, or one for each of the {len(inputs)}. Got {given}.")
-    columns = {name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals])}
+    sigmas = _sigma_columns(sigma, outputs, faults)
+    columns = {
+        name: _numbers(frame, name, faults) for name in dict.fromkeys([*outputs, *inputs, *arrivals, *sigmas.values()])
+    }
     if len(frame) == 0:
         faults.add("there is no row below the header.")
     marks = None if na_values is None else faults.array("na_values", np.atleast_1d(na_values), "marks")
@@ -63,6 +67,7 @@ def channels_of(
         "y": together(outputs), "u": together(inputs), "t": None if read is None else read.t,
         "outputs": tuple(sources["outputs"]), "inputs": tuple(sources["inputs"]),
         "arrived": together(repeated) if arrivals else None, "origin": None if read is None else read.origin,
+        "sigma": _sigmas(sigmas, sources["outputs"], columns, len(frame)),
         "notes": () if read is None else (read.rule[0].upper() + read.rule[1:],),
         "sources": {name: column for both in sources.values() for name, column in both.items() if name != column},
     }  # fmt: skip
@@ -77,6 +82,32 @@ def renamed(argument: str, given: Channels, faults: checks.Faults) -> dict[str, 
         return dict(zip(names, channels, strict=False))
     faults.add(f"`{argument}` must map names to channels, as in {{'pitch_rate': 'gyro_y'}}. Got {checks.short(given)}.")
     return {}
+
+
+def _sigma_columns(
+    sigma: Mapping[str, str] | None, outputs: tuple[str, ...], faults: checks.Faults
+) -> Mapping[str, str]:
+    """The column of the standard deviation of each output that has one."""
+    if sigma is None:
+        return {}
+    if not isinstance(sigma, Mapping) or not all(isinstance(column, str) for column in sigma.values()):
+        faults.add(f"`sigma` must map outputs to columns, as in {{'range': 'range_sd'}}. Got {checks.short(sigma)}.")
+        return {}
+    for name in sigma:
+        if name not in outputs:
+            faults.add(f"`sigma` names {name!r}, which is not an output.{checks.suggestion(name, outputs)}")
+    return sigma
+
+
+def _sigmas(
+    sigmas: Mapping[str, str], outputs: Mapping[str, str], columns: Mapping[str, Any], rows: int
+) -> np.ndarray | None:
+    """The standard deviations (T, p); None without any."""
+    if not sigmas:
+        return None
+    return np.stack(
+        [np.asarray(columns[sigmas[name]]) if name in sigmas else np.full(rows, np.nan) for name in outputs], 1
+    )
 
 
 def _column(frame: "pd.DataFrame", name: str, faults: checks.Faults) -> "pd.Series | None":

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
+from ..models.angles import Given
 from .frames import Channels
 from .record import Record
 from .record_arguments import Texts
@@ -44,6 +45,8 @@ def read_record(
     lost: str = "zero",
     hold: str = "zero_order",
     units: Texts = (),
+    angles: Given = (),
+    sigma: Mapping[str, str] | None = None,
     na_values: Numbers | None = None,
 ) -> Record:
     """Read a `Record` from named columns of a file: CSV (.csv .txt .tsv), MATLAB (.mat, up to version 7.2) or Parquet.
@@ -63,6 +66,8 @@ def read_record(
     - `max_gap`: nothing connects across a longer step (seconds), and on a grid an older input is not known.
     - `delay`: {column: seconds} by which its stamps are late. It needs `grid`.
     - `units`: {channel: unit}, for figures and reports.
+    - `angles`: {channel: "rad", "deg", a period or a range} of the channels that are angles, as in `Record`.
+    - `sigma`: {output: column} of the standard deviations of the noise, for outputs whose noise changes from row to row.
     - `na_values`: numbers that mark missing values, such as -9999. By default such a number far outside the others raises an
       error that names its row. [] accepts every number as measured.
 
@@ -79,7 +84,7 @@ def read_record(
         return Record.from_pandas(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, time_unit=time_unit, time_format=time_format, zone=zone,
             repeated=repeated, grid=grid, start=start, stop=stop, max_gap=max_gap, delay=delay, arrived=arrived, lost=lost,
-            hold=hold, units=units, na_values=na_values,
+            hold=hold, units=units, angles=angles, sigma=sigma, na_values=na_values,
         )  # fmt: skip
     except checks.InputError as error:
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None

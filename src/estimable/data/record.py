@@ -11,9 +11,12 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
+from ..models.angles import Given, unwrapped
+from ..models.angles import read as read_angles
 from ..models.discretisation import HOLDS
 from ..models.sampled import Clock
 from . import record_arguments as read
+from . import undeclared
 from .choosing import Choice, table_arguments
 from .frames import Channels, channels_of
 from .messy import measured, one_row_an_instant
@@ -44,6 +47,9 @@ class Record:
       actuator applies when an input is lost, "zero" or "hold" (its last input).
     - `outputs` and `inputs`: names of the channels (default y1.., u1..). The names match the channels to those of a model.
     - `units`: {name: unit}, for tables and figures.
+    - `angles`: which channels are angles, {name: "rad", "deg", a period, or a range (lower, upper)}, for models that do not say
+      so. None instead of a unit: the channel is no angle, although it jumps by a turn.
+    - `sigma` (T, p): the standard deviation of the noise of each output in each row, where it is known. NaN: that of the model.
     - `breaks`: rows before which nothing connects: the recorder was restarted, or what the plant did between is unknown.
       A row k in `breaks` says that the state at row k does not follow from row k - 1.
     - `origin`: the date of t = 0 as a `datetime`. One without a zone is local time as the recorder wrote it.
@@ -67,9 +73,11 @@ class Record:
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
     arrived: Any = None
+    sigma: Any = None
     lost: str = static(default="zero")
     hold: str = static(default="zero_order")
     units: Any = static(default=())
+    angles: Any = static(default=())
     breaks: Any = static(default=())
     origin: datetime | None = static(default=None)
     grid: float | None = static(default=None)
@@ -95,6 +103,7 @@ class Record:
         faults.choice("hold", self.hold, HOLDS)
         faults.choice("lost", self.lost, LOST)
         arrived = None if self.arrived is None else read.arrived_of(self.arrived, self.hold, faults)
+        sigma = None if self.sigma is None else read.sigma_of(self.sigma, faults)
         dt = None if self.dt is None else faults.number("dt", self.dt, above=0.0, unit="seconds")
         t = read.times_of(self.t, 0 if y is None else len(y), faults)
         names = {
@@ -103,16 +112,21 @@ class Record:
         }
         facts = self._read_facts(names["outputs"] + names["inputs"], 0 if y is None else len(y), faults)
         if t is not None and y is not None and not faults.sentences:
-            channels = {"y": y, "u": u, "arrived": arrived}
-            labels = {"y": names["outputs"], "u": names["inputs"], "arrived": names["inputs"]}
+            channels = {"y": y, "u": u, "arrived": arrived, "sigma": sigma}
+            labels = {
+                "y": names["outputs"],
+                "u": names["inputs"],
+                "arrived": names["inputs"],
+                "sigma": names["outputs"],
+            }
             rows = t
             t, channels = one_row_an_instant(t, channels, labels, faults)
             facts["breaks"] = tuple(sorted({int(np.searchsorted(t, rows[k])) for k in facts["breaks"]} - {0}))
-            y, u, arrived = channels["y"], channels["u"], channels["arrived"]
+            y, u, arrived, sigma = (channels[name] for name in ("y", "u", "arrived", "sigma"))
         dt, t = read.step_of(dt, t, 0 if y is None else len(y), faults)
         faults.finish()
         timed = True if self.t is not None and self.dt is None else None
-        set_field(self, y=y, u=u, arrived=arrived, dt=dt, t=t, timed=timed, **names, **facts)
+        set_field(self, y=y, u=u, arrived=arrived, sigma=sigma, dt=dt, t=t, timed=timed, **names, **facts)
 
     def _read_facts(self, channels: tuple[str, ...], rows: int, faults: checks.Faults) -> dict[str, Any]:
         """The fields that describe the rows and the channels."""
@@ -120,6 +134,7 @@ class Record:
             "units": read.texts_of("units", "{'speed': 'm/s'}", self.units, channels, faults),
             "sources": read.texts_of("sources", "{'speed': 'airspeed/true'}", self.sources, channels, faults),
             "breaks": read.breaks_of(self.breaks, rows, faults),
+            "angles": read_angles(self.angles, channels, "a channel of the record", faults, denied=True),
             "origin": read.origin_of(self.origin, faults),
             "grid": None if self.grid is None else faults.number("grid", self.grid, above=0.0, unit="seconds"),
             "placing": read.numbers_of("placing", self.placing, channels, faults),
@@ -147,6 +162,8 @@ class Record:
         lost: str = "zero",
         hold: str = "zero_order",
         units: Texts = (),
+        angles: Given = (),
+        sigma: Mapping[str, str] | None = None,
         na_values: Numbers | None = None,
     ) -> "Record":
         """A record from named columns of a DataFrame.
@@ -162,10 +179,10 @@ class Record:
         faults.finish()
         channels = channels_of(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, arrived=arrived, na_values=na_values,
-            options=TimeOptions(time_unit, time_format, zone),
+            options=TimeOptions(time_unit, time_format, zone), sigma=sigma,
         )  # fmt: skip
         channels = table_arguments(channels, choice, faults)
-        return Record(**channels, dt=dt if grid is None else None, lost=lost, hold=hold, units=units)
+        return Record(**channels, dt=dt if grid is None else None, lost=lost, hold=hold, units=units, angles=angles)
 
     def __repr__(self) -> str:
         lasting = "" if self.t is None else f", {self.t[0]:g} to {self.t[-1]:g} s"
@@ -185,7 +202,10 @@ class Record:
         if stop <= first:
             begin, end = ("" if bound is None else bound for bound in (rows.start, rows.stop))
             checks.refuse(f"record[{begin}:{end}] holds no row: the record has {len(self)}.")
-        cut = {name: None if (a := getattr(self, name)) is None else a[rows] for name in ("y", "u", "t", "arrived")}
+        cut = {
+            name: None if (a := getattr(self, name)) is None else a[rows]
+            for name in ("y", "u", "t", "arrived", "sigma")
+        }
         if self.lost == "hold" and self.arrived is not None and first > 0:
             cut["held"] = self.applied()[first - 1]
         cut["breaks"] = tuple(row - first for row in self.breaks if first < row < stop)
@@ -256,10 +276,15 @@ class Record:
         regular = self.dt if self.dt is not None else dt
         if regular is not None or self.t is None or len(self) == 1:
             return Clock.every(0.0 if regular is None else regular, self.hold)
-        lengths, rows = _groups(np.diff(self.t), scatter(self.t, np.median(np.diff(self.t))))
+        lengths, rows = groups(np.diff(self.t), scatter(self.t, np.median(np.diff(self.t))))
         filled = 2 ** int(np.ceil(np.log2(len(lengths))))  # so that another record seldom needs a new compilation
         lengths = np.append(lengths, np.full(filled - len(lengths), lengths[-1]))
         return Clock(lengths, np.append(rows, rows[-1]), self.hold)
+
+    def continuous(self) -> "Record":
+        """The same record, in which declared angles run on through any number of turns."""
+        y, u = unwrapped(self.y, self.angles, self.outputs), unwrapped(self.u, self.angles, self.inputs)
+        return replace(self, y=y, u=u) if self.angles else self
 
     def applied(self) -> np.ndarray:
         """The input that the actuator applied, (T, m), NaN if unknown: the sent input if it arrived, otherwise the substitute
@@ -277,12 +302,14 @@ class Record:
 
 
 def several(name: str, given: Any, faults: checks.Faults) -> list[Record]:
-    """One record, or a list of them, as a list; empty if it is at fault."""
+    """One record, or a list of them, as a list in which angles run on through any number of turns; empty if it is at fault."""
     records = [given] if isinstance(given, Record) else list(given) if isinstance(given, list | tuple) else []
     if not records or not all(isinstance(one, Record) for one in records):
         faults.add(f"`{name}` must be a Record, or a list of them. Got {checks.short(given)}.")
         return []
-    return records
+    for one in records:
+        undeclared.check(one.y, one.outputs, [channel for channel, *_ in one.angles], faults)
+    return [one.continuous() for one in records]
 
 
 def _is_whole(*bounds: int | None) -> bool:
@@ -290,7 +317,7 @@ def _is_whole(*bounds: int | None) -> bool:
     return all(bound is None or isinstance(bound, int | np.integer) for bound in bounds)
 
 
-def _groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+def groups(steps: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The distinct lengths among steps, and the index of each step; steps within `width` count as one, at their mean."""
     ordered, starts, i = np.sort(steps), [], 0
     while i < len(ordered):

@@ -115,6 +115,17 @@ def arrived_of(arrived: Numbers, hold: str, faults: checks.Faults) -> np.ndarray
     return read
 
 
+def sigma_of(sigma: Numbers, faults: checks.Faults) -> np.ndarray | None:
+    """The standard deviations of the noise, (T, p)."""
+    found = faults.array("sigma", column(sigma), "T p", nan=True)
+    if found is not None and np.any(found < 0):
+        row, channel = np.argwhere(found < 0)[0]
+        faults.add(
+            f"`sigma` must be standard deviations, at least 0. Row {row}, column {channel} is {found[row, channel]:g}."
+        )
+    return found
+
+
 def times_of(t: Numbers | None, rows: int, faults: checks.Faults) -> np.ndarray | None:
     """The times, which never go back; None if the record has none, or they are at fault."""
     if t is None:

@@ -3,21 +3,30 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from .. import checks
 from ..data.messy import without_wild
 from ..data.record import Record, match
 from ..data.record_arguments import scatter
+from ..filters.belief import Belief
+from ..filters.restarting import Restarting
 from ..filters.wrapped import check_algorithm
 from ..identifiers.channels import Channels
+from ..models import angles
+from ..models.angles import Angles
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, RecursiveIdentifier
-from ..results import Info, Interval, Names, Sample, Stacked
+from ..results import Gap, Info, Interval, Names, Outcome, Sample, Stacked
+from .declared_angles import check_undeclared, of_both, ranged, with_angles
 from .following import along_record
+from .gapped import Gapped, expanded, treated
+from .gaps import Given
+from .gaps import read as read_gaps
 from .time_unit import check_time_unit, warn_of_placing
 
 FLATTEST = 1e28  # variance of an output by the prior, relative to its noise: beyond it, rounding shows in the estimates
@@ -37,6 +46,37 @@ class Bound(NamedTuple):
     t: np.ndarray | None
     clock: Clock
     complete: bool
+    gapped: Gapped | None = None
+    fresh: Belief | None = None
+
+    def outcome(self, code: int, failed_at: int) -> Outcome:
+        """The outcome of a run that first failed at a row of the engine."""
+        return Outcome.of(code, int(self.rows_at(np.asarray(failed_at))), self.t)
+
+    def rows_at(self, at: np.ndarray) -> np.ndarray:
+        """The rows of the record of rows that are run."""
+        return at if self.gapped is None else self.gapped.plan.rows[at]
+
+    @property
+    def hides_rows(self) -> bool:
+        """Whether rows inside gaps are not run."""
+        return self.gapped is not None and len(self.gapped.plan.rows) < len(self.gapped.record)
+
+    def rows_of(self, used: np.ndarray) -> np.ndarray:
+        """The last row that each row of the record uses, from those of the rows that are run."""
+        if self.gapped is None or not self.hides_rows:
+            return used
+        rows = self.gapped.plan.rows
+        return rows[used[np.searchsorted(rows, np.arange(len(self.gapped.record)))]]
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """What was done in which gap."""
+        return () if self.gapped is None else self.gapped.plan.found
+
+    def expanded(self, info: Info, axis: int = 0, later: Info | None = None) -> Info:
+        """The reports with the rows inside gaps, and each angle in its range."""
+        return ranged(expanded(info, self.gapped, self.fresh, axis, later), self.names)
 
 
 def select(info: Info, keep: str) -> Info:
@@ -58,6 +98,7 @@ def bind(
     *,
     bank: Record | None = None,
     algorithms: Algorithm[Any] | None = None,
+    gaps: Given = "auto",
 ) -> Bound:
     """Check everything together, then match by name, determine the applied inputs, and sample the model.
 
@@ -69,7 +110,35 @@ def bind(
     faults.finish()
     if algorithms is None:
         algorithm = along_record(algorithm, record)
-    model, names, rows = model_of(algorithm), algorithm.names, bank or record
+    names, rows = algorithm.names, bank or record
+    outputs, inputs, turns = _matched(algorithm, record, rows, prior, faults)
+    settings = read_gaps(gaps, len(names.inputs), faults)
+    faults.finish()
+    algorithm, algorithms = with_angles(algorithm, turns), algorithms and with_angles(algorithms, turns)
+    u, arrived = _inputs_of(algorithm, record, rows, inputs, faults)
+    gapped = None
+    if arrived is None and not unknown_arrivals(record, rows):
+        gapped = treated(algorithm, record, rows, u, inputs, settings, algorithms is not None, faults)
+    if gapped is None:
+        check_known(u, names.inputs, faults)
+    faults.finish()
+    u = u if gapped is None else gapped.plan.u
+    _check_at(algorithm, prior, u, faults)
+    warn_of_placing(model_of(algorithm), tuple(record.outputs[i] for i in outputs), record)
+    samples, intervals, clock = _laid_out(algorithm, record, rows, outputs, (u, arrived), gapped)
+    fresh = None if gapped is None or gapped.plan.restart is None else gapped.fresh(settings)
+    complete = prior is not None and prior.diffuse is None and bool(samples.seen.all()) and fresh is None
+    stacked = None if algorithms is None else len(jax.tree_util.tree_leaves(algorithms)[0])
+    ready = prepared(algorithms or algorithm, clock, complete, fresh, stacked)
+    names = names._replace(units=record.units, angles=turns, **ready.result_names)
+    return Bound(ready, samples, intervals, names, rows.t, clock, complete, gapped, fresh)
+
+
+def _matched(
+    algorithm: Algorithm[Any], record: Record, rows: Record, prior: Prior | None, faults: checks.Faults
+) -> tuple[list[int], list[int], Angles]:
+    """The columns of outputs and inputs in the record, and the declared angles, with all checks of the call."""
+    model, names = model_of(algorithm), algorithm.names
     outputs = columns(names.outputs, record.outputs, "output", "y", faults)
     if faults.sentences and record.y.shape[-2] == len(names.outputs) < record.y.shape[-1]:
         faults.add(
@@ -81,34 +150,75 @@ def bind(
     _check_time(model, record, faults)
     check_time_unit(model, record, faults)
     algorithm.check_record(len(record), faults)
+    turns = of_both(model, record, outputs, faults)
+    if record.sigma is not None and not hasattr(model, "angles"):
+        faults.add(f"{type(algorithm.innermost).__name__} cannot use `sigma` of the record: leave it out.")
     faults.finish()
+    check_undeclared(_columns_of(rows.y, outputs), names, (*turns, *record.angles), faults)
+    return outputs, inputs, turns
+
+
+def _inputs_of(
+    algorithm: Algorithm[Any], record: Record, rows: Record, inputs: list[int], faults: checks.Faults
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """The inputs of the model, and whether they arrived where the algorithm takes that."""
     u, arrived = (
         _arrivals(algorithm, record, rows, faults) if algorithm.takes_unknown_arrivals else (rows.applied(), None)
     )
-    u, arrived = _columns_of(u, inputs), None if arrived is None else _columns_of(arrived, inputs)
-    check_known(u, names.inputs, faults)
-    faults.finish()
+    u = angles.unwrapped(u, record.angles, record.inputs)
+    return _columns_of(u, inputs), None if arrived is None else _columns_of(arrived, inputs)
+
+
+def _check_at(algorithm: Algorithm[Any], prior: Prior | None, u: np.ndarray, faults: checks.Faults) -> None:
+    """Check that the functions of a nonlinear model are finite at the start."""
+    model = model_of(algorithm)
     if isinstance(model, NonlinearModel) and prior is not None:
         model.check_at(prior.mean, u[(0,) * (u.ndim - 1)], faults)
         faults.finish()
-    warn_of_placing(model, tuple(record.outputs[i] for i in outputs), record)
-    clock = record.clock(model.dt or None)
-    lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
-    y = without_wild(_columns_of(rows.y, outputs), names.outputs)
+
+
+def _laid_out(
+    algorithm: Algorithm[Any],
+    record: Record,
+    rows: Record,
+    outputs: list[int],
+    given: tuple[np.ndarray, np.ndarray | None],
+    gapped: Gapped | None,
+) -> tuple[Sample, Interval, Clock]:
+    """The samples, intervals and steps of the rows that are run."""
+    model, names, (u, arrived) = model_of(algorithm), algorithm.names, given
+    y = rows.y if hasattr(model, "angles") else angles.unwrapped(rows.y, record.angles, record.outputs)
+    y = without_wild(_columns_of(y, outputs), names.outputs)
+    sigma = None if rows.sigma is None else _columns_of(rows.sigma, outputs)
+    if gapped is None:
+        clock = record.clock(model.dt or None)
+        lengths = clock.lengths if clock.rows is None else clock.lengths[clock.rows]
+    else:
+        clock, lengths, run = gapped.clock(), gapped.plan.seconds, gapped.plan.rows
+        y, sigma = y[..., run, :], None if sigma is None else sigma[..., run, :]
     seen = ~np.isnan(y)
-    samples = Sample(y if seen.all() else np.where(seen, y, 0.0), seen, u, arrived)
+    samples = Sample(y if seen.all() else np.where(seen, y, 0.0), seen, u, arrived, sigma=sigma)
     u_end = np.concatenate([u[..., 1:, :], u[..., -1:, :]], axis=-2)
     intervals = Interval(u, u_end, None, np.broadcast_to(lengths.astype(float), y.shape[:-1]))
-    complete = prior is not None and prior.diffuse is None and bool(samples.seen.all())
-    ready = prepared(algorithms or algorithm, clock, complete)
-    names = names._replace(units=record.units, **ready.result_names)
-    return Bound(ready, samples, intervals, names, rows.t, clock, complete)
+    return samples, intervals if gapped is None else gapped.intervals(intervals), clock
 
 
-def prepared(algorithm: Algorithm[Any], clock: Clock, complete: bool) -> Any:
-    """The algorithm sampled for a record. `complete`: every output was seen, and the prior is proper."""
+def unknown_arrivals(record: Record, rows: Record) -> bool:
+    """Whether it is unknown of some inputs whether they arrived."""
+    return record.arrived is not None and bool(np.isnan(rows.arrived).any())
+
+
+def prepared(
+    algorithm: Algorithm[Any], clock: Clock, complete: bool, fresh: Belief | None = None, stacked: int | None = None
+) -> Any:
+    """The algorithm sampled for a record. `complete`: every output was seen, and the prior is proper. `fresh`: the belief
+    after a break. `stacked`: the number of algorithms in a stack.
+    """
     ready = algorithm.sampled(clock)
-    return ready.where_all_is_seen if complete else ready
+    ready = ready.where_all_is_seen if complete else ready
+    if fresh is not None and stacked is not None:
+        fresh = jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (stacked, *np.shape(leaf))), fresh)
+    return ready if fresh is None else Restarting(ready, fresh)
 
 
 def _arrivals(
@@ -230,6 +340,12 @@ def check_hold(model: StateSpace | NonlinearModel | Channels, hold: str, faults:
         )
 
 
+def several_of(t: np.ndarray, dt: float) -> bool:
+    """Whether each step is one of `dt` or several, as where samples are missing."""
+    steps = np.diff(t)
+    return bool(np.all(np.abs(steps - np.maximum(np.round(steps / dt), 1) * dt) <= scatter(t, dt)))
+
+
 def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> None:
     check_hold(model, record.hold, faults)
     if model.steps is not None and model.steps != len(record):
@@ -242,6 +358,8 @@ def _check_time(model: StateSpace, record: Record, faults: checks.Faults) -> Non
         return
     if record.dt is None:
         steps = np.diff(record.t)
+        if model.dt and isinstance(model, StateSpace) and not model.varying and several_of(record.t, model.dt):
+            return
         step = "" if model.dt is None else f" with dt = {model.dt:g} s"
         faults.add(
             f"the record's steps vary from {steps.min():g} to {steps.max():g} s, but the model is discrete"

@@ -13,9 +13,11 @@ from ..engines import choice, xla
 from ..errors import RunError
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import Estimate, Origin, Outcome
+from ..results import Estimate, Origin
 from . import windows
 from .binding import bind, select
+from .declared_angles import ranged
+from .gaps import Given
 
 ON_FAILURE = ("raise", "keep")
 
@@ -37,6 +39,7 @@ def estimate(
     on_failure: str = "raise",
     engine: str = "auto",
     keep: str = "all",
+    gaps: Given = "auto",
 ) -> Estimate:
     """Run a state estimator over a record. The result has one row for each row of the record, and row k uses the samples 0 to
     k.
@@ -49,6 +52,7 @@ def estimate(
     - `engine`: "native" (machine code, for small models), "xla" (JAX), or "auto", the first that can run the algorithm.
     - `keep`: which rows and arrays the result holds. "all": all; "means": no covariances; "last": only the last row;
       "likelihood": no rows.
+    - `gaps`: what to do where the input was not recorded, "auto", "bridge", "break", "refuse", or a `Gaps`.
 
     Returns an `Estimate`. Raises `InputError` with every fault of the call; `RunError` where the numbers failed, naming the
     sample.
@@ -59,15 +63,17 @@ def estimate(
     ([1.0, 2.0], 'native')
     """
     check_options(on_failure, engine, keep)
-    bound = bind(algorithm, record, prior)
+    bound = bind(algorithm, record, prior, gaps=gaps)
     engine, run = windows.scan(engine, bound.algorithm, prior, bound.samples, bound.intervals, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
-    outcome = Outcome.of(int(run.code), int(run.failed_at), bound.t)
+    outcome = bound.outcome(int(run.code), int(run.failed_at))
     if outcome.code and on_failure == "raise":
         raise RunError(outcome)
     info = jax.tree_util.tree_map(lambda leaf: leaf[None], run.info) if keep == "last" else run.info
+    info = ranged(info, bound.names) if keep == "last" else bound.expanded(info)
     t = bound.t if keep != "last" or bound.t is None else bound.t[-1:]
-    return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names, Origin(algorithm, record, prior))
+    origin = Origin(algorithm, record, prior)
+    return Estimate(info, t, float(run.log_likelihood), outcome, engine, bound.names, origin, bound.gaps)
 
 
 def log_likelihood(algorithm: Algorithm[Any], record: Record, *, prior: Prior) -> Any:

@@ -16,8 +16,10 @@ from ..protocols import Algorithm
 from ..results import EstimateBank, Outcome, Stacked
 from . import windows
 from .binding import Bound, bind, select
+from .declared_angles import ranged
 from .estimate import check_options
 from .following import bank_along_records
+from .gaps import Given
 from .stack import stack
 
 Part: TypeAlias = Algorithm[Any] | Record | Prior | Stacked | Sequence[Any] | None  # of a bank: one, or several
@@ -31,6 +33,7 @@ def estimate_bank(
     on_failure: str = "raise",
     engine: str = "auto",
     keep: str = "all",
+    gaps: Given = "auto",
 ) -> EstimateBank:
     """Run many estimators at once.
 
@@ -49,22 +52,24 @@ def estimate_bank(
     check_options(on_failure, engine, keep)
     parts = [several(part) for part in (algorithms, records, prior)]
     parts[0] = bank_along_records(*parts[:2])
-    bound = bind_bank(*parts)
+    bound = bind_bank(*parts, gaps=gaps)
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = prior_items.items if isinstance(prior_items := parts[2], Stacked) else prior_items
     rows = (bound.samples, bound.intervals)
     engine, run = windows.scan_bank(engine, bound.algorithm, priors, *rows, axes=axes, keep=keep, select=select)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
-    outcomes = outcomes_of(run.code, run.failed_at, bound.t, on_failure)
+    outcomes = outcomes_of(run.code, bound.rows_at(run.failed_at), bound.t, on_failure)
     info = jax.tree_util.tree_map(lambda leaf: leaf[:, None], run.info) if keep == "last" else run.info
     t = bound.t if keep != "last" or bound.t is None else bound.t[..., -1:]
-    return EstimateBank(info, t, run.log_likelihood, tuple(outcomes), engine, bound.names)
+    info = ranged(info, bound.names) if keep == "last" else bound.expanded(info, axis=1)
+    return EstimateBank(info, t, run.log_likelihood, tuple(outcomes), engine, bound.names, bound.gaps)
 
 
 def bind_bank(
     algorithms: Algorithm[Any] | Stacked | Sequence[Algorithm[Any]],
     records: Record | Stacked | Sequence[Record],
     prior: Prior | Stacked | Sequence[Prior] | None,
+    gaps: Given = "auto",
 ) -> Bound:
     """Check the first run like a single one, then bind the numbers of all."""
     parts = {"algorithms": algorithms, "records": records, "prior": prior}
@@ -81,7 +86,7 @@ def bind_bank(
         _check_times(bank)
     return bind(
         first_of(algorithms), first_of(records), first_of(prior), bank=bank,
-        algorithms=algorithms.items if isinstance(algorithms, Stacked) else None,
+        algorithms=algorithms.items if isinstance(algorithms, Stacked) else None, gaps=gaps,
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from ..results.fits import not_converged
 from .binding import bind
 from .climb import MOST, Climbed, Limits, climb
 from .following import along_record
+from .gaps import Given
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import DisturbancePart, Free, Part, parts
 from .slopes import Ascent, Rows, ascent_over
@@ -42,6 +43,7 @@ def fit_noise(
     prior: Prior,
     free: Free = ("Q", "R"),
     progress: bool = True,
+    gaps: Given = "auto",
 ) -> NoiseFit:
     """Find the noise covariances that maximise the likelihood of a record, or of several, with their standard errors.
 
@@ -55,6 +57,7 @@ def fit_noise(
       each variance; or a symmetric array of bools, one for each entry, which must form blocks. A covariance that varies in
       time is multiplied by one factor ("scale"), or by one for each variance (the default). "S", the cross noise, can be free
       together with both Q and R; the record determines it only where few noises drive many states.
+    - `gaps`: what to do where the input was not recorded, as in `estimate`. The spread after a break is that of `algorithm`.
     - `progress`: whether a bar appears on stderr after a second of work, if stderr is a terminal.
 
     The search uses the logarithms of variances and the Cholesky factors of full matrices, so that every trial is positive
@@ -73,7 +76,7 @@ def fit_noise(
     (('Q[x1]', 'R[y1]'), True)
     """
     algorithm = _read(algorithm, progress)
-    found, each, runs = _prepare(algorithm, record, prior, free)
+    found, each, runs = _prepare(algorithm, record, prior, free, gaps)
 
     def build(along: Algorithm[Any]) -> Callable[[np.ndarray], Setup]:
         return lambda θ: Setup(tuned(along, found, θ), prior)
@@ -105,7 +108,7 @@ def _read(given: object, progress: bool) -> Algorithm[Any]:
 
 
 def _prepare(
-    algorithm: Algorithm[Any], record: Record | Sequence[Record], prior: Prior, free: Free
+    algorithm: Algorithm[Any], record: Record | Sequence[Record], prior: Prior, free: Free, gaps: Given
 ) -> tuple[Found, list[Algorithm[Any]], list[Rows]]:
     """The free covariances, and for each record the algorithm along it and the rows."""
     faults = checks.Faults()
@@ -116,7 +119,7 @@ def _prepare(
     for along in each[:1]:
         parts(along, free, faults)  # a covariance that follows a channel cannot be free
     faults.finish()
-    return found, each, [Rows.of(bind(along, one, prior)) for along, one in zip(each, records, strict=True)]
+    return found, each, [Rows.of(bind(along, one, prior, gaps=gaps)) for along, one in zip(each, records, strict=True)]
 
 
 def tuned(algorithm: Algorithm[Any], found: Found, θ: np.ndarray) -> Any:

@@ -43,7 +43,7 @@ def forecast(result: Estimate, u: Numbers | None = None, steps: int | None = Non
     T = len(origin.record)
     info = estimate(algorithm, record, prior=prior).info
     info = jax.tree_util.tree_map(lambda leaf: leaf[T:], info)
-    output = _outputs(bind(algorithm, record, prior), info, T)
+    output = _outputs(bind(algorithm, record, prior), info)
     S = info.innovation_covariance
     info = replace(info, innovation=None, innovation_covariance=None, log_likelihood=None)
     t = None if record.t is None else record.t[T:]
@@ -95,16 +95,18 @@ def _extended(record: Record, u: np.ndarray) -> Record:
         t = np.append(t, t[-1] + step * np.arange(1, rows + 1))
     arrived = None if record.arrived is None else np.vstack([record.arrived, np.ones_like(u)])
     y = np.vstack([record.y, np.full((rows, record.y.shape[1]), np.nan)])
-    return replace(record, y=y, u=np.vstack([record.u, u]), t=t, arrived=arrived)
+    sigma = None if record.sigma is None else np.vstack([record.sigma, np.full((rows, y.shape[1]), np.nan)])
+    return replace(record, y=y, u=np.vstack([record.u, u]), t=t, arrived=arrived, sigma=sigma)
 
 
-def _outputs(bound: Bound, info: Info, T: int) -> np.ndarray:
-    """C x + d of the rows from T on, without noise."""
+def _outputs(bound: Bound, info: Info) -> np.ndarray:
+    """C x + d of the last rows, without noise."""
     x = info.mean if info.gain is None else np.concatenate([info.mean, info.gain], axis=1)
     point = bound.algorithm.ready.point.states
     x = x - np.concatenate([point, np.zeros(x.shape[1] - len(point))])
-    samples, intervals = jax.tree_util.tree_map(lambda leaf: leaf[T:], (bound.samples, bound.intervals))
-    return np.asarray(_measured(bound.algorithm, T + np.arange(len(x)), samples, intervals, x))
+    T, ahead = len(bound.samples.seen), len(x)
+    samples, intervals = jax.tree_util.tree_map(lambda leaf: leaf[-ahead:], (bound.samples, bound.intervals))
+    return np.asarray(_measured(bound.algorithm, T - ahead + np.arange(ahead), samples, intervals, x))
 
 
 @forks.jit

@@ -14,6 +14,7 @@ from ..engines import choice
 from ..filters import belief, nonlinear
 from ..filters.belief import Belief
 from ..frozen import frozen, replace
+from ..kernels.kalman import innovation_of
 from ..kernels.rounding import KNOWN
 from ..kernels.small import apply, diagonal, solve_lower, triangularise
 from ..kernels.smoothing import Instant
@@ -145,8 +146,8 @@ def _cost_of_record(values: Instant, weights: Instant, about: Array, y: Array, s
     """The cost of all samples and of all steps between two, with the noises of `weights`."""
 
     def of_output(values: Instant, weights: Instant, x: Array, y: Array, seen: Array, σ: Array):
-        (C, d, _, _), V = values.measurement, weights.measurement.V
-        e = jnp.where(seen, y - apply(C, x) - d, 0.0)
+        (C, d, _, _, period), V = values.measurement, weights.measurement.V
+        e = innovation_of(y, seen, C, x, d, period)
         V = jnp.concatenate([jnp.where(seen[:, None], V, 0.0), jnp.diag(jnp.where(seen, 0.0, 1.0))], axis=1)
         return _squared(e, V, apply(jnp.abs(C), σ))
 

@@ -26,10 +26,12 @@ class KnownInputs:
         self.direct = bool(model.feeds_through(self.columns))
         self.any_fate = algorithm.takes_unknown_arrivals
 
-    def applied(self, u: Numbers, arrived: Numbers | None, lost: Array | float, faults: checks.Faults) -> Any:
-        """The input that the actuator applies: u where it arrived, else `lost`."""
+    def applied(
+        self, u: Numbers, arrived: Numbers | None, lost: Array | float, faults: checks.Faults, *, nan: bool
+    ) -> Any:
+        """The input that the actuator applies: u where it arrived, else `lost`. `nan`: an input may be unknown."""
         faults.learn("m", len(self.columns), f"the model has {self.counted}")
-        sent = faults.array("u", u, "m")
+        sent = faults.array("u", u, "m", nan=nan)
         if arrived is None or sent is None:
             return sent
         fate = faults.array("arrived", arrived, "m", nan=True)
@@ -40,13 +42,21 @@ class KnownInputs:
         return np.where(fate == 1, sent, lost)
 
 
-def step_length(model: StateSpace | NonlinearModel, dt: float | None, last: float | None, faults: checks.Faults) -> Any:
-    """The length of a step in seconds: as given, or that of a discrete model, or of the `last` step of a continuous one."""
+def step_length(
+    model: StateSpace | NonlinearModel, dt: float | None, last: float | None, faults: checks.Faults, *, several: bool
+) -> Any:
+    """The length of a step in seconds: as given, or that of a discrete model, or of the `last` step of a continuous one.
+
+    `several`: it may be several steps of a discrete model.
+    """
     if dt is None:
         if model.is_continuous and last is None:
             faults.add("`dt` must be given to the first predict: the model is continuous.")
         return last if model.is_continuous else model.dt
     dt = faults.number("dt", dt, above=0.0, unit="seconds")
-    if dt is not None and model.dt is not None and not model.is_continuous and abs(dt - model.dt) > UNIFORM * model.dt:
+    if dt is None or model.dt is None or model.is_continuous:
+        return dt
+    steps = max(round(dt / model.dt), 1) if several else 1
+    if abs(dt - steps * model.dt) > UNIFORM * model.dt:
         faults.add(f"`dt` = {dt:g} s, but the model is discrete with dt = {model.dt:g} s: a continuous one is needed.")
     return dt

@@ -18,10 +18,17 @@ from ..models.sampled import Clock
 from ..protocols import Algorithm
 from ..results import Info, Interval, Sample
 from .binding import model_of
+from .declared_angles import reported
 
 FLOAT = np.dtype(float)
 REFUSED = -1  # the code of a step whose datum is wild, or whose input is not a number
 LENGTHS = 64  # of steps for which the sampled model is cached
+
+
+def sampled(algorithm: Algorithm[Any], clock: Clock) -> Any:
+    """The algorithm prepared for the steps of a run, with angles reported in their range."""
+    names = algorithm.names._replace(angles=getattr(model_of(algorithm), "angles", ()))
+    return reported(algorithm.sampled(clock), names)
 
 
 def _now(algorithm: Algorithm[Any] | ByRow, row: Sequence[Array]) -> Any:
@@ -196,7 +203,7 @@ class Quick:
         return self.lengths[dt]
 
     def _sampled(self, dt: float) -> tuple[Any, list[np.ndarray]]:
-        return looked_up(self.at.sampled(Clock.every(dt, self.hold)), self.model.steps or 1)
+        return looked_up(sampled(self.at, Clock.every(dt, self.hold)), self.model.steps or 1)
 
     def _begin(self, state: tuple[Tree, Array]) -> None:
         """The start of the run, and the steps of a cycle; `correct` may come before the first length is known."""

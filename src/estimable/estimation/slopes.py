@@ -7,6 +7,7 @@ import numpy as np
 
 from ..engines import choice
 from ..engines.derivatives import Along, Sloped
+from ..filters.belief import Belief
 from ..kernels.innovation_information import features
 from ..models.complex_step import along_each, slope_of, value_of
 from ..models.sampled import Clock
@@ -23,11 +24,12 @@ class Rows(NamedTuple):
     intervals: Interval
     clock: Clock | None = None
     complete: bool = False
+    fresh: Belief | None = None
 
     @staticmethod
     def of(bound: Bound) -> "Rows":
         """The rows of a bound record."""
-        return Rows(bound.samples, bound.intervals, bound.clock, bound.complete)
+        return Rows(bound.samples, bound.intervals, bound.clock, bound.complete, bound.fresh)
 
 
 class Ascent(NamedTuple):
@@ -43,7 +45,7 @@ class Ascent(NamedTuple):
 def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tuple[str, Ascent]:
     """The engine that ran, and the derivatives of the likelihood with respect to θ. Cost: ceil(d / 8) passes of 8 lanes."""
     moved, prior = along_each(build, np.asarray(θ, float))
-    ready: Any = moved if rows.clock is None else prepared(moved, rows.clock, rows.complete)
+    ready: Any = moved if rows.clock is None else prepared(moved, rows.clock, rows.complete, rows.fresh, len(θ))
     along = Along(value_of(ready), slope_of(ready))
     prior = (value_of(prior), slope_of(prior))
     sums = _Sums(len(θ))

@@ -9,16 +9,18 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
+from ..engines import choice
 from ..errors import RunError
 from ..filters.extended_kalman import ExtendedKalman
 from ..filters.linearised import Linearised
 from ..filters.wrapped import check_algorithm
 from ..models.prior import Prior
 from ..protocols import Algorithm, Smoothable, Wrapper
-from ..results import Origin, Outcome, SmoothedEstimate
+from ..results import Info, Origin, SmoothedEstimate
 from . import gauss_newton, two_filters
-from .binding import bind
+from .binding import Bound, bind
 from .estimate import check_options
+from .gaps import Given
 
 
 def smooth(
@@ -30,6 +32,7 @@ def smooth(
     iterations: int = 1,
     on_failure: str = "raise",
     engine: str = "auto",
+    gaps: Given = "auto",
 ) -> SmoothedEstimate:
     """Estimate the states (and gains) of a record from samples before and after them.
 
@@ -44,6 +47,8 @@ def smooth(
     `iterations`: with more than 1 the model of an `ExtendedKalman` is linearised about the smoothed states and smoothed again,
     at most so many times, until no state changes by more than 1e-10 of its standard deviation. The result is then the most
     probable states and parameters. Where the iterations end before that, the outcome is a failure.
+
+    `gaps`: what to do where the input was not recorded, as in `estimate`.
 
     Returns a `SmoothedEstimate`; `used[k]` is the last sample that row k uses. Directions that the whole record leaves
     undetermined are in `diffuse_covariance`. Raises `InputError` with every fault of the call; `RunError` where the numbers
@@ -62,9 +67,9 @@ def smooth(
     """
     check_options(on_failure, engine, "all")
     _check_call(algorithm, lag, iterations)
-    bound = bind(algorithm.for_smoothing, record, prior)
+    bound = bind(algorithm.for_smoothing, record, prior, gaps=gaps)
     ran, rows, forward = two_filters.forwards(bound, prior, engine)
-    last = len(record) - 1
+    last = len(bound.samples.seen) - 1
     if lag is None:
         run, lag = two_filters.backwards(bound, rows, forward, engine), last
         if iterations > 1 and isinstance(algorithm, Linearised):
@@ -73,15 +78,27 @@ def smooth(
         lag = min(lag, last)
         run = two_filters.lagged(bound, rows, forward, lag)
     used = np.minimum(np.arange(last + 1) + lag, last)
-    outcome = Outcome.of(run.code, run.at, bound.t)
+    outcome = bound.outcome(run.code, run.at)
     if outcome.code and on_failure == "raise":
         raise RunError(outcome)
-    info = jax.tree_util.tree_map(np.asarray, run.info)
+    info = _expanded(bound, prior, engine, run.info)
+    used = bound.rows_of(used)
     names = bound.names._replace(note="")
     return SmoothedEstimate(
         info, bound.t, float(forward.log_likelihood), used, outcome, ran if ran == run.engine else "xla", names,
-        Origin(algorithm, record, prior),
+        Origin(algorithm, record, prior), bound.gaps,
     )  # fmt: skip
+
+
+def _expanded(bound: Bound, prior: Prior, engine: str, smoothed: Info) -> Info:
+    """The smoothed reports with the rows inside gaps, for which those of the filter are needed."""
+    smoothed = jax.tree_util.tree_map(np.asarray, smoothed)
+    if not bound.hides_rows:
+        return bound.expanded(smoothed)
+    _, run = choice.scan(
+        engine, bound.algorithm, prior, bound.samples, bound.intervals, keep="all", select=lambda info, keep: info
+    )
+    return bound.expanded(jax.tree_util.tree_map(np.asarray, run.info), later=smoothed)
 
 
 def _check_call(algorithm: Algorithm[Any], lag: int | None, iterations: int) -> None:

@@ -15,9 +15,11 @@ from ..models.prior import Prior
 from ..protocols import Smoothable
 from ..results import EstimateBank, Stacked
 from . import two_filters
+from .declared_angles import ranged
 from .estimate import check_options
 from .estimate_bank import bind_bank, outcomes_of, several
 from .following import bank_along_records
+from .gaps import Given
 from .smooth import check_smoothable
 
 
@@ -28,6 +30,7 @@ def smooth_bank(
     prior: Prior | Stacked | Sequence[Prior],
     on_failure: str = "raise",
     engine: str = "auto",
+    gaps: Given = "auto",
 ) -> EstimateBank:
     """Run a bank of smoothers over a fixed interval: row k of every run uses all samples of its record.
 
@@ -44,14 +47,16 @@ def smooth_bank(
     check_options(on_failure, engine, "all")
     parts = [several(part) for part in (algorithms, records, prior)]
     parts[0] = bank_along_records(_for_smoothing(parts[0]), parts[1])
-    bound = bind_bank(*parts)
+    bound = bind_bank(*parts, gaps=gaps)
+    if bound.hides_rows:
+        checks.refuse("the records have gaps without any measured number: smooth them one by one, with smooth.")
     axes = tuple(0 if isinstance(part, Stacked) else None for part in parts)
     priors = parts[2].items if isinstance(parts[2], Stacked) else parts[2]
     ran, run = two_filters.of_bank(bound, priors, engine, axes)
     run = jax.tree_util.tree_map(np.asarray, jax.block_until_ready(run))
-    outcomes = outcomes_of(run.code, run.failed_at, bound.t, on_failure)
+    outcomes = outcomes_of(run.code, bound.rows_at(run.failed_at), bound.t, on_failure)
     names = bound.names._replace(note="")
-    return EstimateBank(run.info, bound.t, run.log_likelihood, tuple(outcomes), ran, names)
+    return EstimateBank(ranged(run.info, names), bound.t, run.log_likelihood, tuple(outcomes), ran, names, bound.gaps)
 
 
 def _for_smoothing(algorithms: Any) -> Any:

@@ -16,13 +16,15 @@ from ..engines import choice
 from ..engines.xla import Run
 from ..filters.belief import Belief, smoothed
 from ..filters.linearised import Linearised
+from ..filters.unknown_gain import UnknownGain
 from ..frozen import frozen, replace, static
 from ..kernels import later_information, smoothing
 from ..kernels.later_information import Later
-from ..kernels.small import held, triangularise
+from ..kernels.small import apply, held, triangularise
 from ..kernels.smoothing import Evidence, Instant
+from ..kernels.wrapping import nearest
 from ..models.prior import Prior
-from ..protocols import Smoothable
+from ..protocols import Algorithm, Smoothable
 from ..results import Info, Interval, Sample, outcome_code
 from .binding import Bound
 
@@ -116,9 +118,16 @@ class Smoothing(NamedTuple):
 def forwards(bound: Bound, prior: Prior, engine: str) -> tuple[str, SmootherRows, Run]:
     """The engine that ran, the rows for the backward pass, and the forward run."""
     rows = SmootherRows(bound.samples, bound.intervals)
-    forward = Forward(bound.algorithm, isinstance(bound.algorithm, Linearised))
+    forward = Forward(bound.algorithm, by_belief(bound))
     engine, run = choice.scan(engine, forward, prior, rows, bound.intervals, keep="all", select=select_passed)
     return engine, replace(rows, predicted=run.info.predicted, instant=run.info.instant), run
+
+
+def by_belief(bound: Bound) -> bool:
+    """Whether the model of a row depends on the belief: of a nonlinear model, or of a gain where the input is unknown."""
+    inner, interval = bound.algorithm.innermost, bound.intervals
+    unknown = interval.u_diffusion is not None or interval.u_covariance is not None
+    return isinstance(inner, Linearised) or (unknown and isinstance(inner, UnknownGain))
 
 
 class Gathered(NamedTuple):
@@ -158,9 +167,10 @@ class Backward:
         return state
 
 
-def instant_of(algorithm: Smoothable[Any] | Linearised, row: SmootherRows) -> Instant:
+def instant_of(algorithm: Algorithm[Any], row: SmootherRows) -> Instant:
     """The linear model of a row."""
-    return algorithm.instant(row.sample, row.interval) if isinstance(algorithm, Smoothable) else row.instant
+    smoothable: Any = algorithm
+    return row.instant if row.instant is not None else smoothable.instant(row.sample, row.interval)
 
 
 def nothing(instant: Instant, belief: Belief, by_elimination: bool) -> Evidence | Later:
@@ -172,10 +182,14 @@ def nothing(instant: Instant, belief: Belief, by_elimination: bool) -> Evidence 
 
 def gather(later: Evidence | Later, instant: Instant, row: SmootherRows) -> tuple[Evidence | Later, Any]:
     """The information about (x, δ) from this sample and later ones, and whether its form was suitable."""
-    sample = row.sample
+    sample, m = row.sample, row.predicted.mean
     if isinstance(later, Later):
-        return later_information.gathered(later, instant, sample.y, sample.seen, row.predicted.mean)
-    return smoothing.earlier(later, instant, sample.y, sample.seen), True
+        return later_information.gathered(later, instant, sample.y, sample.seen, m)
+    y, (C, d, _, _, period) = sample.y, instant.measurement
+    if period is not None:
+        foreseen = apply(C, m) + d
+        y = foreseen + nearest(y - foreseen, period)
+    return smoothing.earlier(later, instant, y, sample.seen), True
 
 
 def about_state(joint: Evidence | Later, instant: Instant) -> Evidence | Later:
@@ -222,7 +236,7 @@ def _either_form(
 def of_bank(bound: Bound, priors: Prior, engine: str, axes: tuple) -> tuple[str, Run]:
     """Fixed interval of many runs: the engine, and the run with both passes. `axes` as in `choice.scan_bank`."""
     rows = SmootherRows(bound.samples, bound.intervals)
-    forward = Forward(bound.algorithm, isinstance(bound.algorithm, Linearised))
+    forward = Forward(bound.algorithm, by_belief(bound))
     ran, run = choice.scan_bank(
         engine, forward, priors, rows, bound.intervals, axes=axes, keep="all", select=select_passed
     )

@@ -10,12 +10,22 @@ MOST_FLAT = 3.0  # a band wider than this factor times the range of most rows is
 
 
 class Band(NamedTuple):
-    """One quantity over time: `middle` (T,), its standard deviation `sigma` (T,) or None, and its kind."""
+    """One quantity over time: `middle` (T,), its standard deviation `sigma` (T,) or None, its kind, its period if an angle."""
 
     name: str
     kind: str
     middle: np.ndarray
     sigma: np.ndarray | None
+    period: float = 0.0
+
+
+def broken(t: np.ndarray, panel: Band) -> tuple[np.ndarray, Band]:
+    """The times and the quantity, with a row of NaN where an angle passes from one end of its range to the other."""
+    if not panel.period:
+        return t, panel
+    after = np.flatnonzero(np.abs(np.diff(panel.middle)) > panel.period / 2) + 1
+    sigma = None if panel.sigma is None else np.insert(panel.sigma, after, np.nan)
+    return np.insert(t, after, t[after]), panel._replace(middle=np.insert(panel.middle, after, np.nan), sigma=sigma)
 
 
 def value_range(middle: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[float, float]:
@@ -52,12 +62,16 @@ def cropped(panel: Band) -> tuple[float, float] | None:
 def bands(result: Any) -> list[Band]:
     """The states, gains and unknown inputs of a result, then its innovations."""
     diffuse, names, delay = diffuse_of(result), result.names, result.names.input_delay
+    periods = {name: period for name, _, period in names.angles}
     inputs = [
         at_its_instant("unknown_input", values, delay)
         for values in (result.unknown_input, result.unknown_input_covariance, diffuse["unknown_input"])
     ]
     return [
-        *_of("state", names.states, result.mean, result.covariance, diffuse["mean"]),
+        *(
+            band._replace(period=periods.get(band.name, 0.0))
+            for band in _of("state", names.states, result.mean, result.covariance, diffuse["mean"])
+        ),
         *_gains(result, diffuse["gain"]),
         *_of("unknown_input", tuple(map(names.labelled, names.unknown_inputs)), *inputs),
         *_of(

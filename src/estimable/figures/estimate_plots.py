@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from .. import checks
-from .bands import Band, bands, cropped
+from .bands import Band, bands, broken, cropped
 
 LINES = {
     "state": "#0072B2",
@@ -39,7 +39,7 @@ def plot_estimate(result: Any) -> go.Figure:
         vertical_spacing=GAP / (height - EDGES),
     )  # fmt: skip
     for row, panel in enumerate(panels, start=1):
-        traces = _points(t, panel) if len(t) == 1 else _curves(t, panel)
+        traces = _points(t, panel) if len(t) == 1 else _curves(*broken(t, panel))
         figure.add_traces(traces, rows=row, cols=1)
         figure.update_yaxes(range=cropped(panel), row=row, col=1)
     figure.update_xaxes(showticklabels=True)

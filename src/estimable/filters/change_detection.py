@@ -1,5 +1,6 @@
 """Detection of gain jumps: their time and size."""
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, field
 from typing import Any, Self
 
@@ -9,7 +10,7 @@ import numpy as np
 from jax import lax
 
 from .. import checks
-from ..annotations import Array
+from ..annotations import Array, Tree
 from ..frozen import frozen, replace, set_field, static
 from ..kernels import jumps, mixture_quantiles, onset_grid
 from ..kernels.onset_grid import Grid
@@ -278,6 +279,17 @@ class ChangeDetection(Wrapper[Watch]):
         found = self.algorithm.skewed(now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight))
         unknown = jnp.sum(watch.track.belief.diffuse[-p:] ** 2, axis=1) > 0
         return jnp.where(unknown[:, None], jnp.nan, found)
+
+    def restarted(self, state: Watch, fresh: Callable[[Tree], Tree]) -> Watch:
+        """Where the record breaks: x restarts, and no earlier jump of a gain has moved it."""
+
+        def of(track: OnsetFilter) -> OnsetFilter:
+            size = track.belief.mean.shape[0]
+            is_gain = jnp.arange(size) >= size - self.jump.shape[0]
+            response = jnp.where(is_gain[:, None, None], track.response, 0.0)
+            return replace(track, belief=fresh(track.belief), response=response)
+
+        return replace(state, track=of(state.track), alarm=None if state.alarm is None else of(state.alarm))
 
     def predict(self, state: Watch, interval: Interval) -> Watch:
         """Move to the next sample, at which a gain may have jumped."""

@@ -36,6 +36,15 @@ def with_input_noise(W: Array, model: SampledModel, interval: Interval, gains: A
     return jnp.concatenate([W, *columns], axis=1)
 
 
+def refuse_wandering_input(interval: Interval) -> None:
+    """For steps in which an input error is constant."""
+    if interval.u_diffusion is not None:
+        checks.refuse(
+            "this needs an input that does not wander between samples, but an interval has `u_diffusion`. Give "
+            "`u_covariance`, the covariance of an error that is constant over the interval."
+        )
+
+
 def refuse_unknown_input(interval: Interval) -> None:
     """For steps that need to know the input."""
     if interval.u_covariance is not None or interval.u_diffusion is not None:

@@ -20,6 +20,7 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, uncertain
 from .belief import Belief
 from .input_noise import with_input_noise
+from .sample_noise import noise_of
 
 
 @frozen
@@ -137,12 +138,13 @@ class Kalman(Smoothable[Belief]):
         """y = C x + d + V e, where d comes from the known input. `about`: the belief, of a model with uncertain entries."""
         model = self._ready
         d = model.point.outputs + apply(model.D, sample.u - model.point.inputs)
+        V = noise_of(model.V, sample)
         if model.tangents is None or about is None:
-            return Measurement(model.C, d, model.V, model.Ω)
+            return Measurement(model.C, d, V, model.Ω, model.turn)
         q = model.tangents.count
         C, constant = uncertain.observation(model, model.tangents, uncertain.parts(about.mean, q, 0))
         Ω = None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((q, model.Ω.shape[1]))])
-        return Measurement(C, d + constant, model.V, Ω)
+        return Measurement(C, d + constant, V, Ω, model.turn)
 
     def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
         """x+ = A x + c + W e', where c comes from the known input; noise of the input is part of W."""

@@ -1,5 +1,6 @@
 """An algorithm that uses the last samples only."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -113,6 +114,10 @@ class MovingWindow(Wrapper[Copies]):
         """Update every copy with one sample; the oldest reports."""
         copies, infos = jax.vmap(self.algorithm.correct, in_axes=(0, None))(state.copies, sample)
         return replace(state, copies=copies), jax.tree_util.tree_map(lambda leaf: leaf[-1], infos)
+
+    def restarted(self, state: Copies, fresh: Callable[[Any], Any]) -> Copies:
+        """Where the record breaks, x restarts in every copy."""
+        return replace(state, copies=self.algorithm.restarted(state.copies, fresh))
 
     def predict(self, state: Copies, interval: Interval) -> Copies:
         """Move to the next sample: a copy begins and the oldest ends."""

@@ -10,11 +10,12 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..frozen import replace, set_field
 from ..kernels import expansion, flow
+from ..kernels.expansion import jacobian
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Measurement, Posterior, Transition
 from ..kernels.kalman import predict as predict_linear
 from ..kernels.rounding import MEMORY
-from ..kernels.small import apply, factor, factors, gram, triangularise
+from ..kernels.small import apply, factor, factors, gram, product, triangularise
 from ..kernels.smoothing import Instant
 from ..models.nonlinear_model import NonlinearModel
 from ..models.plant import Functions, Matrices, plant
@@ -22,8 +23,9 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
 from ..results import Info, Interval, Names, Sample, outcome_code
+from . import sample_noise
 from .belief import Belief, believe, posterior, side_by_side
-from .input_noise import refuse_unknown_input
+from .input_noise import refuse_wandering_input
 
 MOST_ITERATIONS = 100  # of a linearisation at one sample: each is traced by itself
 
@@ -117,6 +119,11 @@ def output_of(ready: Functions | Matrices, sample: Sample) -> Callable:
     return lambda z: ready.output(*split(z, ready.n, ready.θ), sample.u)
 
 
+def turn(period: tuple[float, ...] | None, parameters: int = 0) -> Any:
+    """The periods as an array, with zeros for the parameters; None where nothing is an angle."""
+    return None if period is None else np.array([*period, *[0.0] * parameters])
+
+
 def move_of(ready: Functions | Matrices, interval: Interval) -> Callable:
     """z -> z at the next sample without noise; parameters are constant."""
     return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
@@ -192,7 +199,8 @@ def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array)
     """The belief b conditioned on y, with h linearised at a mean and a factor of its covariance."""
     line, measurement = measurement_about(algorithm, sample, mean, L)
     ready = ready_of(algorithm).ready
-    return line, posterior(b, measurement, sample, independently=ready.independent and measurement.V is ready.V)
+    plain = not line.rest.shape[1] and not algorithm.truncated
+    return line, posterior(b, measurement, sample, independently=ready.independent and plain)
 
 
 def measurement_about(self: Any, sample: Sample, mean: Array, L: Array) -> tuple[expansion.Expansion, Measurement]:
@@ -200,7 +208,8 @@ def measurement_about(self: Any, sample: Sample, mean: Array, L: Array) -> tuple
     ready = ready_of(self).ready
     line = self.expand(output_of(ready, sample), mean, L)
     d = line.mean - jnp.sum(line.slope * mean[None, :], axis=1)
-    return line, Measurement(line.slope, d, noise_of(line, ready.V, self.truncated))
+    V = noise_of(line, sample_noise.noise_of(ready.V, sample), self.truncated)
+    return line, Measurement(line.slope, d, V, None, turn(ready.period))
 
 
 def instant_about(self: Any, sample: Sample, interval: Interval, predicted: Belief, filtered: Belief) -> Instant:
@@ -217,16 +226,30 @@ def constant(self: Any, walk: Array, persistence: Array) -> Any:
     return replace(self, walk=walk, model=replace(self.model, Q=persistence * self.model.Q))
 
 
-def walk_columns(algorithm: Any, interval: Interval) -> Any:
-    """The factor of the random walk of the parameters in a step, (n + k, k)."""
-    return block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
+def walk_columns(algorithm: Any, b: Belief, interval: Interval) -> Any:
+    """The factor of the random walk of the parameters in a step, (n + k, k), and of the effect of an unknown input."""
+    refuse_wandering_input(interval)
+    walk = block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
+    if interval.u_covariance is None:
+        return walk
+    known = replace(interval, u_covariance=None)
+    slope = jacobian(lambda e: _moved_by_input(algorithm.ready, b, known, e), jnp.zeros(interval.u.shape[0]))[1]
+    return jnp.concatenate([walk, product(slope, factor(jnp.asarray(interval.u_covariance)))], axis=1)
+
+
+def _moved_by_input(ready: Functions | Matrices, b: Belief, interval: Interval, e: Array):
+    """z at the next sample without noise, from the mean, with e added to the input."""
+    shifted = replace(interval, u=interval.u + e, u_end=interval.u_end + e)
+    if not isinstance(ready, Functions) or not ready.continuous:
+        return move_of(ready, shifted)(b.mean)
+    f, _ = augmented(ready, b, shifted)
+    return flow.integrate(lambda t, z: f(z, t), b.mean, interval.dt, ready.substeps)[0]
 
 
 def predict(self: Any, state: Belief, interval: Interval) -> Belief:
     """Move to the next sample, with f expanded about the belief."""
-    refuse_unknown_input(interval)
     algorithm, b = ready_of(self), state
-    walk = walk_columns(algorithm, interval)
+    walk = walk_columns(algorithm, b, interval)
     if algorithm.ready.continuous and self.between == "moments":
         return flowed(algorithm, b, interval, walk)
     L, transition, bias = _expanded(algorithm, b, interval, walk)
@@ -236,9 +259,8 @@ def predict(self: Any, state: Belief, interval: Interval) -> Belief:
 
 def transition_about(self: Any, b: Belief, interval: Interval) -> Transition:
     """The step to the next sample as `predict` linearises it at a belief."""
-    refuse_unknown_input(interval)
     algorithm = ready_of(self)
-    walk = walk_columns(algorithm, interval)
+    walk = walk_columns(algorithm, b, interval)
     if algorithm.ready.continuous and self.between == "moments":
         return _flow_of(algorithm.ready, 2 if self.curved else 1, b, interval, walk)
     return _expanded(algorithm, b, interval, walk)[1]

@@ -24,6 +24,7 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, uncertain
 from .belief import Belief
 from .input_noise import refuse_unknown_input, with_input_noise
+from .sample_noise import noise_of
 
 WIDEST = 0.05  # standard deviation of a gain beside which the scale of B can be estimated
 
@@ -150,6 +151,10 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             ready = replace(ready, tangents=tangents(self.model, self.uncertainty, clock, self._in_blocks))
         return replace(self, ready=ready, walk_factor=factors(self.walk), model=None)
 
+    def in_blocks(self) -> StateSpace:
+        """The model with the directions of the gains side by side in B."""
+        return self._in_blocks(self.model)
+
     def _in_blocks(self, model: StateSpace) -> StateSpace:
         p = self.gain.mean.shape[-1]
         return gain_blocks.in_blocks(
@@ -257,6 +262,10 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         refuse_unknown_input(interval)  # its effect depends on the gain
         return Instant(self._transition(interval), self._measurement(sample))
 
+    def instant_about(self, sample: Sample, interval: Interval, predicted: Belief, filtered: Belief) -> Instant:
+        """This row of the model, with the effect of an unknown input at the filtered gain."""
+        return Instant(self._transition(interval, filtered), self._measurement(sample))
+
     def _measurement(self, sample: Sample, about: Belief | None = None) -> Measurement:
         """y = H (x, θ) + d + V e; `about`: the belief at which the effect of uncertain entries is linear."""
         model, C, constant = self._ready.ready, self._ready.ready.C, 0.0
@@ -265,7 +274,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             C, constant = uncertain.observation(model, model.tangents, now)
         d = joint_gain.effects(model.D, sample.u - model.point.inputs, self.gain.mean.shape[0] + 1)
         H = joint_gain.observation(C, d[:, 1:])
-        return Measurement(H, model.point.outputs + d[:, 0] + constant, model.V, self._cross_noise(model))
+        V = noise_of(model.V, sample)
+        return Measurement(H, model.point.outputs + d[:, 0] + constant, V, self._cross_noise(model), model.turn)
 
     def _transition(self, interval: Interval, state: Belief | None = None) -> Transition:
         """The step to the next (x, θ); `state` is the belief about θ where inputs are uncertain."""

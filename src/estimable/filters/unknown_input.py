@@ -24,6 +24,7 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, fang_steps, levels
 from .belief import Belief
 from .input_noise import with_input_noise
+from .sample_noise import noise_of
 from .unknown_layout import METHODS, Layout, lay_out, pick
 
 
@@ -154,7 +155,7 @@ class UnknownInput(Smoothable[Any]):
         layout, model = ready.layout, ready.ready
         if layout.method == "fang":
             return fang_steps.correct(state, model, layout, sample)
-        measurement = _measurement(model, layout, sample.u)
+        measurement = _measurement(model, layout, sample)
         s, post = belief.correct(state, measurement, sample, independently=model.independent)
         decided, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
@@ -240,7 +241,7 @@ class UnknownInput(Smoothable[Any]):
         ready = self._ready
         layout, model = ready.layout, ready.ready
         transition, E = ready._transition(interval)
-        return Instant(transition, _measurement(model, layout, sample.u), E if layout.freedom == "none" else None)
+        return Instant(transition, _measurement(model, layout, sample), E if layout.freedom == "none" else None)
 
 
 def _covariance(name: str, value: Numbers, faults: checks.Faults) -> Any:
@@ -285,13 +286,13 @@ def _with_inputs(x: Belief, ready: UnknownInput) -> Belief:
     )  # fmt: skip
 
 
-def _measurement(model: SampledModel, layout: Layout, u: Array) -> Measurement:
+def _measurement(model: SampledModel, layout: Layout, sample: Sample) -> Measurement:
     """y = C s + d + V e, where an input that enters y at once is the newest, and d comes from the known inputs."""
     d, p = layout.d, model.C.shape[0]
     D = pick(model.D, layout.unknown) if layout.now else jnp.zeros((p, d))
     C = jnp.concatenate([model.C, jnp.zeros((p, d * (layout.slots - 1))), D], axis=1)
-    known = model.point.outputs + apply(pick(model.D, layout.known), u - pick(model.point.inputs, layout.known))
-    return Measurement(C, known, model.V, _grown(model.Ω, layout))
+    known = model.point.outputs + apply(pick(model.D, layout.known), sample.u - pick(model.point.inputs, layout.known))
+    return Measurement(C, known, noise_of(model.V, sample), _grown(model.Ω, layout), model.turn)
 
 
 def _grown(Ω: Array | None, layout: Layout) -> Any:

@@ -21,8 +21,8 @@ from ..protocols import GainAlgorithm
 from ..results import Info, Interval, Names, Sample
 from . import nonlinear
 from .belief import Belief
-from .input_noise import refuse_unknown_input
 from .linearised import Linearised
+from .sample_noise import noise_of
 
 
 @frozen
@@ -86,7 +86,12 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
         b, size = state, state.mean.shape[0]
         L, line, V = self._outputs(state, sample)
         white = Gaussian(jnp.zeros(size), jnp.eye(size), jnp.zeros((size, 0)), jnp.zeros(size), b.log_scale)
-        post = correct(white, Measurement(line.slope, line.mean, V), sample.y, sample.seen)
+        post = correct(
+            white,
+            Measurement(line.slope, line.mean, V, None, nonlinear.turn(nonlinear.ready_of(self).ready.period)),
+            sample.y,
+            sample.seen,
+        )
         m, Z = b.mean + apply(L, post.state.m), product(L, post.state.Z)
         after = Belief(m, Z, b.diffuse, b.size, b.log_scale)
         return after, nonlinear.tell_sample(self, after, post, line.bias)
@@ -101,7 +106,8 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
         """A row of the model for the smoother: the linear fits to the points of `correct` and `predict`."""
         L, line, V = self._outputs(predicted, sample)
         C = slope_on_state(line.slope, L)
-        measurement = Measurement(C, line.mean - apply(C, predicted.mean), V)
+        period = nonlinear.turn(nonlinear.ready_of(self).ready.period)
+        measurement = Measurement(C, line.mean - apply(C, predicted.mean), V, None, period)
         L, mean, slope, noise = self._moved(filtered, interval)
         F = slope_on_state(slope, L)
         return Instant(Transition(F, mean - apply(F, filtered.mean), noise), measurement)
@@ -109,30 +115,32 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
     def _outputs(self, b: Belief, sample: Sample):
         """The factor of the belief, h by its points, and the factor of the noise with the residual of h."""
         ready, L = nonlinear.ready_of(self).ready, triangularise(b.factor)
-        line = sigma_points(nonlinear.output_of(ready, sample), b.mean, L, self._κ(b.mean.shape[0]))
-        return L, line, nonlinear.noise_of(line, ready.V, truncated=False)
+        line = sigma_points(
+            nonlinear.output_of(ready, sample), b.mean, L, self._κ(b.mean.shape[0]), nonlinear.turn(ready.period)
+        )
+        return L, line, nonlinear.noise_of(line, noise_of(ready.V, sample), truncated=False)
 
     def _moved(self, b: Belief, interval: Interval) -> tuple[Array, Array, Array, Array]:
         """The factor of the belief, and the mean, the slope on its variables and the factor of the noise at the next sample."""
-        refuse_unknown_input(interval)
         algorithm = nonlinear.ready_of(self)
-        ready, walk, L = algorithm.ready, nonlinear.walk_columns(algorithm, interval), triangularise(b.factor)
+        ready, walk, L = algorithm.ready, nonlinear.walk_columns(algorithm, b, interval), triangularise(b.factor)
+        turn = nonlinear.turn(ready.state_period, len(b.mean) - ready.n)
         if ready.continuous:
             mean, slope, *noise = self._flowed(ready, b, L, interval)
         elif ready.noise_input is None:
-            line = sigma_points(nonlinear.move_of(ready, interval), b.mean, L, self._κ(len(b.mean)))
+            line = sigma_points(nonlinear.move_of(ready, interval), b.mean, L, self._κ(len(b.mean)), turn)
             W = nonlinear.padded(ready.noise(*nonlinear.split(b.mean, ready.n, ready.θ), interval.u), b)
             mean, slope, *noise = line.mean, line.slope, line.rest, W
         else:
-            mean, slope, *noise = self._with_noise_input(ready, b, L, interval)
+            mean, slope, *noise = self._with_noise_input(ready, b, L, interval, turn)
         return L, mean, slope, jnp.concatenate([*noise, walk], axis=1)
 
-    def _with_noise_input(self, ready: Functions, b: Belief, L: Array, interval: Interval):
+    def _with_noise_input(self, ready: Functions, b: Belief, L: Array, interval: Interval, turn: Array | None):
         """Points in (z, e): the noise input is evaluated at each."""
         size, q = b.mean.shape[0], ready.white.shape[0]
         g = nonlinear.noisy(ready, b, nonlinear.move_of(ready, interval), interval)
         at, spread = jnp.concatenate([b.mean, jnp.zeros(q)]), block_diagonal(L, jnp.eye(q))
-        line = sigma_points(g, at, spread, self._κ(size + q))
+        line = sigma_points(g, at, spread, self._κ(size + q), turn)
         return line.mean, line.slope[:, :size], line.slope[:, size:], line.rest
 
     def _flowed(self, ready: Functions, b: Belief, L: Array, interval: Interval):

@@ -105,6 +105,10 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
 def _check(records: list[Record]) -> None:
     """Check that the records are alike."""
     faults = checks.Faults()
+    if any(one.sigma is not None for one in records):
+        faults.add(
+            "identify cannot use `sigma` of a record: leave it out, and give the noise by the settings of the method."
+        )
     for i, one in enumerate(records):
         _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
     faults.finish()

@@ -38,8 +38,8 @@ def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], see
 
     Cost: about n p (3 k + p) multiplications.
     """
-    (m, Z, _, size, _), (C, d, V, _) = prior, measurement
-    r, innovation, Y = diagonal(V), innovation_of(y, seen, C, m, d), product(C, Z)
+    (m, Z, _, size, _), (C, d, V, _, period) = prior, measurement
+    r, innovation, Y = diagonal(V), innovation_of(y, seen, C, m, d, period), product(C, Z)
     scale, alone = magnitude(y, C, d, size), jnp.sum(Y * Y, axis=1) + r * r
     used = seen & (alone > KNOWN * scale**2)                                               # the others are rounding
 

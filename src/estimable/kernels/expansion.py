@@ -17,6 +17,7 @@ import jax.numpy as jnp
 
 from .shapes import Float
 from .small import Real, product
+from .wrapping import nearest
 
 
 class Expansion(NamedTuple):
@@ -73,16 +74,23 @@ def bias_only(g: Callable, a: Float[Real, " n"], L: Float[Real, "n k"]) -> Expan
     return full._replace(rest=jnp.zeros((full.mean.shape[0], 0)))
 
 
-def sigma_points(g: Callable, a: Float[Real, " n"], L: Float[Real, "n n"], κ: float) -> Expansion:
+def sigma_points(
+    g: Callable, a: Float[Real, " n"], L: Float[Real, "n n"], κ: float, period: Float[Real, " p"] | None = None
+) -> Expansion:
     """The unscented mean and covariance, from 2 n + 1 points a, a ± sqrt(n + κ) L_j; κ = 0 is the third-degree cubature.
 
     With d_j = (g+ - g-) / 2 and s_j = (g+ + g-) / 2 - ḡ of each pair, the covariance Σ (d_j d_j' + s_j s_j') / (n + κ) +
     κ / (n + κ) s_0 s_0' is that of the slope on ξ_j, d_j / sqrt(n + κ), plus squares: no weight is negative for κ >= 0.
-    The slope here is on ξ, (p, n): where L is singular there is no slope on x.
+    The slope here is on ξ, (p, n): where L is singular there is no slope on x. `period` (p,): angles of g are taken to the turn
+    nearest to g(a).
     """
     spread = (a.shape[0] + κ) ** 0.5 * L
     points = [g(a + sign * spread[:, j]) for sign in (1, -1) for j in range(a.shape[0])]
-    return from_points(jnp.stack(points, axis=1), g(a), κ)
+    centre = g(a)
+    values = jnp.stack(points, axis=1)
+    if period is not None:
+        values = centre[:, None] + nearest(values - centre[:, None], period[:, None])
+    return from_points(values, centre, κ)
 
 
 def from_points(values: Float[Real, "p pairs"], centre: Float[Real, " p"], κ: float) -> Expansion:

@@ -41,9 +41,9 @@ def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], see
 
     Cost: about 2 p k (p + n) multiplications, half of it for a triangular Z.
     """
-    (m, Z, _, size, _), (C, d, V, _) = prior, measurement
+    (m, Z, _, size, _), (C, d, V, _, period) = prior, measurement
     (p, n), r = C.shape, diagonal(V)
-    innovation, A = innovation_of(y, seen, C, m, d), _joint_factor(C, Z)
+    innovation, A = innovation_of(y, seen, C, m, d, period), _joint_factor(C, Z)
     scale = magnitude(y, C, d, size)
     known = KNOWN * (terms(C, Z) + r * r + scale**2)                                       # f below it is rounding
 

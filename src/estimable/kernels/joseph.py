@@ -24,9 +24,9 @@ def correct(
     prior: Gaussian, K: Float[Real, "n p"], measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]
 ) -> tuple[Gaussian, Drift | None]:
     """The belief after the entries of y that were seen. Cost: about n p (2 k + p) multiplications."""
-    (m, Z, X, _, _), (C, d, V, Ω) = prior, measurement
+    (m, Z, X, _, _), (C, d, V, Ω, period) = prior, measurement
     K = jnp.where(seen[None, :], K, 0.0)
-    e = innovation_of(y, seen, C, m, d)
+    e = innovation_of(y, seen, C, m, d, period)
     Z_next = _factor(K, C, V, Z)                                                           # (2)
     state = prior._replace(m=m + apply(K, e), Z=Z_next, X=X - product(K, product(C, X)))   # (1), (3)
     return state, None if Ω is None else _drift(Z, Ω)

@@ -2,7 +2,7 @@
 
 Model and belief, with e, e', ξ ~ N(0, I) and δ ~ N(0, κ I), κ -> infinity, all independent:
 
-    y = C x + d + V e,    x+ = F x + c + ω,  ω = Ω e + W e'    (Ω: cross noise, or None)
+    y = C x + d + V e,    x+ = F x + c + ω,  ω = Ω e + W e'    (Ω: cross noise, or None; y modulo a period where it is an angle)
     x = m + Z ξ + X δ                                          (X: diffuse directions, perhaps none)
 
 Measurement update. Before the datum, outputs, state and cross noise are jointly Gaussian with mean μ and array (A, B):
@@ -44,6 +44,7 @@ from . import diffuse_start
 from .rounding import CONTRADICTION, DETERMINED, KNOWN, magnitude, next_size, terms
 from .shapes import Bool, Float
 from .small import Flag, Real, Scalar, apply, gram, product, repeat, triangularise
+from .wrapping import nearest
 
 
 class Gaussian(NamedTuple):
@@ -57,12 +58,16 @@ class Gaussian(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """y = C x + d + V e, and the matrix Ω of cross noise, None where e is independent of the process noise."""
+    """y = C x + d + V e, and the matrix Ω of cross noise, None where e is independent of the process noise.
+
+    `period`: that of each output which is an angle, 0 for the others; None where no output is.
+    """
 
     C: Float[Real, "p n"]
     d: Float[Real, " p"]
     V: Float[Real, "p p"]
     Ω: Float[Real, "n p"] | None = None
+    period: Float[Real, " p"] | None = None
 
 
 class Transition(NamedTuple):
@@ -110,9 +115,9 @@ class _Array(NamedTuple):
 
 def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]) -> Posterior:
     """Condition the belief on the entries of y that were seen. Cost: about 2 p (p + n) (p + k) multiplications."""
-    (m, Z, X, size, log_scale), (C, d, V, Ω) = prior, measurement
+    (m, Z, X, size, log_scale), (C, d, V, Ω, period) = prior, measurement
     (p, n), k = C.shape, Z.shape[1]
-    innovation = innovation_of(y, seen, C, m, d)
+    innovation = innovation_of(y, seen, C, m, d, period)
     A, B = _joint_factor(C, Z, V, Ω), _joint_directions(C, X, Ω)                           # (1)
     scale = magnitude(y, C, d, size)
     known = KNOWN * (terms(C, Z) + jnp.sum(V * V, axis=1) + scale**2)                      # f below it is rounding
@@ -140,10 +145,15 @@ def correct(prior: Gaussian, measurement: Measurement, y: Float[Real, " p"], see
 
 
 def innovation_of(
-    y: Float[Real, " p"], seen: Bool[Real, " p"], C: Float[Real, "p n"], m: Float[Real, " n"], d: Float[Real, " p"]
+    y: Float[Real, " p"],
+    seen: Bool[Real, " p"],
+    C: Float[Real, "p n"],
+    m: Float[Real, " n"],
+    d: Float[Real, " p"],
+    period: Float[Real, " p"] | None,
 ) -> Float[Real, " p"]:
-    """y - C m - d where it was seen, else zero."""
-    return jnp.where(seen, y - apply(C, m) - d, 0.0)
+    """y - C m - d where it was seen, to the nearest turn of an angle, else zero."""
+    return jnp.where(seen, nearest(y - apply(C, m) - d, period), 0.0)
 
 
 def _joint_factor(

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from . import all_outputs, independent
-from .kalman import Gaussian, Measurement
+from .kalman import Gaussian, Measurement, innovation_of
 from .shapes import Bool, Float
 from .small import Real, Scalar, apply, diagonal, product, settled, solve_lower, triangularise
 from .smoothing import Instant
@@ -75,10 +75,10 @@ def _whitened(
     measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"], m: Float[Real, " n"]
 ) -> tuple[Real, Scalar]:
     """[V^-1 C, V^-1 (y - C m - d)] of the seen outputs, zero for the others; and whether their precisions are comparable."""
-    C, d, V, _ = measurement
+    C, d, V, _, period = measurement
     unseen = jnp.eye(len(seen)) * jnp.where(seen, 0.0, 1.0)[:, None]
     L = triangularise(jnp.where(seen[:, None], V, 0.0), unseen)
-    residual = jnp.where(seen, y - d - apply(C, m), 0.0)
+    residual = innovation_of(y, seen, C, m, d, period)
     rows = jnp.where(seen[:, None], jnp.concatenate([C, residual[:, None]], axis=1), 0.0)
     scale, noise = jnp.sqrt(jnp.sum(C * C, axis=1)), diagonal(L)
     precision = jnp.where(seen & (noise > 0), scale / jnp.where(noise > 0, noise, 1.0), 0.0)

@@ -67,7 +67,7 @@ def earlier(later: Evidence, instant: Instant, y: Float[Real, " p"], seen: Bool[
 
     Rows and columns: states first. Cost: about 2 n (n + p)(2 n + 2 p + q) multiplications.
     """
-    (F, c, W), (C, d, V, Ω), E = instant
+    (F, c, W), (C, d, V, Ω, _), E = instant
     (p, n), E = C.shape, jnp.zeros((len(F), 0)) if E is None else E
     FE = jnp.concatenate([F, E], axis=1)
     H = product(later.H, FE)                                                               # (2)

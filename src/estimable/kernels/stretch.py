@@ -53,7 +53,7 @@ def of_sample(
     transition: Transition, measurement: Measurement, y: Float[Real, " p"], seen: Bool[Real, " p"]
 ) -> Stretch:
     """One sample and the step after it, for a diagonal V without zeros and no Ω."""
-    (F, c, W), (C, d, V, _) = transition, measurement
+    (F, c, W), (C, d, V, *_) = transition, measurement
     return Stretch(F, c, W, *_white(C, d, diagonal(V), y, seen))
 
 

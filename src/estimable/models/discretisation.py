@@ -92,8 +92,8 @@ def wandering(A: np.ndarray, h: np.ndarray, *, hold: str):
     terms = (np.sqrt(h[..., None] * weights / 2)[..., None, None] * Γ).reshape(*Γ.shape[:-2], n * n)
     size = np.abs(terms).max(axis=-2, keepdims=True)
     size = np.where(size > 0, size, 1.0)  # entry by entry: the entries of integrators differ by powers of h
-    _, s, V = np.linalg.svd(terms / size, full_matrices=False)
-    return (s[..., :n, None] * V[..., :n, :] * size).reshape(*terms.shape[:-2], -1, n, n)
+    U = np.linalg.svd(np.real(terms / size), full_matrices=False)[0]  # a rotation of the noises, without derivative
+    return (np.swapaxes(U[..., :n], -1, -2) @ terms).reshape(*terms.shape[:-2], -1, n, n)
 
 
 def _input_integrals(A: np.ndarray, h: np.ndarray):

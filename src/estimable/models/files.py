@@ -21,7 +21,7 @@ from .uncertainty import ModelUncertainty
 
 MATRICES = ("A", "B", "C", "D", "Q", "R", "G", "S")
 KEYS = {
-    "model": ("dt", "states", "inputs", "outputs", *MATRICES),
+    "model": ("dt", "states", "inputs", "outputs", "angles", *MATRICES),
     "prior": ("mean", "covariance", "diffuse"),
     "operating_point": ("states", "inputs", "outputs"),
     "gain": ("mean", "covariance", "diffuse", "walk", "forgetting", "directions", "fixed", "feedthrough"),
@@ -40,6 +40,7 @@ KEYS = {
         "hold",
         "lost",
         "units",
+        "angles",
         "na_values",
     ),
     "unknown": ("inputs",),
@@ -315,6 +316,8 @@ def write_model(
         "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},
         "prior": _prior_section(prior),
     }
+    if model.angles:
+        sections["model"]["angles"] = {name: [lower, lower + period] for name, lower, period in model.angles}
     if model.operating_point is not None:
         point = model.operating_point
         sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}

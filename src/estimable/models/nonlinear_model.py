@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..frozen import frozen, set_field, static
+from . import angles
 from .state_space import StateSpace
 
 
@@ -30,6 +31,7 @@ class NonlinearModel:
     - `parameters`: {name: value} of θ, in its order. A filter can estimate them together with the state.
     - `states`, `inputs`, `outputs`: names of the channels. `states` is required if `G` is given; by default there are no
       inputs, and the outputs are y1...
+    - `angles`: which states and outputs are angles, as in `StateSpace`. f and h may wrap them, as arctan2 does, or not.
     - `substeps`: the number of Runge-Kutta steps (of order 4) from one sample to the next of a continuous model, which can
       run as machine code. None: an adaptive method of diffrax (the extra `ode`) with a relative tolerance of 1e-9.
 
@@ -55,6 +57,7 @@ class NonlinearModel:
     outputs: Any = static(default=None)
     parameters: Any = None
     substeps: int | None = static(default=None)
+    angles: Any = static(default=())
     noise_input: Any = static(default=None, init=False)
     parameter_names: tuple[str, ...] = static(default=(), init=False)
 
@@ -66,6 +69,7 @@ class NonlinearModel:
         G, noise_input = (None, self.G) if callable(self.G) else (self.G, None)
         if noise_input is None and "n" in faults.sizes and not faults.sentences:
             G = faults.array("G", np.eye(faults.sizes["n"]) if G is None else G, "n q")
+        turns = angles.read(self.angles, names["states"] + names["outputs"], "a state or an output", faults)
         parameter_names, θ = _read_parameters(self.parameters, faults)
         if self.substeps is not None:
             faults.whole("substeps", self.substeps, 1, checks.LARGEST_ORDER)
@@ -75,7 +79,16 @@ class NonlinearModel:
             _check_functions(self, noise_input, len(θ), faults)
         faults.finish()
         set_field(
-            self, dt=dt, Q=Q, R=R, G=G, noise_input=noise_input, parameters=θ, parameter_names=parameter_names, **names
+            self,
+            dt=dt,
+            Q=Q,
+            R=R,
+            G=G,
+            noise_input=noise_input,
+            parameters=θ,
+            parameter_names=parameter_names,
+            angles=turns,
+            **names,
         )
 
     @property
@@ -127,7 +140,7 @@ class NonlinearModel:
         point = {"states": at, "inputs": u, "outputs": np.asarray(self.h(at, u, θ))}
         return StateSpace(
             A, B, C, D, Q=self.Q, R=self.R, G=G, dt=self.dt, states=self.states, inputs=self.inputs, outputs=self.outputs,
-            operating_point=point,
+            operating_point=point, angles=self.angles,
         )  # fmt: skip
 
     @property

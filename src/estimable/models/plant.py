@@ -8,6 +8,7 @@ import numpy as np
 from ..annotations import Array
 from ..frozen import frozen, static
 from ..kernels.small import apply, factors, product
+from . import angles
 from .nonlinear_model import NonlinearModel
 from .sampled import Clock, SampledModel, is_diagonal, sample
 from .state_space import StateSpace
@@ -18,6 +19,7 @@ class Functions:
     """A `NonlinearModel` with noises scaled from unit white ones: w = white e, v = V e'. θ are the parameters of the model.
 
     `moving`: the input moves linearly between samples. The state's origin is zero. `independent`: V is diagonal.
+    `period`, `state_period`: those of outputs and states which are angles, 0 for the others.
     """
 
     f: Any = static()
@@ -31,6 +33,8 @@ class Functions:
     white: Any
     V: Any
     independent: bool = static(default=False)
+    period: tuple[float, ...] | None = static(default=None)
+    state_period: tuple[float, ...] | None = static(default=None)
 
     def at(self, k: int | Array) -> "Functions":
         """The plant at row k, which is the same for all rows."""
@@ -80,7 +84,7 @@ class Matrices:
 
     model: SampledModel
 
-    noise_input = None
+    noise_input = state_period = None
     continuous = False
     θ = np.zeros(0)
 
@@ -107,6 +111,11 @@ class Matrices:
     def V(self):
         """The factor of the measurement noise, (p, p)."""
         return self.model.V
+
+    @property
+    def period(self) -> tuple[float, ...] | None:
+        """The period of each output which is an angle."""
+        return self.model.period
 
     @property
     def independent(self) -> bool:
@@ -137,4 +146,5 @@ def plant(model: StateSpace | NonlinearModel, clock: Clock) -> Functions | Matri
     return Functions(
         model.f, model.h, model.noise_input, model.substeps, model.is_continuous, clock.hold == "first_order",
         model.parameters, G, factors(model.Q), factors(model.R), is_diagonal(model.R),
+        angles.periods(model.angles, model.outputs), angles.periods(model.angles, model.states),
     )  # fmt: skip

@@ -11,8 +11,10 @@ from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, replace, static
 from ..kernels.small import factors
+from . import angles
 from .discretisation import over, wandering
 from .operating_point import OperatingPoint
+from .several_steps import several_steps
 from .state_space import StateSpace, refuse_schedule
 
 
@@ -41,7 +43,8 @@ class SampledModel:
     `added` (d,): the variances of the last states, disturbances, before the first sample; None where there are none.
     `tangents`: the derivatives of its matrices with respect to their uncertain entries, if there are any.
     `independent`: V is diagonal and there is no Ω, so that each output has its own independent noise. `wandering` (n, n, m), of
-    a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state.
+    a clock that `wanders`: an input that wanders by unit diffusion adds Σ_k wandering[k] ε_k to the next state. `period`: that of
+    each output which is an angle, 0 for the others.
     """
 
     A: Any
@@ -59,6 +62,12 @@ class SampledModel:
     wandering: Any = None
     added: Any = None
     tangents: Any = None
+    period: tuple[float, ...] | None = static(default=None)
+
+    @property
+    def turn(self) -> Any:
+        """`period` as an array."""
+        return None if self.period is None else np.array(self.period)
 
     def at(self, k: int | Array) -> "SampledModel":
         """The model at row k."""
@@ -74,7 +83,8 @@ class SampledModel:
 
 
 def sample(model: StateSpace, clock: Clock) -> SampledModel:
-    """`model` sampled at the steps of `clock`; a discrete model keeps its own step.
+    """`model` sampled at the steps of `clock`; a discrete model takes several of its own steps
+    where the clock is longer.
 
     Leading axes of a stacked model stay in front. Traceable for a discrete model. Raises `InputError` without R.
     """
@@ -88,6 +98,8 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
         if clock.wanders:
             Ψ = _wandering(model, clock)
         model, rows = _discrete(model, clock)
+    elif clock.rows is not None:
+        model, rows, Ψ = several_steps(model, clock)
     V, Ω, W = _white(model)
     deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
     if Ψ is not None and np.ndim(Ψ) > 3 + len(_batch(model)):
@@ -96,6 +108,7 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
         model.A, model.B, model.B_end, model.C, model.D, V, Ω, W, point_of(model), rows,
         tuple(sorted(deterministic | _varying_noise(model))), model.S is None and is_diagonal(model.R), Ψ,
         None if model.disturbance is None else model.disturbance.variance,
+        period=angles.periods(model.angles, model.outputs),
     )  # fmt: skip
 
 

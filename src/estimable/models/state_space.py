@@ -9,6 +9,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
+from . import angles
 from .control import arguments_of, to_control
 from .discretisation import HOLDS, over, read_steps
 from .operating_point import OperatingPoint
@@ -39,6 +40,8 @@ class StateSpace:
       table is {"at": values (S,), "A": (S, n, n), ..}, with linear interpolation; a function returns {"A": .., ..} at one
       value of the channel. The drivers read the channel from the record by name. A, B, .. themselves are then nominal: they
       hold where the schedule gives nothing, and in the functions that analyse a model.
+    - `angles`: which states and outputs are angles, {name: "rad", "deg", a period, or a range (lower, upper)}. The filters then
+      take an innovation to the nearest turn, and results are in the range, by default from minus to plus half a turn.
     - `B_end` (n, m): the effect of u[k+1] on x[k+1], for an input that moves linearly between samples (first-order hold).
 
     Raises `InputError` with all faults at once: wrong shapes, covariances not symmetric or indefinite, wrong names.
@@ -65,6 +68,7 @@ class StateSpace:
     operating_point: Any = None
     schedule: Any = None
     disturbance: Any = field(default=None, init=False)
+    angles: Any = static(default=())
     varying: tuple[str, ...] = static(default=(), init=False)
 
     def __post_init__(self):
@@ -79,6 +83,7 @@ class StateSpace:
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
         }
+        turns = angles.read(self.angles, names["states"] + names["outputs"], "a state or an output", faults)
         point = schedule = None
         if not faults.sentences:
             point = OperatingPoint.of(self.operating_point, matrices["C"], matrices["D"], faults)
@@ -87,7 +92,14 @@ class StateSpace:
                 faults.add("a model with a `schedule` must have constant nominal matrices and no `B_end`.")
         faults.finish()
         set_field(
-            self, dt=dt, operating_point=point, schedule=schedule, varying=_varying(matrices), **matrices, **names
+            self,
+            dt=dt,
+            operating_point=point,
+            schedule=schedule,
+            varying=_varying(matrices),
+            angles=turns,
+            **matrices,
+            **names,
         )
 
     @property
@@ -180,6 +192,7 @@ class StateSpace:
         discrete = StateSpace(
             Φ, B, self.C, self.D, Q=Qd, R=self.R, B_end=B_end, dt=float(np.mean(steps)),
             states=self.states, inputs=self.inputs, outputs=self.outputs, operating_point=self.operating_point,
+            angles=self.angles,
         )  # fmt: skip
         return replace(discrete, disturbance=self.disturbance and replace(self.disturbance, discretised=True))
 
@@ -204,6 +217,7 @@ class StateSpace:
             T @ self.A @ back, T @ self.B, self.C @ back, self.D, Q=self.Q, R=self.R, G=T @ self.G, S=self.S,
             B_end=None if self.B_end is None else T @ self.B_end, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
             operating_point=point and OperatingPoint(T @ point.states, point.inputs, point.outputs),
+            angles=tuple(one for one in self.angles if one[0] in self.outputs),
         )  # fmt: skip
 
     @staticmethod

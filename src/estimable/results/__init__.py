@@ -26,6 +26,7 @@ _HOMES = {
     "Forecast": "results.estimates",
     "GainAssessment": "results.detectable",
     "GainInformation": "results.information",
+    "Gap": "results.steps",
     "Info": "results.steps",
     "Interval": "results.steps",
     "KalmanGain": "results.stationary_gains",

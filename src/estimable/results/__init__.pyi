@@ -42,6 +42,7 @@ from .stationary_gains import FeedbackGain as FeedbackGain
 from .stationary_gains import KalmanGain as KalmanGain
 from .stationary_gains import TrackerChoices as TrackerChoices
 from .steps import OUTCOMES as OUTCOMES
+from .steps import Gap as Gap
 from .steps import Info as Info
 from .steps import Interval as Interval
 from .steps import Names as Names

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..frozen import frozen, static
-from .steps import Info, Names, Outcome, Outputs
+from .steps import Gap, Info, Names, Outcome, Outputs
 
 WIDTH = 2 * 1.959963984540054  # standard deviations in the 95 % interval of a Gaussian
 
@@ -202,6 +202,7 @@ class Estimate(Shown):
     - `engine`: the engine that ran, "native" or "xla".
     - `names`: the names of the columns of each array.
     - `origin`: the algorithm, the record and the prior of the run.
+    - `gaps`: what was done in each gap of the record, a `Gap` for each.
     - `info`: the record that holds the arrays.
 
     `output` (T, p) and `output_covariance` (T, p, p) are the outputs that the estimated states imply (`outputs`).
@@ -214,6 +215,7 @@ class Estimate(Shown):
     engine: str = static()
     names: Names = static()
     origin: Any = None
+    gaps: tuple[Gap, ...] = static(default=())
     __repr__ = Shown.__repr__
 
 
@@ -237,6 +239,7 @@ class SmoothedEstimate(Shown):
     engine: str = static()
     names: Names = static()
     origin: Any = None
+    gaps: tuple[Gap, ...] = static(default=())
     kind = "smoothed"
     __repr__ = Shown.__repr__
 
@@ -277,6 +280,7 @@ class EstimateBank(Kept):
     outcomes: Annotated[tuple[Outcome, ...], "B"] = static()
     engine: str = static()
     names: Names = static()
+    gaps: tuple[Gap, ...] = static(default=())
 
     def __repr__(self) -> str:
         failed = sum(outcome.code != 0 for outcome in self.outcomes)

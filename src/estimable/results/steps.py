@@ -17,6 +17,8 @@ class Sample:
     - `seen` (p,): the mask of the outputs that were measured.
     - `u` (m,): the input at this instant, for models in which the input enters y directly.
     - `arrived` (m,): 1 where the input was applied, 0 where it was lost, NaN where that is unknown.
+    - `sigma` (p,): the standard deviation of the noise of each output of this sample, NaN where it is that of the model. None: it
+      always is.
     - `extra`: further data by name, which a function such as `estimate` passes to an algorithm that can use them.
     """
 
@@ -25,6 +27,7 @@ class Sample:
     u: Annotated[Any, "m"]
     arrived: Annotated[Any, "m"] = None
     extra: Any = None
+    sigma: Annotated[Any, "p"] = None
 
 
 @frozen
@@ -37,6 +40,7 @@ class Interval:
     - `u_covariance` (m, m): the covariance of an input error that is constant over the interval. None: no such error.
     - `u_diffusion` (m,): the variance per second of an input error that is a Brownian motion. The error is zero at the start
       of the interval; where the input moves linearly between samples, it is zero at the end as well. None: no such error.
+    - `restart`: whether the state at the end does not follow from that at the start. None: it always does.
     """
 
     u: Annotated[Any, "m"]
@@ -45,6 +49,7 @@ class Interval:
     dt: Annotated[Any, ""] = None
     u_covariance: Annotated[Any, "m m", "symmetric"] = None
     u_diffusion: Annotated[Any, "m"] = None
+    restart: Annotated[Any, ""] = None
 
 
 @frozen
@@ -145,6 +150,7 @@ class Names(NamedTuple):
     - `input_delay`: the number of samples after which an unknown input is reported. Row k of the result holds the unknown
       input of row k - `input_delay`.
     - `note`: the samples that a row uses, where this is not obvious.
+    - `angles`: (name, lower end of the range, period) of each state and output which is an angle.
     """
 
     states: tuple[str, ...]
@@ -155,8 +161,34 @@ class Names(NamedTuple):
     unknown_inputs: tuple[str, ...] = ()
     input_delay: int = 0
     note: str = ""
+    angles: tuple[tuple[str, float, float], ...] = ()
 
     def labelled(self, channel: str) -> str:
         """The channel with its unit, as an axis label."""
         unit = dict(self.units).get(channel)
         return channel if unit is None else f"{channel} [{unit}]"
+
+
+@saved
+class Gap(NamedTuple):
+    """A gap of a record in which an input was not recorded, or before whose end nothing connects, and what was done there.
+
+    - `row` and `end`: the last row before it, and the first after it.
+    - `start` and `seconds`: its time and its length.
+    - `done`: "bridge" or "break".
+    - `why`: the reason, empty where it was asked for.
+    """
+
+    row: int
+    end: int
+    start: float
+    seconds: float
+    done: str
+    why: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What was done where, as a sentence."""
+        because = f": {self.why}" if self.why else ""
+        done = "bridged" if self.done == "bridge" else "the state restarts after it"
+        return f"rows {self.row} to {self.end}, {self.seconds:.3g} s from t = {self.start:g} s: {done}{because}"

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from .. import __version__, checks
 from ..annotations import Tree
 from ..frozen import PACKAGE, RECORDS
-from ..protocols import Resumable
+from .resumable import Resumable
 
 Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # the values of a JSON text
 

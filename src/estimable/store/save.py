@@ -14,8 +14,8 @@ import numpy as np
 from .. import checks, writing
 from ..annotations import Array, Tree
 from ..frozen import field_names
-from ..protocols import Resumable
 from . import header, npz_arrays
+from .resumable import Resumable
 from .verify import verify
 
 Thing: TypeAlias = Tree | Resumable

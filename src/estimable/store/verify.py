@@ -9,9 +9,9 @@ import numpy as np
 from .. import checks
 from ..annotations import AnyRecord, Tree
 from ..frozen import field_names
-from ..protocols import Resumable
 from .axes import Axes, Shape, asymmetry
 from .declared import Declared, declared, may_hold, worded
+from .resumable import Resumable
 
 ARRAYS = np.ndarray | jax.Array | np.generic | float | int
 
