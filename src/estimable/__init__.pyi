@@ -17,6 +17,8 @@ from .analysis.reduction import reduce as reduce
 from .analysis.regulability import regulability as regulability
 from .analysis.rho import rho_margin as rho_margin
 from .analysis.rho import stability_radius as stability_radius
+from .analysis.signal_to_noise import noise_at as noise_at
+from .analysis.signal_to_noise import signal_to_noise as signal_to_noise
 from .analysis.unknown_input_existence import unknown_input_existence as unknown_input_existence
 from .controllers.dither import Dither as Dither
 from .controllers.gain_reconfiguration import GainReconfiguration as GainReconfiguration
@@ -47,6 +49,7 @@ from .errors import EstimableWarning as EstimableWarning
 from .errors import InputError as InputError
 from .errors import RunError as RunError
 from .estimation.assess_gain import assess_gain as assess_gain
+from .estimation.batch import batch_gain as batch_gain
 from .estimation.detectable_loss import detectable_loss as detectable_loss
 from .estimation.estimate import estimate as estimate
 from .estimation.estimate import log_likelihood as log_likelihood

@@ -9,8 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cases import case, covariance
-from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, estimate
-from estimable.kernels.batch_gain import batch_gain
+from estimable import Kalman, Prior, Record, StateSpace, UnknownGain, batch_gain, estimate
 from oracles import textbook
 from oracles.augmented import augmented, together
 
@@ -62,23 +61,40 @@ def test_the_batch_form_with_the_full_noise_covariance_equals_the_recursive_one(
     y[rng.random(rows) < 0.2] = np.nan
     prior, gain = Prior([0.3, -0.2], 2 * np.eye(2)), Prior([1.0], [[0.5]])
     recursive = estimate(UnknownGain(model, gain), Record(y, u, dt=1), prior=prior)
-    batch = batch_gain(
-        prior.mean, prior.covariance, gain.mean, gain.covariance, model.A, np.zeros((2, 1)), model.B[None], model.C,
-        model.Q, model.R, u, y,
+    batch = batch_gain(UnknownGain(model, gain), Record(y, u, dt=1), prior=prior)
+    assert_allclose(batch.gain, recursive.gain[-1], rtol=1e-10)
+    assert_allclose(batch.gain_covariance, recursive.gain_covariance[-1], rtol=1e-10)
+
+
+def test_the_batch_form_takes_continuous_models_several_gains_and_unequal_steps(refused):
+    model = StateSpace(
+        [[-1.0, 0.5], [0.0, -2.0]], [[1.0, 0.2], [0.0, 1.5]], [[1.0, 0.0]], [[0.0, 0.3]], Q=0.1 * np.eye(2), R=[[0.04]], dt=0,
+        operating_point={"states": [1.0, 2.0], "inputs": [0.5, 0.0]},
     )  # fmt: skip
-    assert_allclose(recursive.gain[-1], batch.mean[2:], rtol=1e-10)
-    assert_allclose(recursive.gain_covariance[-1], batch.covariance[2:, 2:], rtol=1e-10)
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.choice([0.1, 0.25], size=60))
+    record = Record(rng.normal(size=(60, 1)), rng.normal(size=(60, 2)), t=t, hold="first_order")
+    algorithm = UnknownGain(model, Prior([1.0, 0.8], 0.3 * np.eye(2)), directions="per_input", feedthrough="scaled")
+    prior = Prior([1.0, 2.0], np.diag([0.5, 0.0]))
+    recursive, batch = estimate(algorithm, record, prior=prior), batch_gain(algorithm, record, prior=prior)
+    assert_allclose(batch.gain, recursive.gain[-1], rtol=1e-10)
+    assert_allclose(batch.gain_covariance, recursive.gain_covariance[-1], rtol=1e-10)
+    assert batch.mean[1] == 2.0
+    walking = replace(algorithm, walk=np.eye(2), forgetting=0.9)
+    assert len(refused(lambda: batch_gain(walking, record, prior=prior))) == 2
+    long = Record(np.zeros((7000, 1)), np.zeros((7000, 2)), dt=0.1)
+    assert "at most 6,000 output values" in refused(lambda: batch_gain(algorithm, long, prior=prior))[0]
+    assert "UnknownGain" in refused(lambda: batch_gain(Kalman(model), record, prior=prior))[0]
 
 
 def test_the_diagonal_noise_covariance_of_the_thesis_claims_too_little_variance():
     model, u = sillence(), INPUTS["step"](np.arange(100))[:, None]
-    arguments = (np.zeros(2), 2 * np.eye(2), np.ones(1), np.array([[0.5]]), model.A, np.zeros((2, 1)), model.B[None],
-                 model.C)  # fmt: skip
-    full = batch_gain(*arguments, model.Q, model.R, u, np.zeros((100, 1)))
+    record = Record(np.zeros((100, 1)), u, dt=1)
+    full = batch_gain(UnknownGain(model, Prior([1.0], [[0.5]])), record, prior=Prior(np.zeros(2), 2 * np.eye(2)))
     claimed = np.diag(np.diag(full.noise_covariance))
     H = _regressor(model, u)
     information = np.linalg.inv(np.diag([2, 2, 0.5])) + H.T @ np.linalg.inv(claimed) @ H
-    assert full.covariance[2, 2] / np.linalg.inv(information)[2, 2] > 1.3
+    assert full.gain_covariance[0, 0] / np.linalg.inv(information)[2, 2] > 1.3
 
 
 def _regressor(model, u):

@@ -7,6 +7,7 @@ from ..lazy import lazy
 
 _HOMES = {
     "ArrivalCovariance": "results.margins",
+    "BatchGain": "results.estimates",
     "Check": "results.fits",
     "ClosedLoop": "results.simulations",
     "ClosedLoopBank": "results.simulations",

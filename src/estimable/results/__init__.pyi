@@ -12,6 +12,7 @@ from .designs import RhoSynthesis as RhoSynthesis
 from .designs import TransKalman as TransKalman
 from .detectable import DetectableLoss as DetectableLoss
 from .detectable import GainAssessment as GainAssessment
+from .estimates import BatchGain as BatchGain
 from .estimates import Estimate as Estimate
 from .estimates import EstimateBank as EstimateBank
 from .estimates import Forecast as Forecast

@@ -2,12 +2,12 @@
 """The results of the estimating drivers."""
 
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, static
+from ..frozen import frozen, saved, static
 from .steps import Gap, Info, Names, Outcome, Outputs
 
 WIDTH = 2 * 1.959963984540054  # standard deviations in the 95 % interval of a Gaussian
@@ -242,6 +242,24 @@ class SmoothedEstimate(Shown):
     gaps: tuple[Gap, ...] = static(default=())
     kind = "smoothed"
     __repr__ = Shown.__repr__
+
+
+@saved
+class BatchGain(NamedTuple):
+    """The result of `batch_gain`: the state x[0] and the gains, given the whole record.
+
+    - `mean` (n,) and `covariance` (n, n): of x[0].
+    - `gain` (g,) and `gain_covariance` (g, g): of the gains.
+    - `noise_covariance` (T p, T p): the covariance of the errors of all outputs, row by row.
+    - `names`: the names of the columns.
+    """
+
+    mean: Annotated[Any, "n"]
+    covariance: Annotated[Any, "n n", "symmetric"]
+    gain: Annotated[Any, "g"]
+    gain_covariance: Annotated[Any, "g g", "symmetric"]
+    noise_covariance: Annotated[Any, "N N", "symmetric"]
+    names: Names
 
 
 @frozen

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ...analysis.signal_to_noise import signal_to_noise as ratio
 from ...plants import f16
 from ..entries import Reproduced, ReproducedRow
 
@@ -40,9 +41,8 @@ def signal_to_noise(_: int) -> Reproduced:
 
 
 def _ratio(sigma_q: float, sigma_alpha: float, poles: Sequence[complex]) -> float:
-    w2 = 1 / abs(poles[0] * poles[1])
-    power = (ALPHA_MAX**2 + w2 * Q_MAX**2) / (2 * (sigma_alpha**2 + w2 * sigma_q**2))  # (82)
-    return float(10 * np.log10(power))
+    w = 1 / np.sqrt(abs(poles[0] * poles[1]))
+    return ratio([ALPHA_MAX, Q_MAX], [sigma_alpha, sigma_q], weight=[1.0, w])  # (82)
 
 
 def poles_of_pi_loop(_: int) -> Reproduced:
