@@ -146,6 +146,19 @@ def test_a_comparison_takes_stamps_with_gaps():
     assert found.best.fit_percent > 60
 
 
+def test_orders_and_dead_times_are_those_of_the_rows_that_were_dropped():
+    """Rows that are taken as consecutive would shorten every delay."""
+    late = es.OutputError([-0.8], [0.2], delay=9, noise_variance=0.0025, dt=0.1)
+    rng = np.random.default_rng(6)
+    u = np.repeat(rng.normal(size=300), 4)
+    y = late.response(u[:, None])[:, 0] + 0.05 * rng.normal(size=1200)
+    left = np.flatnonzero(rng.random(1200) > 0.15)
+    record = es.Record(y[left], u[left], t=0.1 * left)
+    assert 9 in {es.dead_time(record).delay, *es.dead_time(record).alike}
+    assert es.select_order(record, orders=[1, 2], delays=range(8, 11)).delay == 9
+    assert es.choose_orders(record, na=[1], nb=[0], delay=[9]).best.fit.parameters[0] == pytest.approx(-0.8, abs=0.05)
+
+
 def table(y, u, t):
     return pd.DataFrame({"time": t.round(6), "u": u, "y": y})
 

@@ -77,7 +77,7 @@ class Log:
         >>> imu = Topic("imu", [0, 10, 20, 30], 1e-3, {"gx": [0.0, 1.0, 2.0, 3.0]})
         >>> motor = Topic("motor", [0, 5, 15, 25], 1e-3, {"m1": [0.0, 1.0, 0.0, 1.0]})
         >>> record = Log([imu, motor]).record(outputs=["gx"], inputs=["m1"], grid=0.01)
-        >>> record.u.ravel().tolist()
+        >>> record.u.ravel().round(9).tolist()
         [0.5, 0.5, 0.5, 1.0]
         """
         choice = Choice(grid, start, stop, max_gap, delay or {}, offset or {}, repeated, hold)

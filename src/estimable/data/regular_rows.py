@@ -26,7 +26,7 @@ def multiples_of(t: np.ndarray, dt: float | None, faults: checks.Faults) -> Mult
     steps = np.diff(t)
     if not len(steps):
         return Multiples(np.zeros(len(t), int), 1.0 if dt is None else dt, float(t[0]), np.zeros(len(t)))
-    step = float(np.median(steps)) if dt is None else dt
+    step = float(np.quantile(steps, 0.5, method="lower")) if dt is None else dt
     rows = np.concatenate([[0], np.cumsum(np.rint(steps / step).astype(np.int64))])
     if dt is None and rows[-1] > 0:
         step = float(f"{np.polyfit(rows, t - t[0], 1)[0]:.9g}")  # a median holds the rounding of one stamp

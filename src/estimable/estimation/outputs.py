@@ -10,15 +10,17 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import numpy as np
 
-from .. import forks
-from ..filters.fixed_gain import FixedGain
-from ..filters.kalman_filter import Kalman
+from .. import checks, forks
+from ..data.record import Record
 from ..filters.unknown_gain import UnknownGain
-from ..filters.unknown_input import UnknownInput
+from ..models import gain_blocks
 from ..models.nonlinear_model import NonlinearModel
-from ..models.sampled import SampledModel
+from ..models.sampled import point_of
+from ..models.state_space import StateSpace
+from ..protocols import Algorithm
 from ..results import Outputs
-from .binding import Bound, bind, model_of
+from .binding import columns
+from .following import along_record
 
 INFINITE = 1e-12  # of the largest diffuse variance of a row: rounding in a direction that is known
 
@@ -63,19 +65,34 @@ class _Rows(NamedTuple):
 
 
 def outputs_of(result: Estimated, predictive: bool) -> Outputs:
-    """The outputs of each row and their covariances, with the sensor noise if `predictive`; None where there is no model."""
+    """The outputs of each row and their covariances, with the sensor noise if `predictive`; None where there is no model.
+
+    C, D and R do not depend on the steps, so that the model is that of the record and not the sampled one.
+    """
     origin, nothing = result.origin, Outputs(None, None)
     if origin is None or result.mean is None:
         return nothing
-    bound = bind(origin.algorithm, origin.record, origin.prior)
-    model = model_of(origin.algorithm)
-    rows = _nonlinear(bound, model, result) if isinstance(model, NonlinearModel) else _linear(bound, result)
-    if rows is None:
+    inner = along_record(origin.algorithm, origin.record).innermost
+    model = inner.model
+    u = _inputs(inner, origin.record, result)
+    if isinstance(model, NonlinearModel):
+        rows = _nonlinear(model, u, result)
+    elif isinstance(model, StateSpace) and model.R is not None:
+        rows = _linear(_in_blocks(inner, model), u, result, len(origin.record))
+    else:
         return nothing
-    P = _covariance(rows, result)
-    if P is not None and predictive:
+    P = None if rows is None else _covariance(rows, result)
+    if rows is not None and P is not None and predictive:
         P = P + rows.R
-    return Outputs(rows.mean, P)
+    return nothing if rows is None else Outputs(rows.mean, P)
+
+
+def _in_blocks(inner: Algorithm[Any], model: StateSpace) -> StateSpace:
+    """The model with [D_0 D_1 ..] side by side, where there are gains."""
+    if not isinstance(inner, UnknownGain):
+        return model
+    how = {"directions": inner.directions, "fixed": inner.fixed, "feedthrough": inner.feedthrough}
+    return gain_blocks.in_blocks(model, inner.gain.size, **how)
 
 
 def _last(values: np.ndarray, result: Estimated) -> np.ndarray:
@@ -83,39 +100,42 @@ def _last(values: np.ndarray, result: Estimated) -> np.ndarray:
     return values[len(values) - len(result.mean) :]
 
 
-def _linear(bound: Bound, result: Estimated) -> _Rows | None:
-    """The rows of a linear model; None for an algorithm without one, or with an unmeasured input that enters y at once."""
-    inner = bound.algorithm.innermost
-    inner = inner.kalman if isinstance(inner, FixedGain) else inner
-    ready = inner.ready if isinstance(inner, Kalman | UnknownGain | UnknownInput) else None
-    if not isinstance(ready, SampledModel):
-        return None
-    T, g = len(bound.samples.y), 0 if result.gain is None else result.gain.shape[1]
-    C, D, V = (_last(_over_time(ready, name, T), result) for name in "CDV")
-    m = ready.point.inputs.shape[-1]
-    u = _last(np.nan_to_num(np.asarray(bound.samples.u)), result)
-    if D.shape[-1] != m * (1 + g) or u.shape[-1] != m:
+def _inputs(inner: Algorithm[Any], record: Record, result: Estimated) -> np.ndarray:
+    """The inputs at the rows of the result, in the order of the model; positions of actuators where the filter knows them."""
+    if (position := result.extra.get("position")) is not None:
+        return np.asarray(position)
+    faults = checks.Faults()
+    some = columns(inner.names.inputs, record.inputs, "input", "u", faults)
+    faults.finish()
+    return _last(record.applied()[:, some], result)
+
+
+def _linear(model: StateSpace, u: np.ndarray, result: Estimated, T: int) -> _Rows | None:
+    """The rows of a linear model, with [D_0 D_1 ..] side by side; None where an unmeasured input enters y at once."""
+    g = 0 if result.gain is None else result.gain.shape[1]
+    C, D, R = (_last(_over_time(model, name, T), result) for name in ("C", "D", "R"))
+    point, m = point_of(model), u.shape[1]
+    if D.shape[-1] != m * (1 + g) or not np.any(D):
         if np.any(D):
             return None
-        D, u = np.zeros((*D.shape[:-1], m * (1 + g))), np.zeros((len(u), m))
-    effects = np.einsum("tpgm,tm->tpg", D.reshape(*D.shape[:-1], 1 + g, m), u - ready.point.inputs)
-    mean = np.einsum("tpn,tn->tp", C, result.mean - ready.point.states) + ready.point.outputs + effects[..., 0]
+        effects = np.zeros((*D.shape[:-1], 1 + g))
+    else:
+        du = u - point.inputs[:m]
+        effects = np.einsum("tpgm,tm->tpg", D.reshape(*D.shape[:-1], 1 + g, m), du)
+    mean = np.einsum("tpn,tn->tp", C, result.mean - point.states) + point.outputs + effects[..., 0]
     if result.gain is not None:
         mean = mean + np.einsum("tpg,tg->tp", effects[..., 1:], result.gain)
-    return _Rows(mean, C, effects[..., 1:], V @ np.swapaxes(V, -1, -2))
+    return _Rows(mean, C, effects[..., 1:], R)
 
 
-def _over_time(ready: SampledModel, name: str, T: int) -> np.ndarray:
+def _over_time(model: StateSpace, name: str, T: int) -> np.ndarray:
     """A matrix of each row."""
-    M = np.asarray(getattr(ready, name))
-    if name not in ready.varying:
-        return np.broadcast_to(M, (T, *M.shape))
-    return M if ready.rows is None else M[np.asarray(ready.rows)]
+    M = np.asarray(getattr(model, name))
+    return M if name in model.varying else np.broadcast_to(M, (T, *M.shape))
 
 
-def _nonlinear(bound: Bound, model: NonlinearModel, result: Estimated) -> _Rows:
+def _nonlinear(model: NonlinearModel, u: np.ndarray, result: Estimated) -> _Rows:
     """y_f = h at the estimate, and its tangent."""
-    u = _last(np.asarray(bound.samples.u), result)
     free = result.gain is not None
     θ = (
         result.gain

@@ -10,6 +10,7 @@ from ..data.record import Record, several
 from ..identifiers.output_error_ml import OutputErrorML
 from ..results import Fit
 from ..results.order_selection import OrderCandidate, OrderRanking
+from .connected import parts_of
 from .search import maximise
 from .select_order import to_try
 
@@ -43,9 +44,10 @@ def choose_orders(
         ranges[name] = to_try(name, given, 0, faults)
     records = several("record", record, faults)
     faults.finish()
+    parts = parts_of(records)
+    initial = "free" if len(parts) > len(records) else initial  # no part begins at rest
     found = [
-        _candidate(records, a, b, steps, initial)
-        for a, b, steps in product(ranges["na"], ranges["nb"], ranges["delay"])
+        _candidate(parts, a, b, steps, initial) for a, b, steps in product(ranges["na"], ranges["nb"], ranges["delay"])
     ]
     return OrderRanking(tuple(sorted(found, key=lambda one: getattr(one, criterion))), criterion)
 

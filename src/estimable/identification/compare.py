@@ -18,7 +18,7 @@ from ..results import Comparison
 from ..results.comparisons import Divided, Ranked
 from . import adaptive, judge
 from .candidates import candidates
-from .connected import cut, gridded
+from .connected import parts_of
 from .identify import identify
 
 LEVELS = {"mean": 0, "trend": 1, "none": None}
@@ -113,7 +113,7 @@ def _read(
             faults.add("`order` applies only where `methods` is None: give your methods their own orders.")
     faults.finish()
     assert fraction is not None
-    return _divisible([part for one in records for grid in gridded(one) for part in cut(grid)], fraction, faults)
+    return _divisible(parts_of(records), fraction, faults)
 
 
 def _divisible(records: list[Record], fraction: float, faults: checks.Faults) -> list[Record]:

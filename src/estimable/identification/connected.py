@@ -48,6 +48,11 @@ def connected(method: Method, records: Sequence[Record]) -> Connected:
     return Connected(method, found, (*done, *direct))
 
 
+def parts_of(records: Sequence[Record]) -> list[Record]:
+    """The parts of records, on a grid, whose rows connect."""
+    return [part for one in records for grid in gridded(one) for part in cut(grid)]
+
+
 def gridded(record: Record) -> list[Record]:
     """The record with a row for each multiple of its step, in parts where very many are missing."""
     if record.dt is not None or record.t is None or len(record) < 3:

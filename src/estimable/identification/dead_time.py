@@ -11,6 +11,7 @@ from ..errors import EstimableError
 from ..identifiers.output_error_ml import OutputErrorML
 from ..kernels.regression import lagged
 from ..results import DeadTime
+from .connected import known, parts_of
 
 PAST, LAGS = 8, 4  # lags of y, and of each input from the delay on
 WITHOUT_PAST = 16  # lags of each input where outputs are missing
@@ -46,8 +47,10 @@ def dead_time(record: Record | Sequence[Record], *, most: int = MOST) -> DeadTim
     if records and not records[0].inputs:
         faults.add("`record` has no input: give `u`.")
     faults.finish()
+    records, _ = known(parts_of(records))
     most = min(most, max(min(map(len, records)) // 4, 1))
-    complete = np.mean(np.concatenate([_whole(one, PAST) for one in records])) >= COMPLETE
+    whole = np.concatenate([_whole(one, PAST) for one in records])
+    complete = np.sum(whole) >= COMPLETE * max(len(whole), 1)
     error, p_value = _scan(records, most, PAST if complete else 0, LAGS if complete else WITHOUT_PAST)
     if error is None:
         return DeadTime(None, (), 1.0, False, most)

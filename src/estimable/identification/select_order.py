@@ -13,6 +13,7 @@ from ..identifiers.least_squares import LeastSquares, OutputEquations
 from ..identifiers.subspace import Subspace
 from ..kernels.regression import regress
 from ..results.order_selection import CRITERIA, OrderSelection
+from .connected import parts_of
 
 FOLDS = 5
 MOST = 1000  # most orders or delays to try
@@ -74,7 +75,7 @@ def _read(
         ranges.append(to_try(name, given, least, faults))
     faults.choice("criterion", criterion, CRITERIA)
     faults.finish()
-    return records, *ranges
+    return parts_of(records), *ranges
 
 
 def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:
