@@ -78,6 +78,12 @@ SLOW = {
     ),
     "kernels/test_small.py": ("test_a_recursion_settles_to_the_last_bit_and_within_rounding_of_its_limit",),
     "plants/test_f16_failure.py": ("test_packets_may_get_lost_on_both_ways",),
+    "plants/test_plants.py": (
+        "test_nonlinear_plants_are_filtered_as_machine_code",
+        "test_the_hexarotor_hovers_tracks_attitude_and_loses_a_motor",
+        "test_the_pendulum_is_held_upright_while_the_cart_moves",
+        "test_the_tanks_follow_their_set_point_and_a_leak_lowers_them",
+    ),
     "properties/test_linear_filters.py": ("test_online_equals_offline_and_resumes_from_a_file",),
     "simulation/test_close_loop.py": ("test_commands_and_outputs_are_rounded_to_what_can_be_told_apart",),
     "simulation/test_cluster.py": (

@@ -156,7 +156,7 @@ def _read_entry(
 
 
 def _read_pairs(given: Iterable[tuple[str, str]], faults: checks.Faults) -> tuple[tuple[str, str], ...]:
-    pairs = list(given) if isinstance(given, list | tuple) else [()]
+    pairs: list = list(given) if isinstance(given, list | tuple) else [None]
     if not all(isinstance(pair, list | tuple) and len(pair) == 2 for pair in pairs):
         faults.add(f"`kinematics` must be a list of (row, column), by names of states. Got {checks.short(given)}.")
         return ()
