@@ -52,7 +52,7 @@ class Algorithm(ABC, Generic[State]):
         """Move to the next sample."""
 
     def restarted(self, state: State, fresh: Callable[[Any], Any]) -> State:
-        """The state where a record breaks. `fresh` restarts x in each `Belief` of a tree, and carries the rest over."""
+        """The state at a break: `fresh` restarts x in each `Belief` of a tree, and carries the rest over."""
         return fresh(state)
 
     def sampled(self, clock: Clock) -> Self:
@@ -390,15 +390,10 @@ class Link(Protocol):
 
 
 class Plant(ABC):
-    """A simulator that the compiled engines cannot run, as a plant for `close_loop`. The loop runs in Python, sample by sample.
-
-    `linear`: a `ControlledPlant` with its linear model, names, noises and limits.
-    """
+    """A simulator that no engine can run, as a plant for `close_loop`, which then runs in Python. `linear`: its linear model."""
 
     linear: Any
 
     @abstractmethod
     def begin(self, dt: float) -> Any:
-        """A run with samples `dt` seconds apart: an object with `state` (n,) and `input` (m,), as deviations, and
-        `move(command)`.
-        """
+        """A run with samples `dt` seconds apart: it has `state` (n,) and `input` (m,), as deviations, and `move(command)`."""

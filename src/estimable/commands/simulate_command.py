@@ -119,17 +119,8 @@ def simulate(
         else:
             show.text(lambda _: simulate_flight.as_text(numbers))
         return
-    simulate_flight.refuse_options(
-        {
-            "loss": loss,
-            "runs": runs,
-            "plant": plant,
-            "folder": folder,
-            "scheduler": scheduler,
-            "fault": fault and fault[0],
-            "turbulence": turbulence,
-        }
-    )
+    flights = {"loss": loss, "runs": runs, "plant": plant, "folder": folder, "scheduler": scheduler}
+    simulate_flight.refuse_options({**flights, "fault": fault and fault[0], "turbulence": turbulence})
     check_destination("--out", out, ".csv")
     simulation = simulate_report.simulated(
         what, rows=rows, seed=seed, arrivals=(input_arrival, output_arrival), burst=burst, lost=lost or "zero",

@@ -12,7 +12,7 @@ from ..filters.unknown_gain import UnknownGain
 from ..frozen import replace
 from ..models import several_steps
 from ..models.discretisation import over, wandering
-from ..models.sampled import Clock, point_of
+from ..models.sampled import point_of
 from ..models.state_space import StateSpace
 from ..models.stationary_spread import StateSpread, growth_time, spread
 from ..protocols import Algorithm
@@ -176,9 +176,8 @@ class Known:
             Q = over(model.A, B, self._noise, seconds, hold=self.hold)[3]
             Ψ = wandering(np.asarray(model.A), np.asarray(seconds), hold=self.hold) @ B
         else:
-            clock = Clock(np.array([seconds]), np.zeros(1, int), self.hold, True)
-            longer, _, Ψs = several_steps.several_steps(model, clock)
-            Q, Ψ = longer.Q[0], (np.zeros((1, *B.shape)) if Ψs is None else Ψs[0])
+            longer, Ψs = several_steps.several_steps(model, np.array([seconds]), self.hold)
+            Q, Ψ = longer.Q[0], Ψs[0]
             g = g[: Ψ.shape[-1]]
         return Q + np.einsum("kij,j,klj->il", Ψ, g, Ψ)
 

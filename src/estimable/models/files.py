@@ -311,18 +311,7 @@ def write_model(
     inputs: tuple[str, ...] = getattr(model, "inputs", ())
     given = dict.fromkeys(inputs, actuators) if isinstance(actuators, Actuator) else dict(actuators or {})
     _check_writable(ModelFile(model, prior, gain, unknown, record or {}, given, uncertainty))
-    keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
-    sections: dict[str, Any] = {
-        "model": {key: getattr(model, key) for key in keys if not _is_default(model, key)},
-        "prior": _prior_section(prior),
-    }
-    if model.angles:
-        sections["model"]["angles"] = {name: [lower, lower + period] for name, lower, period in model.angles}
-    if model.operating_point is not None:
-        point = model.operating_point
-        sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}
-    if model.schedule:
-        sections["schedule"] = {one.channel: {"at": one.at} | one.tables for one in model.schedule}
+    sections = {**_model_sections(model), "prior": _prior_section(prior)}
     if gain is not None:
         sections["gain"] = _prior_section(gain.prior) | gain.settings
     if record:
@@ -335,6 +324,20 @@ def write_model(
         sections["uncertainty"] = {key: getattr(uncertainty, key) for key in KEYS["uncertainty"]}
     text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
     writing.write(path, lambda stream: stream.write(text.encode()))
+
+
+def _model_sections(model: StateSpace) -> dict[str, Any]:
+    """The sections [model], [operating_point] and [schedule]."""
+    keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
+    sections: dict[str, Any] = {"model": {key: getattr(model, key) for key in keys if not _is_default(model, key)}}
+    if model.angles:
+        sections["model"]["angles"] = {name: [lower, lower + period] for name, lower, period in model.angles}
+    if model.operating_point is not None:
+        point = model.operating_point
+        sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}
+    if model.schedule:
+        sections["schedule"] = {one.channel: {"at": one.at} | one.tables for one in model.schedule}
+    return sections
 
 
 _NUMBERS = re.compile(r"\[\s*((?:[-+.\deinfa]+,?\s*)+)\]")

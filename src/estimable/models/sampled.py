@@ -99,7 +99,9 @@ def sample(model: StateSpace, clock: Clock) -> SampledModel:
             Ψ = _wandering(model, clock)
         model, rows = _discrete(model, clock)
     elif clock.rows is not None:
-        model, rows, Ψ = several_steps(model, clock)
+        batch, (model, wandering) = _batch(model), several_steps(model, clock.lengths, clock.hold)
+        rows = np.broadcast_to(clock.rows, (*batch, len(clock.rows)))
+        Ψ = wandering if clock.wanders else None
     V, Ω, W = _white(model)
     deterministic = {"A", "B", "B_end", "C", "D"} & set(model.varying)
     if Ψ is not None and np.ndim(Ψ) > 3 + len(_batch(model)):

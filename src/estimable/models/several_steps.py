@@ -1,6 +1,6 @@
 """A discrete model over several of its own steps, for rows that are missing."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -8,29 +8,26 @@ import numpy as np
 from ..frozen import replace
 from .state_space import StateSpace
 
-if TYPE_CHECKING:
-    from .sampled import Clock
 
+def several_steps(model: StateSpace, lengths: np.ndarray, hold: str) -> tuple[StateSpace, np.ndarray]:
+    """The model at each distinct length of a clock (K,), and `wandering` of `SampledModel`.
 
-def several_steps(model: StateSpace, clock: "Clock") -> tuple[StateSpace, np.ndarray, np.ndarray | None]:
-    """The model at each distinct length of the clock, the index of each row, and `wandering` of `SampledModel` if it wanders.
-
-    Over j steps x+ = A^j x + Σ_i A^(j-1-i) (B u_i + B_end u_(i+1) + G w_i), where u_i moves as the clock's hold says. Only w_0
-    is correlated with the output noise at the start.
+    Over j steps x+ = A^j x + Σ_i A^(j-1-i) (B u_i + B_end u_(i+1) + G w_i), where u_i moves as `hold` says. Only w_0 is
+    correlated with the output noise at the start.
     """
     if model.A.ndim == 3:
         ones = [jax.tree_util.tree_map(lambda leaf, i=i: leaf[i], model) for i in range(len(model.A))]
-        each = [several_steps(one, clock) for one in ones]
-        longer, rows, Ψ = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *each)
-        return longer, rows, Ψ
-    counts = np.maximum(np.round(np.asarray(clock.lengths) / model.dt).astype(int), 1)
-    each = [_over(model, int(j), clock.hold) for j in counts]
+        each = [several_steps(one, lengths, hold) for one in ones]
+        longer, Ψ = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *each)
+        return longer, Ψ
+    counts = np.maximum(np.round(np.asarray(lengths) / model.dt).astype(int), 1)
+    each = [_over(model, int(j), hold) for j in counts]
     A, B, B_end, Q, S, Ψ = (None if part[0] is None else np.stack(part) for part in zip(*each, strict=True))
     varying = {"A": A, "B": B, "B_end": B_end, "Q": Q, "S": S}
     longer = replace(
         model, **varying, G=np.eye(model.n), varying=tuple(sorted(name for name, M in varying.items() if M is not None))
     )
-    return longer, np.asarray(clock.rows), Ψ if clock.wanders else None
+    return longer, np.asarray(Ψ)
 
 
 def part(model: StateSpace, j: int, hold: str) -> tuple[Any, ...]:

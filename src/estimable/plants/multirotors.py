@@ -26,7 +26,7 @@ LAYOUTS, ROTORS = ("x", "plus"), (4, 6, 8)
 TIME_CONSTANT = 0.04  # [s]: lag of a motor, for `ControlledPlant(actuator=1 / TIME_CONSTANT)`
 
 
-class Frame(NamedTuple):
+class Airframe(NamedTuple):
     """A frame: the `mixer` (4, m) from thrusts [N] to roll, pitch and yaw moment [N m] and lift [N]; mass and inertia."""
 
     mixer: np.ndarray
@@ -59,7 +59,7 @@ def frame(
     inertia: tuple[float, float, float] = (0.0217, 0.0217, 0.04),
     moment_coefficient: float = 0.016,
     max_thrust: float = 8.55,
-) -> Frame:
+) -> Airframe:
     """The frame of a multirotor: `rotors` 4, 6 or 8 on a circle of radius `arm` [m], neighbours spinning in opposite directions.
 
     `layout`: "x" (forward lies between two arms) or "plus" (along one). Rotor i at (x, y) with spin s = ±1 gives the roll moment
@@ -86,7 +86,7 @@ def frame(
     angles = 2 * np.pi * (np.arange(rotors) + (0.5 if layout == "x" else 0.0)) / rotors  # from forward, to the left
     spin = np.where(np.arange(rotors) % 2 == 0, -1.0, 1.0)
     mixer = np.stack([radius * np.sin(angles), -radius * np.cos(angles), spin * c, np.ones(rotors)])
-    return Frame(mixer, float(weight), np.asarray(J))
+    return Airframe(mixer, float(weight), np.asarray(J))
 
 
 def multirotor(
