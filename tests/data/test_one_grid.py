@@ -258,6 +258,13 @@ REFUSED = {
     ),
     "hold": ([IMU, MOTOR], {"hold": "linear"}, "`hold` must be one of 'zero_order', 'first_order'. Got 'linear'."),
     "repeated word": ([IMU, MOTOR], {"repeated": "mean"}, "`repeated` must be one of 'first', 'last'. Got 'mean'."),
+    "inputs later": (
+        [IMU, motor(np.arange(9.0) + 50, np.arange(9.0))], {},
+        (
+            "no row has all its inputs: they were logged 'm1' from 50 to 58 s, and the outputs from 0 to 8 s. Do the stamps "
+            "count from different zeros? Then give `offset`."
+        ),
+    ),
     "no output": ([IMU, MOTOR], {"outputs": []}, "`outputs` must name at least one channel."),
 }  # fmt: skip
 
@@ -288,6 +295,7 @@ def test_a_table_is_refused_with_the_option_that_helps():
 def test_wrong_topics_and_logs_are_refused():
     for make, sentence in (
         (lambda: Topic("a", ["x"], 1.0, {}), "`ticks` must be a list of numbers."),
+        (lambda: Topic("a", [], 1.0, {"x": []}), "topic 'a' has no row: leave it out."),
         (lambda: Topic("a", [0, 1], 0.0, {"x": [1, 2]}), "`tick` must be greater than 0 seconds."),
         (
             lambda: Topic("a", [0, 1], 1.0, {"x": [1]}),

@@ -177,6 +177,7 @@ def test_the_command_reports_rows_that_are_missing_and_ends_with_2_where_nothing
     found = CliRunner().invoke(app, ["identify", "run.csv", *given])
     assert found.exit_code == 0
     assert "are missing, and the input is unknown in" in found.stdout
+    assert es.read_model("run-model.toml").record == {"time": "time", "grid": 0.1}
     for name, words in (
         ("short", "no method could be fitted to this record"),
         ("scattered", "no multiples of one step"),

@@ -12,7 +12,7 @@ from ..results import Comparison, Ranked
 from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
 from .identify_files import Asked, WrittenFiles, write_model_file, write_page
-from .identify_report import read
+from .identify_report import file_options, options_of, read
 from .numbers import counted
 
 
@@ -60,7 +60,7 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
     if run.found.ranked == () or run.found.ranked[0].fit is None:
         return WrittenFiles(None, None)
     if best is not None and best.model is not None:
-        write_model_file(best.model, run.asked.reading, files.model)
+        write_model_file(best.model, file_options(run.asked, run.record), files.model)
     options = () if order is None else (f"--order {order}",)
     assert run.found.task is not None
     if len(parts := run.found.task.records) > 1:  # the page shows one record
@@ -68,6 +68,7 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
     write_page(
         run.found, parts[0], files.report, chosen=best, selection=run.selection, source=run.asked.path,
         command=run.asked.again(*options), lead=_sentences(run),
+        reading=options_of(run.asked.path, run.asked.inputs, run.asked.reading),
     )  # fmt: skip
     return WrittenFiles(files.model if best is not None else None, files.report)
 

@@ -90,22 +90,23 @@ def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> 
 
 def write_page(
     found: Comparison, record: Record, path: Path, *, chosen: Ranked | None, selection: OrderSelection | None,
-    source: Path, command: str, lead: Sequence[str],
+    source: Path, command: str, lead: Sequence[str], reading: dict[str, Any],
 ) -> None:  # fmt: skip
     """Write the page of a comparison."""
     from ..report import report_of_comparison, write_report
 
     page = report_of_comparison(
         found, record, chosen=chosen, selection=selection, title=f"A model of {source.name}", lead=lead,
-        commands=(("From a terminal:", command), ("In Python:", _script(found, record, source))), files=(source,),
+        commands=(("From a terminal:", command), ("In Python:", _script(found, record, source, reading))), files=(source,),
     )  # fmt: skip
     write_report(page, path)
 
 
-def _script(found: Comparison, record: Record, source: Path) -> str:
+def _script(found: Comparison, record: Record, source: Path, reading: dict[str, Any]) -> str:
     """The same comparison in Python."""
     methods = ", ".join(_call(one.method) for one in found.ranked)
-    columns = f"outputs={list(record.outputs)!r}, inputs={list(record.inputs)!r}, dt={record.dt!r}"
+    names = f"outputs={list(record.outputs)!r}, inputs={list(record.inputs)!r}"
+    columns = ", ".join([names, *(f"{name}={value!r}" for name, value in reading.items())])
     return "\n".join(
         [
             "import estimable as es",

@@ -90,7 +90,7 @@ def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -
     from ..identification.compare import absolute, compare, divided
 
     model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
-    write_model_file(model, asked.reading, asked.files.model)
+    write_model_file(model, file_options(asked, record), asked.files.model)
     try:
         found = compare([method], record, split=asked.split, level=level)
     except InputError:
@@ -100,6 +100,7 @@ def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -
     write_page(
         found, found.task.records[0], asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
         command=asked.again(f"--method {name_of(method)}"), lead=[found.sentence],
+        reading=options_of(asked.path, asked.inputs, asked.reading),
     )  # fmt: skip
     return WrittenFiles(asked.files.model, asked.files.report)
 
@@ -185,9 +186,18 @@ def _shown(value: float, sigma: float) -> tuple[str, str]:
 
 
 def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dict[str, Any]) -> Record:
-    """The record; uses the columns `time` and `arrived` if they exist and no other was given."""
-    from ..data.reading import column_names, read_record
+    """The record, with a row for each multiple of its step where rows are missing."""
+    from ..data.reading import read_record
     from ..identification.connected import gridded
+
+    record = read_record(path, outputs=outputs, inputs=inputs, **options_of(path, inputs, reading))
+    parts = gridded(record)
+    return parts[0] if len(parts) == 1 else record
+
+
+def options_of(path: Path, inputs: Sequence[str], reading: dict[str, Any]) -> dict[str, Any]:
+    """The options of `read_record`; the columns `time` and `arrived` are used if they exist and no other was given."""
+    from ..data.reading import column_names
 
     given = {name: value for name, value in reading.items() if value is not None}
     there = column_names(path)
@@ -197,8 +207,13 @@ def read(path: Path, outputs: Sequence[str], inputs: Sequence[str], reading: dic
         given["arrived"] = ["arrived"]
     if not given.keys() & {"time", "dt"}:
         given["dt"] = 1.0
-    parts = gridded(read_record(path, outputs=outputs, inputs=inputs, **given))
-    return parts[0] if len(parts) == 1 else read_record(path, outputs=outputs, inputs=inputs, **given)
+    return given
+
+
+def file_options(asked: Asked, record: Record) -> dict[str, Any]:
+    """How the model file says that the record is read: on a grid where rows are missing."""
+    given = options_of(asked.path, asked.inputs, asked.reading)
+    return given if record.grid is None or "time" not in given else {**given, "grid": record.grid}
 
 
 def _chosen_orders(record: Record, given: dict[str, Any]) -> str:

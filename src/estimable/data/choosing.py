@@ -104,6 +104,13 @@ def row_arguments(
         rows = on_one_grid(outputs, inputs, float(choice.grid or 0.0), faults=faults, **options)
     faults.finish()
     assert rows is not None
+    if inputs and np.isnan(rows.u).any(axis=1).all():
+        when = ", ".join(f"{one.name!r} from {one.t[0]:.6g} to {one.t[-1]:.6g} s" for one in inputs)
+        faults.add(
+            f"no row has all its inputs: they were logged {when}, and the outputs from {rows.t[0]:.6g} to {rows.t[-1]:.6g} s. Do "
+            "the stamps count from different zeros? Then give `offset`."
+        )
+        faults.finish()
     first, stop = _within(rows.t, choice, faults)
     faults.finish()
     breaks = [k - first for k in rows.breaks if first < k < stop]

@@ -195,7 +195,8 @@ def _of_dates(
         except (
             Exception
         ) as error:  # pandas and zoneinfo raise ValueError and its like for times that do not exist or occur twice
-            faults.add(f"{label} does not fit zone={zone.key!r}: {error}. Give stamps with an offset.")
+            why = str(error).split(". Try")[0].split(", try")[0].rstrip(".")
+            faults.add(f"{label} does not fit zone={zone.key!r}: {why}. Give stamps with an offset.")
             return None
     elif stamps.dt.tz is None:
         words += " without a zone, taken as written"

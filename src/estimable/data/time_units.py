@@ -85,7 +85,7 @@ def _unit_of(ticks: np.ndarray, name: str) -> tuple[str | None, str]:
             "The time column %r steps by %g and names no unit: read as seconds, %s. If it is in ms or us, give time_unit.",
             name, step, _duration((ticks[-1] - ticks[0]) / 1.0),
         )  # fmt: skip
-    return "s", f"its steps of {step:.4g} are at most {MOST_SECONDS:g}"
+    return "s", f"its steps of {step:.4g} are at most {MOST_SECONDS:g}" if step else "it has one stamp"
 
 
 def unit_in_name(name: str) -> str | None:

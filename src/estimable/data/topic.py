@@ -50,6 +50,8 @@ class Topic:
         ticks = np.asarray(self.ticks)
         if ticks.ndim != 1 or ticks.dtype.kind not in "iuf" or not np.isfinite(ticks).all():
             faults.add(f"`ticks` must be a list of numbers. Got {checks.short(self.ticks)}.")
+        elif len(ticks) == 0:
+            faults.add(f"topic {checks.short(self.name)} has no row: leave it out.")
         tick = faults.number("tick", self.tick, above=0.0, unit="seconds")
         faults.choice("clock", self.clock, CLOCKS)
         channels, units = self._read_channels(ticks, faults), ()
