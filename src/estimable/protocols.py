@@ -248,8 +248,7 @@ class StartedIdentifier(Identifier):
 
 class RecursiveIdentifier(Algorithm[State], Method):
     """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. The
-    validation of the fit reads the settings `method` and `noise_variance`. `lost`: what actuators do without a packet.
-    """
+    validation of the fit reads the settings `method` and `noise_variance`. `lost`: what actuators do without a packet."""
 
     method: str = ""
     noise_variance: Any
@@ -284,8 +283,7 @@ class Anticipating(RecursiveIdentifier[State]):
 class FilterIdentifier(Method, ABC):
     """A method that estimates parameters by a filter of state and parameters (`tracker`), started from the records.
 
-    `model`: the nonlinear model; `state_prior`: of its state; `refinement`: "none" or "likelihood".
-    """
+    `model`: the nonlinear model; `state_prior`: of its state; `refinement`: "none" or "likelihood"."""
 
     model: Any
     state_prior: Any
@@ -362,8 +360,7 @@ class Link(Protocol):
     """A network link that carries packets.
 
     `draws`: the number of uniform random numbers that it needs at each instant. `acknowledged`: whether the sender is
-    notified which packets arrived. `late`: what the receiver does with late packets, "drop" or "use".
-    """
+    notified which packets arrived. `late`: what the receiver does with late packets, "drop" or "use"."""
 
     @property
     def draws(self) -> int:
