@@ -111,6 +111,24 @@ def test_what_a_diffuse_prior_leaves_open_is_nan():
     assert_array_equal(np.isnan(result.output_covariance.ravel()), [True, False, False])
 
 
+def test_outputs_across_gaps_and_of_angles():
+    lost = U.copy()
+    lost[20:23] = np.nan
+    record = es.Record(RECORD.y, lost, dt=1, outputs=["level", "flow"])
+    result = es.estimate(es.Kalman(MODEL), record, prior=PRIOR)
+    assert_array_equal(np.isnan(result.output).any(axis=1), np.isnan(lost))  # u enters the level directly
+    assert_array_equal(np.isnan(result.output_covariance[:, 0, 0]), np.isnan(lost))
+    assert_array_equal(np.isfinite(result.output), np.isfinite(result.outputs(predictive=True).mean))
+    turning = es.StateSpace(
+        [[1.0]], [[1.0]], Q=[[1e-6]], R=[[1e-4]], dt=1, outputs=["heading"], angles={"heading": "rad"}
+    )
+    heading = np.mod(0.3 * np.arange(60.0) + np.pi, 2 * np.pi) - np.pi
+    record = es.Record(heading, np.full(60, 0.3), dt=1, outputs=["heading"])
+    result = es.estimate(es.Kalman(turning), record, prior=es.Prior([0.0], [[0.1]]))
+    assert_allclose(np.angle(np.exp(1j * (result.output[:, 0] - heading))), 0.0, atol=0.02)
+    assert np.abs(result.output).max() <= np.pi
+
+
 def test_less_is_known_of_results_with_fewer_rows():
     means, last = (es.estimate(es.Kalman(MODEL), RECORD, prior=PRIOR, keep=keep) for keep in ("means", "last"))
     whole = es.estimate(es.Kalman(MODEL), RECORD, prior=PRIOR)

@@ -13,12 +13,12 @@ import numpy as np
 from .. import checks, forks
 from ..data.record import Record
 from ..filters.unknown_gain import UnknownGain
-from ..models import gain_blocks
+from ..models import angles, gain_blocks
 from ..models.nonlinear_model import NonlinearModel
 from ..models.sampled import point_of
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
-from ..results import Outputs
+from ..results import Names, Outputs
 from .binding import columns
 from .following import along_record
 
@@ -29,6 +29,7 @@ class Estimated(Protocol):
     """What the outputs need of a result."""
 
     origin: Any
+    names: Names
 
     @property
     def mean(self) -> Any:
@@ -84,7 +85,12 @@ def outputs_of(result: Estimated, predictive: bool) -> Outputs:
     P = None if rows is None else _covariance(rows, result)
     if rows is not None and P is not None and predictive:
         P = P + rows.R
-    return nothing if rows is None else Outputs(rows.mean, P)
+    if rows is None:
+        return nothing
+    if P is not None:  # an input that was not recorded and enters y directly
+        unknown = np.isnan(rows.mean)
+        P = np.where(unknown[..., None] | unknown[..., None, :], np.nan, P)
+    return Outputs(np.asarray(angles.ranged(rows.mean, result.names.angles, result.names.outputs)), P)
 
 
 def _in_blocks(inner: Algorithm[Any], model: StateSpace) -> StateSpace:
