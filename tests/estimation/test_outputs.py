@@ -129,6 +129,13 @@ def test_outputs_across_gaps_and_of_angles():
     assert np.abs(result.output).max() <= np.pi
 
 
+def test_the_noise_of_a_sample_counts_in_what_is_predicted():
+    sigma = np.where(np.arange(40)[:, None] % 2 == 0, [0.5, np.nan], np.nan)
+    record = es.Record(np.full((40, 2), np.nan), U, dt=1, outputs=["level", "flow"], sigma=sigma)
+    result = es.estimate(es.Kalman(MODEL), record, prior=PRIOR)
+    assert_allclose(result.outputs(predictive=True).covariance, result.innovation_covariance, rtol=1e-12)
+
+
 def test_less_is_known_of_results_with_fewer_rows():
     means, last = (es.estimate(es.Kalman(MODEL), RECORD, prior=PRIOR, keep=keep) for keep in ("means", "last"))
     whole = es.estimate(es.Kalman(MODEL), RECORD, prior=PRIOR)

@@ -60,6 +60,14 @@ def test_stamps_that_are_no_multiples_are_refused(t, dt, words):
     assert words in str(raised.value)
 
 
+def test_the_noise_and_the_arrivals_of_the_rows_go_with_them():
+    record = es.Record(
+        [1.0, 2.0, 3.0], [5.0, 5.0, 5.0], t=[0.0, 1.0, 3.0], sigma=[[0.1], [0.2], [0.3]], arrived=[1, 0, 1]
+    ).on_grid()
+    np.testing.assert_array_equal(record.sigma.ravel(), [0.1, 0.2, np.nan, 0.3])
+    np.testing.assert_array_equal(record.arrived.ravel(), [1.0, 0.0, np.nan, 1.0])
+
+
 def test_a_record_without_time_has_no_grid():
     with pytest.raises(es.InputError, match="a grid needs times: give the record `t`"):
         es.Record([1.0, 2.0]).on_grid()

@@ -246,7 +246,9 @@ class Record:
             return self
         found = multiples_of(t, step, faults)
         faults.finish()
-        fields = {name: getattr(self, name) for name in ("t", "y", "u", "arrived", "outputs", "breaks", "notes")}
+        fields = {
+            name: getattr(self, name) for name in ("t", "y", "u", "arrived", "sigma", "outputs", "breaks", "notes")
+        }
         return replace(self, **regular_rows(fields, found), timed=True)
 
     @property

@@ -59,7 +59,7 @@ def multiples_of(t: np.ndarray, dt: float | None, faults: checks.Faults) -> Mult
 def regular_rows(fields: Mapping[str, Any], found: Multiples | None) -> dict[str, Any]:
     """The fields of a record that are those of the grid, from its own."""
     assert found is not None
-    t, y, u, arrived = (fields[name] for name in ("t", "y", "u", "arrived"))
+    t, y, u, arrived, sigma = (fields[name] for name in ("t", "y", "u", "arrived", "sigma"))
     rows, T = found.rows, int(found.rows[-1]) + 1
     u = filled(u, rows, agreeing=True)
     scatter = float(np.std(found.deviation))
@@ -76,6 +76,7 @@ def regular_rows(fields: Mapping[str, Any], found: Multiples | None) -> dict[str
     return {
         "y": filled(y, rows, agreeing=False), "u": u, "t": found.zero + found.dt * np.arange(T), "dt": found.dt,
         "arrived": None if arrived is None else filled(arrived, rows, agreeing=False), "grid": found.dt,
+        "sigma": None if sigma is None else filled(sigma, rows, agreeing=False),
         "placing": tuple(sorted(moved.items())), "breaks": tuple(int(rows[k]) for k in fields["breaks"]),
         "notes": (*fields["notes"], note),
     }  # fmt: skip

@@ -84,7 +84,7 @@ def outputs_of(result: Estimated, predictive: bool) -> Outputs:
         return nothing
     P = None if rows is None else _covariance(rows, result)
     if rows is not None and P is not None and predictive:
-        P = P + rows.R
+        P = P + _noise(rows.R, inner, origin.record, result)
     if rows is None:
         return nothing
     if P is not None:  # an input that was not recorded and enters y directly
@@ -114,6 +114,20 @@ def _inputs(inner: Algorithm[Any], record: Record, result: Estimated) -> np.ndar
     some = columns(inner.names.inputs, record.inputs, "input", "u", faults)
     faults.finish()
     return _last(record.applied()[:, some], result)
+
+
+def _noise(R: np.ndarray, inner: Algorithm[Any], record: Record, result: Estimated) -> np.ndarray:
+    """R of each row, with the standard deviations that the record gives and the correlations of the model."""
+    if record.sigma is None:
+        return R
+    faults = checks.Faults()
+    some = columns(inner.names.outputs, record.outputs, "output", "y", faults)
+    faults.finish()
+    sigma = _last(record.sigma[:, some], result)
+    own = np.sqrt(np.diagonal(R, axis1=-2, axis2=-1)) * np.ones_like(sigma)
+    scale = np.where(np.isnan(sigma) | (own == 0), 1.0, sigma / np.where(own > 0, own, 1.0))
+    alone = np.where((own == 0) & ~np.isnan(sigma), sigma, 0.0)[..., None] ** 2 * np.eye(sigma.shape[1])
+    return R * scale[..., None] * scale[..., None, :] + alone
 
 
 def _linear(model: StateSpace, u: np.ndarray, result: Estimated, T: int) -> _Rows | None:
