@@ -30,6 +30,19 @@ def test_the_record_and_the_truth_are_those_of_the_flight(run, tmp_path):
     assert len(np.unique(truth["inputs"]["elevator_deg"][451:])) == 1
 
 
+def test_a_motor_of_the_quadrotor_loses_effect(run, tmp_path):
+    out = tmp_path / "quad.csv"
+    given = ("--fault", "effectiveness:motor3@14.2=0.7", "--turbulence", "light", "--seed", "1", "--out", str(out))
+    assert run("simulate", "multirotor", *given).code == 0
+    record, true = pd.read_csv(out), json.loads((tmp_path / "quad.truth.json").read_text())
+    roll, height = (np.array(true["states"][name]) for name in ("roll", "height"))
+    assert np.abs(height[:3500]).max() < 0.2
+    assert np.abs(np.abs(roll[[700, 1200, 3500]]) - np.radians(10)).max() < 0.02
+    before, after = record["motor3"][3000:3500].mean(), record["motor3"][4500:].mean()
+    assert abs(after / before - 1 / 0.7) < 0.1  # the law asks for what is lost
+    assert "--plant applies only to f16" in run("simulate", "multirotor", "--plant", "jsbsim").stderr
+
+
 def test_turbulence_moves_the_aircraft_and_is_among_the_true_states(run, tmp_path):
     out = tmp_path / "T.csv"
     assert run("simulate", "f16", "--turbulence", "severe", "--seed", "2", "--out", str(out)).code == 0

@@ -9,7 +9,7 @@ from . import options, show, simulate_flight, simulate_report, simulate_world
 from .destination import check_destination
 
 What = Annotated[
-    str, typer.Argument(metavar="MODEL", help="What to simulate: output-error or f16.", show_default=False)
+    str, typer.Argument(metavar="MODEL", help="What to simulate: output-error, f16 or multirotor.", show_default=False)
 ]
 Rows = Annotated[int, typer.Option("--rows", metavar="N", help="Number of samples.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="The same seed gives the same record.")]
@@ -47,11 +47,11 @@ OutFile = Annotated[
 Fault = Annotated[
     list[str] | None,
     typer.Option("--fault", metavar="KIND:CHANNEL@TIME[=VALUE]", show_default=False,
-                 help="f16: a fault, such as stuck:elevator@4.5. May be repeated."),
+                 help="f16, multirotor: a fault, such as stuck:elevator@4.5. May be repeated."),
 ]  # fmt: skip
 Turbulence = Annotated[
     str | None,
-    typer.Option("--turbulence", metavar="SEVERITY", help="f16: light, moderate or severe.", show_default=False),
+    typer.Option("--turbulence", metavar="SEVERITY", help="f16, multirotor: light, moderate or severe.", show_default=False),
 ]  # fmt: skip
 
 
@@ -89,7 +89,8 @@ def simulate(
     the record (commands, measured positions, outputs) and, next to it, NAME.truth.json with the events, the true states and
     the true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
     effectiveness, stuck, floating, hard-over, offset, rate, limits, bandwidth, delay; of a state: upset, gust; of an output:
-    bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough.
+    bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough. `estimable simulate multirotor`
+    does the same with a quadrotor, which follows roll doublets for 20 s.
 
     \b
     Example:
@@ -98,8 +99,9 @@ def simulate(
       estimable simulate f16 --loss 0.8 --runs 200
       estimable simulate f16 --plant jsbsim --loss 0.5
       estimable simulate f16 --fault stuck:elevator@4.5 --fault bias:pitch_rate@3-4=1 --seed 1 --out F.csv
+      estimable simulate multirotor --fault effectiveness:motor3@14.2=0.7 --turbulence light --out quad.csv
     """
-    if what == "f16" and (fault or turbulence or out):
+    if what == "multirotor" or (what == "f16" and (fault or turbulence or out)):
         refused = {"loss": loss, "runs": runs, "folder": folder, "scheduler": scheduler, "lost": lost,
                    "set": settings, "rows": None if rows == 1000 else rows}  # fmt: skip
         simulate_world.run(

@@ -43,7 +43,9 @@ def flown(
 
     faults = checks.Faults()
     faults.whole("--seed", seed, 0)
-    if plant is not None:
+    if plant is not None and what != "f16":
+        faults.add(f"--plant applies only to f16: leave it out. Got {plant!r}.")
+    elif plant is not None:
         faults.choice("--plant", plant, tuple(NAMES))
     check_links(arrivals, burst, faults)
     faults.choice("--turbulence", turbulence or "none", worlds.SEVERITIES)

@@ -16,12 +16,13 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.state_space import StateSpace
 
 GRAVITY = 9.81  # [m/s²]
+MAX_THRUST = 8.55  # [N]
 THRUST_COEFFICIENT = 8.54858e-6  # [N s²/rad²]
 GYRO_SIGMA, ACCELEROMETER_SIGMA = (0.05, 0.05, 0.03), 0.8  # [rad/s], [m/s²]
 GUST_SECONDS, GUST_RMS = 0.5, (1.5, 1.5, 0.4, 0.4)  # of the accelerations p, q, r [rad/s²] and vertical [m/s²]
 RATES, GUSTS = ("p", "q", "r"), ("gust_p", "gust_q", "gust_r", "gust_z")
 OUTPUTS = ("p_rad_s", "q_rad_s", "r_rad_s", "specific_force_m_s2")
-ATTITUDE = ("roll", "pitch", "yaw", "climb", "height")
+ATTITUDE = ("roll", "pitch", "yaw", "vertical_speed", "height")
 LAYOUTS, ROTORS = ("x", "plus"), (4, 6, 8)
 TIME_CONSTANT = 0.04  # [s]: lag of a motor, for `ControlledPlant(actuator=1 / TIME_CONSTANT)`
 
@@ -58,7 +59,7 @@ def frame(
     mass: float = 2.0,
     inertia: tuple[float, float, float] = (0.0217, 0.0217, 0.04),
     moment_coefficient: float = 0.016,
-    max_thrust: float = 8.55,
+    max_thrust: float = MAX_THRUST,
 ) -> Airframe:
     """The frame of a multirotor: `rotors` 4, 6 or 8 on a circle of radius `arm` [m], neighbours spinning in opposite directions.
 
@@ -97,15 +98,15 @@ def multirotor(
     mass: float = 2.0,
     inertia: tuple[float, float, float] = (0.0217, 0.0217, 0.04),
     moment_coefficient: float = 0.016,
-    max_thrust: float = 8.55,
+    max_thrust: float = MAX_THRUST,
     attitude: bool = False,
 ) -> StateSpace:
     """A multirotor about hover as a continuous model: inputs the thrusts of the motors [N], about an operating point.
 
     States: the rates p, q, r [rad/s] and the accelerations of gusts: about the three axes [rad/s²] and vertical [m/s²], each of
     first order with .5 s. Outputs: three gyros and the specific force along the thrust axis, to which the thrusts contribute
-    directly. With `attitude`: also roll, pitch, yaw [rad], measured with .005 rad, the climb [m/s], and the height [m], measured
-    with .02 m.
+    directly. With `attitude`: also roll, pitch, yaw [rad], measured with .005 rad, the vertical speed [m/s], and the height [m],
+    measured with .02 m.
     The arguments are those of `frame`. The motors follow their commands with a lag of .04 s: `ControlledPlant(model,
     actuator=1 / .04)`. Half of the variance of the accelerometer is vibration (`flight` has it as lines).
 
@@ -125,8 +126,8 @@ def multirotor(
     A[:3, at("gust_p") : at("gust_z")] = np.eye(3)
     A[at("gust_p") :, at("gust_p") :] = -np.eye(4) / GUST_SECONDS
     if attitude:
-        A[3:6, :3], A[at("height"), at("climb")], A[at("climb"), at("gust_z")] = np.eye(3), 1.0, 1.0
-        B[at("climb")] = own.accelerations[3]
+        A[3:6, :3], A[at("height"), at("vertical_speed")], A[at("vertical_speed"), at("gust_z")] = np.eye(3), 1.0, 1.0
+        B[at("vertical_speed")] = own.accelerations[3]
     outputs, sigma = (*OUTPUTS, *_measured(attitude)), _sigmas(attitude)
     C, D = np.zeros((len(outputs), n)), np.zeros((len(outputs), m))
     C[:3, :3], C[3, at("gust_z")], D[3] = np.eye(3), 1.0, own.accelerations[3]
@@ -149,7 +150,7 @@ def flight(
     mass: float = 2.0,
     inertia: tuple[float, float, float] = (0.0217, 0.0217, 0.04),
     moment_coefficient: float = 0.016,
-    max_thrust: float = 8.55,
+    max_thrust: float = MAX_THRUST,
     vibration: bool = False,
     substeps: int = 2,
 ) -> NonlinearModel:
@@ -182,9 +183,9 @@ def flight(
             cosine * ω[1] - sine * ω[2],
             (sine * ω[1] + cosine * ω[2]) / jnp.cos(pitch),
         ]
-        climb = lift / own.mass * cosine * jnp.cos(pitch) - GRAVITY + gust[3]
+        rise = lift / own.mass * cosine * jnp.cos(pitch) - GRAVITY + gust[3]
         turning = jnp.sqrt(jnp.maximum(θ * u, 1e-9) / THRUST_COEFFICIENT)
-        parts = [spin, jnp.stack([*angles, climb, x[6]]), -gust / GUST_SECONDS]
+        parts = [spin, jnp.stack([*angles, rise, x[6]]), -gust / GUST_SECONDS]
         return jnp.concatenate([*parts, turning] if vibration else parts)
 
     def h(x: Array, u: Array, θ: Array):
