@@ -247,9 +247,7 @@ class StartedIdentifier(Identifier):
 
 
 class RecursiveIdentifier(Algorithm[State], Method):
-    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. The
-    validation of the fit reads the settings `method` and `noise_variance`. `lost`: what actuators do without a packet.
-    """
+    """An algorithm whose states are the parameters of an output-error model. `lost`: what actuators do without a packet."""
 
     method: str = ""
     noise_variance: Any
