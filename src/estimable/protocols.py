@@ -187,10 +187,6 @@ class JumpingGains(GainAlgorithm[State]):
     def tell(self, state: State) -> Info:
         """The report of a belief, in the user's units."""
 
-    def skewed(self, quantiles: Array) -> Array:
-        """Quantiles (p, 5) of the gains, with the skew of errors that are not Gaussian."""
-        return quantiles
-
 
 class Smoothable(Algorithm[State]):
     """An algorithm that `smooth` can run: each row has a linear Gaussian model. `smooth` refuses a `forgetting` below 1."""

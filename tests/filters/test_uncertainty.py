@@ -213,7 +213,7 @@ def test_each_fault_of_an_uncertainty_has_a_sentence(refused):
     assert with_(ModelUncertainty(A=[[1.0]])) == "`uncertainty.A` must have the shape of A, (2, 2). Got (1, 1)."
     kinematic = StateSpace([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], dt=1)
     assert "names no entry" in with_(ModelUncertainty(relative=0.1), kinematic)
-    assert "cannot tell a gain from the scale of B" in with_(ModelUncertainty(B=SD["B"], treat="estimated"))
+    assert "cannot distinguish a gain from the scale of B" in with_(ModelUncertainty(B=SD["B"], treat="estimated"))
     UnknownGain(MODEL, Prior([1.0], [[0.0]]), uncertainty=ModelUncertainty(B=SD["B"], treat="estimated"))
     UnknownGain(MODEL, GAIN, uncertainty=ModelUncertainty(A=SD["A"], treat="estimated"))
     assert "`directions` replace the B" in with_(ModelUncertainty(B=SD["B"]), directions=[[[1.0], [0.0]]])

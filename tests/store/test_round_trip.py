@@ -92,6 +92,7 @@ def fang_state():
     return running.progress.state
 
 
+MIXED = es.Mixture([GAIN, GAIN], probability=[0.3, 0.7])
 LAW = es.StateFeedback([[0.5]], reference_gain=[[0.5]])
 DRIVEN = StateSpace([[1.0]], [[1.0]], Q=[[0.1]], R=[[0.1]], dt=1)
 LOOP = {"reference": np.ones(5), "seed": 0, "prior": Prior([0.0], [[1.0]])}
@@ -127,6 +128,13 @@ THINGS = {
     "Turbulence": lambda: es.Turbulence(es.Dryden(1.0, 500.0, 100.0, 9.0), {"alpha": "alpha"}, angle="deg"),
     "StateSpace with a schedule": lambda: StateSpace(
         [[0.9]], R=[[1.0]], dt=1, schedule={"speed": {"at": [1.0, 2.0], "A": [[[0.9]], [[0.8]]]}}
+    ),
+    "StateSpace with a disturbance": lambda: es.markov_disturbance(DRIVEN, time_constant=0.5, density=1.0),
+    "ModelUncertainty": lambda: es.ModelUncertainty(A=[[0.1]]),
+    "Mixture": lambda: MIXED,
+    "Members": lambda: MIXED.init(PRIOR),
+    "BatchGain": lambda: es.batch_gain(
+        UnknownGain(DRIVEN, Prior([1.0], [[1.0]])), Record([0.0, 1.0], [1.0, 1.0], dt=1), prior=Prior([0.0], [[1.0]])
     ),
     "StateSpace continuous": lambda: StateSpace([[-1.0]], dt=0).discretise(0.1, hold="first_order"),
     "OperatingPoint": lambda: MODEL.operating_point,
@@ -308,7 +316,7 @@ WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no use
     "About", "Along", "Assessment", "Awaited", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord",
     "Forward", "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Motion", "Moved", "PassInfo", "PassedRow",
     "Piece", "Reordered", "Replayed", "SampledModel", "Sensed", "Sloped", "SmootherRows", "Steps", "Stretch",
-    "UncertainInputStep", "WindowRow",
+    "Tangents", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
 
 

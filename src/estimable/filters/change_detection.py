@@ -19,6 +19,7 @@ from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..protocols import JumpingGains, Wrapper
 from ..results import Info, Interval, Sample
+from . import uncertain
 from .belief import Belief
 from .onset_filter import OnsetFilter, averaged, learn, moved, with_room
 
@@ -276,7 +277,9 @@ class ChangeDetection(Wrapper[Watch]):
         weight = jnp.concatenate([1 - unseen[None], unseen * verdict.probability.ravel()])
         mean = jnp.concatenate([jnp.zeros((p, 1)), jump.shift], axis=1)
         variance = jnp.concatenate([jnp.zeros((p, 1)), jump.variance], axis=1) + diagonal(now.gain_covariance)[:, None]
-        found = self.algorithm.skewed(now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight))
+        found = uncertain.skewed(
+            self.algorithm, now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight)
+        )
         unknown = jnp.sum(watch.track.belief.diffuse[-p:] ** 2, axis=1) > 0
         return jnp.where(unknown[:, None], jnp.nan, found)
 

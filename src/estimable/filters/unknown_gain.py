@@ -18,7 +18,7 @@ from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
-from ..models.uncertainty import ModelUncertainty, skewed, tangents
+from ..models.uncertainty import ModelUncertainty, tangents
 from ..protocols import JumpingGains, Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, uncertain
@@ -112,8 +112,8 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         widest = float(np.sqrt(np.max(np.diagonal(np.asarray(self.gain.covariance), axis1=-2, axis2=-1), initial=0.0)))
         if given.treat == "estimated" and (widest > WIDEST or self.gain.diffuse is not None):
             faults.add(
-                f'`uncertainty` with treat = "estimated" cannot tell a gain from the scale of B: the prior of the gain must '
-                f'have a standard deviation of at most {WIDEST:g}. It has {widest:.3g}. Use treat = "considered".'
+                f'`uncertainty` with treat = "estimated" cannot distinguish a gain from the scale of B: the prior of the gain '
+                f'must have a standard deviation of at most {WIDEST:g}. It has {widest:.3g}. Use treat = "considered".'
             )
 
     def _check_gain(self, directions: Numbers | str | None, faults: checks.Faults) -> None:
@@ -228,7 +228,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             extra["gain_diffuse_covariance"] = diffuse[end:, end:]
         quantiles = None
         if self.uncertainty is not None:
-            found = self.skewed(gaussian_quantiles(state.mean[end:], covariance[end:, end:]))
+            found = uncertain.skewed(self._ready, gaussian_quantiles(state.mean[end:], covariance[end:, end:]))
             unknown = jnp.sum(state.diffuse[end:] ** 2, axis=1) > 0
             quantiles = jnp.where(unknown[:, None], jnp.nan, found)
         return Info(
@@ -240,11 +240,6 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             diffuse_covariance=None if diffuse is None else diffuse[:n, :n],
             extra=extra,
         )
-
-    def skewed(self, quantiles: Array) -> Array:
-        """The quantiles (p, 5) of the gains, with the skew of a quotient where the B that they multiply is uncertain."""
-        found = self._ready.ready.tangents
-        return skewed(quantiles) if found is not None and found.skew else quantiles
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
         """Move to the next sample."""
