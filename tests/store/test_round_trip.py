@@ -282,10 +282,32 @@ FUNCTIONS = {  # records that no file can hold, for they hold functions of the u
     "NonlinearModel": lambda: CURVED,
     "AdaptiveIdentification": lambda: es.AdaptiveIdentification(DECAY, Prior([0.0], [[1.0]])),
 }
+SIDES = {"u": es.Actuator(5.0, limits=(-1.0, 1.0), rate=2.0, delay=0.1, floats_to=0.5)}
+WORLD = StateSpace([[-1.0]], [[1.0]], R=[[1.0]], dt=0, states=["x"], inputs=["u"], outputs=["y"])
+EVENTS = [
+    es.Failure(1.0, 0.5, "u"), es.Stuck(2.0, "u", 0.3), es.Floating(3.0, "u"), es.HardOver(4.0, "u", 1.0),
+    es.Offset(5.0, "u", 0.1), es.ActuatorChange(6.0, "u", limits=(-0.5, 0.5)), es.Upset(7.0, {"x": 1.0}, 8.0),
+    es.Gust(8.0, 1.0, 0.5), es.SensorFault(9.0, "y", "frozen"),
+]  # fmt: skip
+
+
+def commanded():
+    """An online run of an algorithm that moves actuators."""
+    running = es.online(es.Actuated(Kalman(StateSpace([[0.9]], [[1.0]], R=[[1.0]], dt=0.1, inputs=["u"])), SIDES),
+                        prior=es.Prior([0.0], [[1.0]]))  # fmt: skip
+    running.correct([0.0])
+    running.predict([1.0])
+    return running.progress
+
+
+THINGS |= {
+    "Actuated": commanded,
+    "ControlledPlant with events": lambda: es.ControlledPlant(WORLD, actuator=SIDES, position_sigma=0.1, events=EVENTS),
+}
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
-    "About", "Along", "Assessment", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Forward",
-    "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Moved", "PassInfo", "PassedRow", "Replayed",
-    "SampledModel", "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
+    "About", "Along", "Assessment", "Awaited", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord", "Forward",
+    "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Motion", "Moved", "PassInfo", "PassedRow", "Piece", "Reordered", "Replayed",
+    "SampledModel", "Sensed", "Sloped", "SmootherRows", "Steps", "Stretch", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
 
 

@@ -86,8 +86,8 @@ def simulate(
     runs: the RMS difference of the pitch rate from the flight without a failure, and the time until the failure is detected.
 
     With --fault, --turbulence or --out, `estimable simulate f16` simulates one flight under the fixed law instead. It writes
-    the record (commands, measured positions, outputs) and, next to it, NAME.truth.json with the events, the true states and
-    the true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
+    the record (commands, measured positions, outputs) and, next to it, a .json file with the events, the true states and the
+    true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
     effectiveness, stuck, floating, hard-over, offset, rate, limits, bandwidth, delay; of a state: upset, gust; of an output:
     bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough. `estimable simulate multirotor`
     does the same with a quadrotor, which follows roll doublets for 20 s.

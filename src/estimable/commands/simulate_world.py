@@ -21,10 +21,16 @@ from .simulate_report import check_links, link
 NAMES = {"short-period": "f16", "jsbsim": "jsbsim", "jsbsim-untrimmed": "jsbsim"}  # of --plant
 
 
-def run(what: str, plant: str | None, out: Path | None, *, seed: int, machine: bool, **options: Any) -> None:
-    """Fly, write and print. `options`: as in `flown`."""
+def run(
+    what: str, plant: str | None, out: Path | None, *, machine: bool, seed: int, faults_given: Iterable[str],
+    turbulence: str | None, arrivals: tuple[float, float], burst: float, refused: dict[str, Any],
+) -> None:  # fmt: skip
+    """Fly, write and print."""
     check_destination("--out", out, ".csv")
-    closed, model = flown(what, plant, seed=seed, **options)
+    closed, model = flown(
+        what, plant, seed=seed, faults_given=faults_given, turbulence=turbulence, arrivals=arrivals, burst=burst,
+        refused=refused,
+    )  # fmt: skip
     written = None if out is None else write(closed, model, seed, out)
     if machine:
         show.data("simulate", as_data(closed, model, seed, out))
