@@ -5,7 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimable import GainSection, Prior, StateSpace, packaged, read_model, write_model
+from estimable import (
+    Actuator,
+    GainSection,
+    InputError,
+    Kalman,
+    Prior,
+    Record,
+    StateSpace,
+    estimate,
+    packaged,
+    read_model,
+    through_actuators,
+    write_model,
+)
+from estimable.commands.run_filter import run_filter
 from estimable.models.operating_point import OperatingPoint
 from estimable.results import ModelFile
 
@@ -197,3 +211,43 @@ def test_a_python_file_may_define_the_other_sections(tmp_path):
     assert file.gain.settings == {"walk": 0.1}
     assert file.unknown == ("u",)
     assert file.record == {"hold": "first_order"}
+
+
+ACTUATORS = {
+    "u1": Actuator(np.inf, rate=0.1),
+    "u2": Actuator(1 / 3, limits=(-1.0, 2.0), delay=0.05, operating_point=0.5),
+}
+
+
+def test_actuators_are_read_back_and_their_faults_named(full, same, tmp_path):
+    path, prior = tmp_path / "model.toml", Prior([0.1, 0.2, 0.3], np.zeros((3, 3)))
+    model = full(dt=0.1)
+    known = dict(zip(model.inputs, ACTUATORS.values(), strict=False))
+    write_model(path, model, prior, actuators=known)
+    back = read_model(path).actuators
+    assert list(back) == list(known)
+    for name, actuator in known.items():
+        same(back[name], actuator)
+    text = path.read_text().replace("rate = 0.1", "rate = 0.0\nspeed = 1.0").replace("bandwidth = inf\n", "")
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"has no key 'speed'(.|\n)*needs bandwidth"):
+        read_model(path)
+    path.write_text(
+        text.replace("speed = 1.0", "bandwidth = 1.0").replace(f"actuators.{model.inputs[0]}", "actuators.rudder")
+    )
+    with pytest.raises(InputError, match="`rate` must be greater than 0"):
+        read_model(path)
+    with pytest.raises(InputError, match="names the input 'rudder'"):
+        write_model(path, model, prior, actuators={"rudder": ACTUATORS["u1"]})
+
+
+def test_a_record_of_commands_is_filtered_through_the_actuators_of_the_model_file(tmp_path):
+    model = StateSpace([[0.9]], [[0.5]], Q=[[0.01]], R=[[0.1]], dt=0.1, inputs=["valve"], outputs=["level"])
+    side, u = {"valve": Actuator(4.0, limits=(-0.5, 0.5))}, np.sign(np.sin(np.arange(60.0) / 5))
+    write_model(tmp_path / "tank.toml", model, Prior([0.0], [[1.0]]), actuators=side)
+    record = Record(np.cumsum(u) / 10, u, dt=0.1, inputs=["valve"], outputs=["level"])
+    np.savetxt(tmp_path / "tank.csv", np.c_[record.u, record.y], delimiter=",", header="valve,level", comments="")
+    run = run_filter("kalman", tmp_path / "tank.csv", tmp_path / "tank.toml")
+    expected = estimate(Kalman(model), through_actuators(record, side), prior=Prior([0.0], [[1.0]]))
+    np.testing.assert_allclose(run.result.mean, expected.mean, rtol=1e-12)
+    assert run.commanded

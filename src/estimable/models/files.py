@@ -15,6 +15,7 @@ from ..frozen import saved
 from .actuator import Actuator, Actuators, by_input
 from .discretisation import HOLDS
 from .nonlinear_model import NonlinearModel
+from .operating_point import PARTS
 from .prior import Prior
 from .state_space import StateSpace
 from .uncertainty import ModelUncertainty
@@ -310,34 +311,30 @@ def write_model(
 
     inputs: tuple[str, ...] = getattr(model, "inputs", ())
     given = dict.fromkeys(inputs, actuators) if isinstance(actuators, Actuator) else dict(actuators or {})
-    _check_writable(ModelFile(model, prior, gain, unknown, record or {}, given, uncertainty))
-    sections = {**_model_sections(model), "prior": _prior_section(prior)}
-    if gain is not None:
-        sections["gain"] = _prior_section(gain.prior) | gain.settings
-    if record:
-        sections["record"] = record
-    if unknown:
-        sections["unknown"] = {"inputs": unknown}
-    if given:
-        sections["actuators"] = {name: vars(actuator) for name, actuator in given.items()}
-    if uncertainty is not None:
-        sections["uncertainty"] = {key: getattr(uncertainty, key) for key in KEYS["uncertainty"]}
-    text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(sections)))
+    file = ModelFile(model, prior, gain, unknown, record or {}, given, uncertainty)
+    _check_writable(file)
+    text = _NUMBERS.sub(_on_one_line, tomli_w.dumps(_plain(_sections_of(file))))
     writing.write(path, lambda stream: stream.write(text.encode()))
 
 
-def _model_sections(model: StateSpace) -> dict[str, Any]:
-    """The sections [model], [operating_point] and [schedule]."""
+def _sections_of(file: ModelFile) -> dict[str, Any]:
+    """The sections of the file, without those that are empty."""
+    model, point, gain, uncertainty = file.model, file.model.operating_point, file.gain, file.uncertainty
     keys = ("dt", "states", "inputs", "outputs", "A", "B", "C", "D", "G", "Q", "R", "S")
-    sections: dict[str, Any] = {"model": {key: getattr(model, key) for key in keys if not _is_default(model, key)}}
-    if model.angles:
-        sections["model"]["angles"] = {name: [lower, lower + period] for name, lower, period in model.angles}
-    if model.operating_point is not None:
-        point = model.operating_point
-        sections["operating_point"] = {"states": point.states, "inputs": point.inputs, "outputs": point.outputs}
-    if model.schedule:
-        sections["schedule"] = {one.channel: {"at": one.at} | one.tables for one in model.schedule}
-    return sections
+    matrices = {key: getattr(model, key) for key in keys if not _is_default(model, key)}
+    angles = {name: [lower, lower + period] for name, lower, period in model.angles}
+    sections = {
+        "model": matrices | ({"angles": angles} if angles else {}),
+        "prior": _prior_section(file.prior),
+        "operating_point": point and {part: getattr(point, part) for part in PARTS},
+        "schedule": {one.channel: {"at": one.at} | one.tables for one in model.schedule or ()},
+        "gain": gain and _prior_section(gain.prior) | gain.settings,
+        "record": file.record,
+        "unknown": {"inputs": file.unknown} if file.unknown else None,
+        "actuators": {name: vars(actuator) for name, actuator in file.actuators.items()},
+        "uncertainty": uncertainty and {key: getattr(uncertainty, key) for key in KEYS["uncertainty"]},
+    }
+    return {name: section for name, section in sections.items() if section}
 
 
 _NUMBERS = re.compile(r"\[\s*((?:[-+.\deinfa]+,?\s*)+)\]")
