@@ -40,11 +40,11 @@ class World(NamedTuple):
     dt: float
     prior: Prior
 
-    def fly(self, *, seed: int, **links: Link | None) -> ClosedLoop:
-        """Simulate the loop. `links`: `input_link` and `output_link`; the actuators hold what is lost."""
+    def fly(self, *, seed: int, input_link: Link | None = None, output_link: Link | None = None) -> ClosedLoop:
+        """Simulate the loop; the actuators hold what is lost."""
         return close_loop(
             self.plant, self.controller, self.estimator, reference=self.reference, seed=seed, prior=self.prior, dt=self.dt,
-            lost="hold", **links,
+            lost="hold", input_link=input_link, output_link=output_link,
         )  # fmt: skip
 
 
