@@ -120,6 +120,9 @@ TWO_ROWS = Record([np.nan, 5.0], dt=1)
 BENT = estimate(ExtendedKalman(CURVED), TWO_ROWS, prior=Prior([2.0], [[1.0]]))
 MASS = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], dt=0)
 SYNTHESIS = es.rho_synthesis(MASS, eta=[0.5, 1.0, 2.0])
+LEAST = es.results.DetectableLoss(
+    0.0, 1.0, (0.9,), *(np.array(value) for value in ([[0.1]], [0.01], [1.0], [[0.2]])), ("gain",)
+)
 WRONG = Direction("B[x1, u1]", "B", (0, 0))
 THINGS = {
     "StateSpace": lambda: MODEL,
@@ -233,6 +236,12 @@ THINGS = {
     "Trust": lambda: es.trust(
         UnknownGain(replace(MODEL, R=MODEL.R / 9), Prior([1.0], [[1.0]])), RECORD, prior=Prior([0.0, 0.0], np.eye(2))
     )._replace(suspects=(Suspect(WRONG, 0.1, 0.02, 5.0),), untestable=(Untestable(WRONG, "gain", -1.0, -0.1),)),
+    "Gap": lambda: es.results.Gap(1, 3, 0.1, 0.2, "bridge"),
+    "Gaps": lambda: es.Gaps("bridge"),
+    "GainAssessment": lambda: es.results.GainAssessment(
+        FILTERED, MIXED, UnknownGain(MODEL, Prior([1.0], [[1.0]])), es.results.Trust("believe", 0.5, {"size": 0.5}), LEAST,
+        None, ("as given",),
+    ),
     "DeadTime": lambda: es.dead_time(RECORD, most=2),
     "UnknownInputExistence": lambda: es.unknown_input_existence(MODEL, unknown=["δ"], seen=np.ones((4, 2))),
     "UnknownInputExistence not": lambda: es.unknown_input_existence(SEEN, unknown=["u1"]),
