@@ -61,7 +61,7 @@ def flown(
     faults.finish()
     name = what if plant is None else NAMES[plant]
     about = {"about": "zero"} if plant == "jsbsim-untrimmed" else {}
-    events = read_faults(faults_given, worlds.world(name, **about).plant.model)
+    events = read_faults(faults_given, worlds.world(name, (), **about).plant.model)
     links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
     with show.working("Flying"):
         flight = worlds.world(name, events, turbulence=turbulence or "none", **about)
