@@ -21,8 +21,13 @@ from ..protocols import Algorithm
 class GapSettings(Protocol):
     """The settings that these numbers depend on."""
 
-    diffusion: Any
-    spread: Any
+    @property
+    def diffusion(self) -> Any:
+        """The variance of each input per second, or None."""
+
+    @property
+    def spread(self) -> Any:
+        """The variance of each input, or None."""
 
 
 class Bridge:

@@ -16,7 +16,7 @@ from ..kernels import jumps, mixture_quantiles, onset_grid
 from ..kernels.onset_grid import Grid
 from ..kernels.small import diagonal
 from ..models.prior import Prior
-from ..models.sampled import Clock
+from ..models.sampled import Clock, SampledModel
 from ..protocols import JumpingGains, Wrapper
 from ..results import Info, Interval, Sample
 from .belief import Belief
@@ -284,9 +284,11 @@ class ChangeDetection(Wrapper[Watch]):
         """Where the record breaks: x restarts, and no earlier jump of a gain has moved it."""
 
         def of(track: OnsetFilter) -> OnsetFilter:
-            size = track.belief.mean.shape[0]
-            is_gain = jnp.arange(size) >= size - self.jump.shape[0]
-            response = jnp.where(is_gain[:, None, None], track.response, 0.0)
+            ready = self.algorithm.ready
+            tangents = ready.tangents if isinstance(ready, SampledModel) else None
+            size = track.belief.mean.shape[0] - (0 if tangents is None else tangents.count)
+            is_state = jnp.arange(track.belief.mean.shape[0]) < size - self.jump.shape[0]
+            response = jnp.where(is_state[:, None, None], 0.0, track.response)
             return replace(track, belief=fresh(track.belief), response=response)
 
         return replace(state, track=of(state.track), alarm=None if state.alarm is None else of(state.alarm))
