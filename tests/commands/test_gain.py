@@ -59,7 +59,7 @@ def test_demo_and_gain_write_a_page(run, tmp_path):
     run("demo", "--report", "demo.html")
     run(*CALL, "--report", "gain.html", "--set", "walk=0.05", "--json")
     demo, gain = ((tmp_path / name).read_text() for name in ("demo.html", "gain.html"))
-    assert "loses half its effectiveness" in demo
+    assert "its elevator loses half its effect" in demo
     assert "<pre>estimable demo</pre>" in demo
     assert "estimable gain flight.csv --model model.toml" in gain
     assert "--set walk=0.05 --report report.html" in gain

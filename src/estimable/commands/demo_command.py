@@ -8,7 +8,7 @@ from .gain_command import present
 from .run_filter import run_gain
 
 NEXT = ("", "Your own flight:", "  estimable gain YOUR.csv --model YOUR.toml", "A model file to start from:")
-STORY = "A simulated F-16 at Mach 0.9, 20,000 ft. At 4.5 s its elevator loses half its effectiveness."
+STORY = "A simulated F-16 at Mach 0.9: at 4.5 s its elevator loses half its effect."
 
 
 def demo(report: options.Report = Path("report.html"), machine: options.Machine = False) -> None:

@@ -77,7 +77,9 @@ def _slow(ε: np.ndarray, length: int) -> float | None:
 
 
 def bursts(ε: np.ndarray, step: float) -> float:
-    """The p-value of the largest mean square over 1 s and over 3 s."""
+    """The p-value of the largest mean square over 1 s and over 3 s; 1 for a record without length."""
+    if step <= 0:
+        return 1.0
     return shared(
         p for seconds in BURSTS for p in _largest(ε, max(round(seconds / step), 1)) if len(ε) * step > 2 * seconds
     )
