@@ -160,7 +160,7 @@ class DisturbancePart(NamedTuple):
         power = np.where(self.start.is_offset, 1, 2)
         time_constant = np.asarray(self.start.time_constant).astype(θ.dtype)
         time_constant[self._moving] *= np.exp(θ[len(self.channels) :])
-        return {"disturbance": (time_constant, self.start.density * np.exp(power * θ[: len(self.channels)]))}
+        return {"disturbance": (time_constant, self.start.density * np.exp(θ[: len(self.channels)]) ** power)}
 
     def entries(self, θ: np.ndarray) -> np.ndarray:
         """The densities, and then the time constants."""
