@@ -134,7 +134,7 @@ def test_tangents_are_those_of_the_sampled_matrices_at_every_step(hold):
 
 def test_unequal_steps_and_a_detector_use_it_too():
     continuous = StateSpace([[-1.0]], [[2.0]], Q=[[0.1]], R=[[0.01]], dt=0)
-    t = np.cumsum(np.random.default_rng(1).choice([0.1, 0.2], size=60))
+    t = np.cumsum(np.random.default_rng(1).choice([0.1, 0.14], size=60))
     u = np.sign(np.sin(2 * t))
     x = np.zeros(60)
     for k in range(59):
@@ -147,7 +147,7 @@ def test_unequal_steps_and_a_detector_use_it_too():
         for one in (None, ModelUncertainty(relative=0.1))
     )
     a, b = (estimate(one, record, prior=prior) for one in (plain, unsure))
-    assert a.gain_standing[1][-1, 0] < 0.06 < b.gain_standing[1][-1, 0]
+    assert b.gain_standing[1][-1, 0] > 1.3 * a.gain_standing[1][-1, 0]
     low, _, middle, _, high = b.gain_quantiles[-1, 0]
     assert_allclose(np.log(high / middle), high_of(b) / middle - 1, rtol=1e-3)
     assert low < 1.1 < high

@@ -72,7 +72,7 @@ def test_the_batch_form_takes_continuous_models_several_gains_and_unequal_steps(
         operating_point={"states": [1.0, 2.0], "inputs": [0.5, 0.0]},
     )  # fmt: skip
     rng = np.random.default_rng(3)
-    t = np.cumsum(rng.choice([0.1, 0.25], size=60))
+    t = np.cumsum(rng.choice([0.1, 0.14], size=60))
     record = Record(rng.normal(size=(60, 1)), rng.normal(size=(60, 2)), t=t, hold="first_order")
     algorithm = UnknownGain(model, Prior([1.0, 0.8], 0.3 * np.eye(2)), directions="per_input", feedthrough="scaled")
     prior = Prior([1.0, 2.0], np.diag([0.5, 0.0]))

@@ -127,14 +127,14 @@ def _read(
 
 
 def _with_states(model: StateSpace, names: list[str]) -> StateSpace:
-    """The model with further states, each each with its own noise; A and Q of these are zero."""
+    """The model with further states, each with its own noise; A and Q of these are zero."""
     d = len(names)
     point = model.operating_point
     return StateSpace(
         _padded(model.A, d, d), _padded(model.B, d, 0), _padded(model.C, 0, d), model.D, Q=_padded(model.Q, d, d), R=model.R,
         G=_bordered(model.G, d), S=None if model.S is None else _padded(model.S, d, 0),
         B_end=None if model.B_end is None else _padded(model.B_end, d, 0), dt=model.dt,
-        states=(*model.states, *names), inputs=model.inputs, outputs=model.outputs,
+        states=(*model.states, *names), inputs=model.inputs, outputs=model.outputs, angles=model.angles,
         operating_point=point and OperatingPoint(np.concatenate([point.states, np.zeros(d)]), point.inputs, point.outputs),
     )  # fmt: skip
 
