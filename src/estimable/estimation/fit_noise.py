@@ -19,9 +19,9 @@ from ..progress import AFTER, bar
 from ..protocols import Algorithm
 from ..results import NoiseFit
 from ..results.fits import not_converged
-from .binding import bind
+from .binding import bind, model_of
 from .climb import MOST, Climbed, Limits, climb
-from .following import along_record
+from .following import along_record, channels_of
 from .gaps import Given
 from .named_numbers import Setup, with_innermost
 from .noise_parameters import DisturbancePart, Free, Part, parts
@@ -116,8 +116,9 @@ def _prepare(
     records = several("record", record, faults)
     faults.finish()
     each = [along_record(algorithm, one) for one in records]
-    for along in each[:1]:
-        parts(along, free, faults)  # a covariance that follows a channel cannot be free
+    if channels_of(algorithm):
+        for name in set(model_of(each[0]).varying) & set(free):
+            faults.add(f"`{name}` must be a single matrix to be fitted: it follows a channel of the record.")
     faults.finish()
     return found, each, [Rows.of(bind(along, one, prior, gaps=gaps)) for along, one in zip(each, records, strict=True)]
 
