@@ -74,7 +74,7 @@ def treated(
 ) -> Gapped | None:  # fmt: skip
     """What is done with the gaps of a record, if it has any."""
     model = algorithm.innermost.model
-    if not isinstance(model, StateSpace | NonlinearModel):
+    if not isinstance(model, StateSpace | NonlinearModel) or not gaps.present(record, u):
         return None
     known = Known(algorithm, inputs, record.hold, settings, stacked)
     known.see(u, record)

@@ -92,18 +92,21 @@ class GapPlan(NamedTuple):
     found: tuple[Gap, ...]
 
 
+def present(record: Record, u: np.ndarray) -> bool:
+    """Whether the record, or the inputs u (.., T, m) of a bank, have a gap."""
+    return bool(np.isnan(u).any() or record.breaks or _has_long(record, u.shape[-1]))
+
+
 def plan(
     record: Record, rows: Record, u: np.ndarray, settings: Gaps, known: Known, faults: checks.Faults
 ) -> GapPlan | None:
-    """What to do with a record; None where every input is known. `rows`: those of a bank, or the record."""
+    """What to do with the gaps of a record. `rows`: those of a bank, or the record. None with a fault."""
     unknown = np.isnan(u)
     if u.ndim == 3:
         if np.any(unknown != unknown[:1]):
             faults.add("the records of a bank must have inputs that are NaN in the same rows. Run them one by one.")
             return None
         unknown = unknown[0]
-    if not (unknown.any() or record.breaks or _has_long(record, u.shape[-1])):
-        return None
     t = np.arange(len(record)) * (record.dt or known.dt or 1.0) if record.t is None else record.t
     missing = np.isnan(rows.y).all(axis=-1)
     missing = missing if missing.ndim == 1 else missing.all(axis=0)

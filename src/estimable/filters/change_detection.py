@@ -273,8 +273,8 @@ class ChangeDetection(Wrapper[Watch]):
     ) -> Array:
         """The quantiles of the gains with the jumps that have not raised an alarm; NaN for an undetermined gain."""
         p = self.jump.shape[0]
-        jump = jumps.components(watch.track.response[-p:], evidence)
-        weight = jnp.concatenate([1 - unseen[None], unseen * verdict.probability.ravel()])
+        jump = jumps.grouped(jumps.components(watch.track.response[-p:], evidence), verdict.probability, self.grid)
+        weight = jnp.concatenate([1 - unseen[None], unseen * jump.weight])
         mean = jnp.concatenate([jnp.zeros((p, 1)), jump.shift], axis=1)
         variance = jnp.concatenate([jnp.zeros((p, 1)), jump.variance], axis=1) + diagonal(now.gain_covariance)[:, None]
         found = uncertain.skewed(

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from .onset_grid import Grid, by_level
 from .shapes import Float
 from .small import Real, apply, product
 
@@ -174,3 +175,24 @@ def jumped(probability: Float[Real, "h s r"], p: int) -> Float[Real, " p"]:
     """The probability that each component is among those that jumped, given that some did."""
     each = jnp.sum(probability, axis=(1, 2))
     return each[:p] + (each[p] if len(each) > p else 0.0)
+
+
+class Grouped(NamedTuple):
+    """A mixture of components, each with its weight (k,), and shifts and variances (g, k)."""
+
+    weight: Float[Real, " k"]
+    shift: Float[Real, "g k"]
+    variance: Float[Real, "g k"]
+
+
+def grouped(found: Components, probability: Float[Real, "h s r"], grid: Grid) -> Grouped:
+    """The components with the onsets of one level taken together: by their moments, for each label and scale."""
+    h, s, r = probability.shape
+    g = len(found.shift)
+    w = by_level(probability, grid)                                                     # (h, s, l, slots)
+    m, v = (by_level(x.reshape(g, h, s, r), grid) for x in (found.shift, found.variance))
+    weight = jnp.sum(w, axis=-1)
+    each = w / jnp.where(weight > 0, weight, 1.0)[..., None]
+    mean = jnp.sum(each[None] * m, axis=-1)
+    square = jnp.sum(each[None] * (v + (m - mean[..., None]) ** 2), axis=-1)
+    return Grouped(weight.ravel(), mean.reshape(g, -1), square.reshape(g, -1))

@@ -43,6 +43,15 @@ class Grid(NamedTuple):
         return np.repeat(np.arange(self.levels), self.slots)
 
 
+def by_level(values: Float[Real, "... r"], grid: Grid) -> Float[Real, "... l s"]:
+    """The values of the onsets of each level; each protected onset has a level of its own, with zeros."""
+    count = grid.slots * grid.levels
+    levels = values[..., :count].reshape(*values.shape[:-1], grid.levels, grid.slots)
+    alone = values[..., count:, None]
+    zeros = jnp.zeros((*alone.shape[:-1], grid.slots - 1))
+    return jnp.concatenate([levels, jnp.concatenate([alone, zeros], axis=-1)], axis=-2)
+
+
 class Move(NamedTuple):
     """The changes of the grid at a row: which onsets move (slots · levels,), which one is lost, the labels that protect it,
     the onset that inherits seconds, and the empty place that the lost one takes."""

@@ -16,7 +16,7 @@ FORMAT = 2
 # For older files. MOVED: {old (module, class): current (module, class)}; ADDED: {class: values of fields they lack}.
 MOVED: dict[tuple[str, str], tuple[str, str]] = {}
 ADDED: dict[str, dict[str, Any]] = {
-    "StateSpace": {"schedule": None, "disturbance": None},
+    "StateSpace": {"schedule": None, "disturbance": None, "angles": ()},
     "Kalman": {"uncertainty": None},
     "UnknownGain": {"uncertainty": None},
     "ModelFile": {"uncertainty": None},
