@@ -15,7 +15,7 @@ KEYS = {
     "command", "version", "outcome", "record", "model", "filter", "engine", "samples", "seconds", "notes", "outputs", "inputs",
     "gains", "failure_time_s", "detected_at_s", "changes", "report", "gain_before", "gain_before_sigma", "before_s",
     "gain_after", "gain_after_sigma", "settings",
-    "after_s", "findings", "log_likelihood", "nis", "innovation_faults", "verdict", "verdict_p", "reasons", "untestable",
+    "after_s", "findings", "log_likelihood", "nis", "innovation_faults", "gaps", "verdict", "verdict_p", "reasons", "untestable",
     "gain_interval", "detectable_loss", "prepared",
 }  # fmt: skip
 
@@ -271,11 +271,11 @@ def test_a_change_that_was_found_does_not_count_against_the_model(run, tmp_path)
         x = 0.9 * x + (1.0 if k < 300 else 0.5) * u[k] + 0.1 * rng.normal()
     table = "t,u,y,z\n" + "\n".join(",".join("" if np.isnan(v) else f"{v:.6g}" for v in row) for row in rows)
     (tmp_path / "r.csv").write_text(table)
-    said = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--json").json
+    said = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--as-given", "--json").json
     assert abs(said["failure_time_s"] - 30) < 1
     assert said["nis"]["consistent"]
     assert said["innovation_faults"] == []
-    text = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml")).stdout
+    text = run("gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--as-given").stdout
     assert "14 % of y was not seen." in text
     plain = run(
         "gain", str(tmp_path / "r.csv"), "--model", str(tmp_path / "m.toml"), "--filter", "unknown-gain", "--json"

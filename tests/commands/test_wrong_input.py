@@ -44,9 +44,13 @@ def test_a_record_that_is_empty_or_not_there(run, tmp_path):
     check_refused(run, tmp_path, ["flight.csv does not exist"])
 
 
-def test_an_input_that_is_not_known(run, tmp_path, write_record):
-    write_record(ROW, "0.01,0.3,0.0,")
-    check_refused(run, tmp_path, ["'elevator_deg'", "is unknown at u[1], row 2"])
+def test_an_input_that_is_not_known_is_said(run, write_record):
+    write_record(*(f"{k / 100},0.31,0.0,{'' if k in (4, 5) else -1.28}" for k in range(10)))
+    people, machine = run(*CALL), run(*CALL, "--json")
+    assert (people.code, machine.code) == (0, 0)
+    words = " ".join(people.stdout.split())
+    assert "Gap without a recorded input: rows 3 to 6, 0.03 s from t = 0.03 s: bridged" in words
+    assert machine.json["gaps"][0].startswith("rows 3 to 6, 0.03 s from t = 0.03 s: bridged")
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ MODEL_SECTION = (
 PRIOR_SECTION = "mean = [0.0]\ncovariance = [[1.0]]"
 MODEL = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"])
 PRIOR = Prior([0.0], [[1.0]])
-KEYS = "Its keys are 'dt', 'states', 'inputs', 'outputs', 'A', 'B', 'C', 'D', 'Q', 'R', 'G', 'S'."
+KEYS = "Its keys are 'dt', 'states', 'inputs', 'outputs', 'angles', 'A', 'B', 'C', 'D', 'Q', 'R', 'G', 'S'."
 RECORD_KEYS = (
     "'time', 'dt', 'time_unit', 'time_format', 'zone', 'repeated', 'grid', 'start', 'stop', 'max_gap', 'delay', 'hold', 'lost', "
-    "'units', 'na_values'"
+    "'units', 'angles', 'na_values'"
 )
 
 

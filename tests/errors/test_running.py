@@ -81,9 +81,9 @@ ESTIMATES = {
         "the record's step is 0.5 s, the model's dt = 1 s: they must be equal.",
     ),
     "irregular": (
-        (Kalman(MODEL), record(t=[0, 1, 3]), PRIOR),
+        (Kalman(MODEL), record(t=[0, 1, 2.5]), PRIOR),
         (
-            "the record's steps vary from 1 to 2 s, but the model is discrete with dt = 1 s: give a "
+            "the record's steps vary from 1 to 1.5 s, but the model is discrete with dt = 1 s: give a "
             "continuous model (dt = 0), or insert rows of NaN where samples are missing."
         ),
     ),
@@ -109,13 +109,6 @@ ESTIMATES = {
     "rows of time": (
         (Kalman(OVER_TIME), record([1.0, 2.0], [1.0, 1.0]), PRIOR),
         "the model varies over 3 rows of time, but the record has 2.",
-    ),
-    "input not logged": (
-        (Kalman(MODEL), record(u=[1.0, np.nan, 1.0]), PRIOR),
-        (
-            "input 'u' is unknown at u[1], row 2 of the record: it is NaN, or its arrival is unknown. This algorithm needs "
-            "every input: fill in the input that the actuator applied, or cut the record there."
-        ),
     ),
     "fate unknown": (
         (Kalman(MODEL), record(arrived=[1, 0, np.nan]), PRIOR),
@@ -158,8 +151,9 @@ def test_options_are_refused_with_those_there_are(refused):
 
 
 def test_an_output_only_algorithm_is_not_given_an_unknown_input_by_accident(refused):
-    (sentence,) = refused(lambda: estimate(UnknownGain(MODEL, PRIOR), record(u=[1.0, 1.0, np.nan]), prior=PRIOR))
-    assert sentence.startswith("input 'u' is unknown at u[2], row 3 of the record: ")
+    missing = record(u=[1.0, np.nan, 1.0])
+    (sentence,) = refused(lambda: estimate(UnknownGain(MODEL, PRIOR), missing, prior=PRIOR, gaps="refuse"))
+    assert sentence.startswith("the input is unknown from row 0 to row 2 (t = 0 s, 2 s long): give gaps = ")
 
 
 def test_a_result_without_rows_is_no_table(refused):
@@ -262,10 +256,7 @@ BANKS = {
     ),
     "one input not logged": (
         (Kalman(MODEL), [RECORD, record(u=[1.0, 1.0, np.nan])], PRIOR),
-        (
-            "input 'u' is unknown at u[2] of run 1, row 3 of the record: it is NaN, or its arrival is unknown. This "
-            "algorithm needs every input: fill in the input that the actuator applied, or cut the record there."
-        ),
+        "the records of a bank must have inputs that are NaN in the same rows. Run them one by one.",
     ),
 }
 
@@ -534,7 +525,7 @@ OTHERS = {
     ),
     "no such setting": (
         lambda: catalogue.build("kalman", FILE, walk=1.0),
-        "kalman has no setting 'walk': it has none.",
+        "kalman has no setting 'walk': it has 'uncertainty'.",
     ),
     "no gain in the file": (
         lambda: catalogue.build("unknown-gain", FILE),

@@ -119,6 +119,7 @@ def header(run: FilterRun) -> list[str]:
         f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
         *(run.assessment.notes if run.assessment else _settings(run)),
         *_unseen(run),
+        *_gaps(run),
     ]
 
 
@@ -146,6 +147,16 @@ def _unseen(run: FilterRun) -> Iterable[str]:
     if (rejected := run.result.extra.get("rejected")) is not None:
         out, of = int(rejected.sum()), int(run.record.seen.sum())
         yield f"The gate rejected {out:,} of {of:,} outputs. A large share means that it may be rejecting good data."
+
+
+def _gaps(run: FilterRun) -> Iterable[str]:
+    """What was done where an input was not recorded; of many gaps, the longest."""
+    found = run.result.gaps
+    if not found:
+        return
+    longest = max(found, key=lambda gap: gap.seconds)
+    more = "" if len(found) == 1 else f" (the longest of {len(found)} gaps)"
+    yield f"Gap without a recorded input{more}: {longest.sentence}."
 
 
 def next_steps(run: FilterRun, settings: Iterable[str], reading: dict[str, Any]) -> tuple[str, ...]:

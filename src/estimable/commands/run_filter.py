@@ -53,6 +53,7 @@ def as_data(run: FilterRun) -> dict[str, Any]:
         "engine": result.engine,
         "samples": len(run.record),
         "seconds": run.record.seconds,
+        "gaps": [gap.sentence for gap in result.gaps],
         "notes": list(run.record.notes),
     }
 

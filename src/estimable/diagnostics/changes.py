@@ -56,7 +56,7 @@ def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     >>> watched = ChangeDetection(UnknownGain(model, Prior([1.0], [[0.0]])), jump=1.0)
     >>> [change] = diagnostics.changes(estimate(watched, record, prior=Prior([0.0], [[0.0]])))
     >>> change.sentence
-    'gain changed from 1 to 0.516 ± 0.057 at 3 ± 0.15 s, detected at 4 s.'
+    'gain changed from 1 to 0.525 ± 0.063 at 3 ± 0.25 s, detected at 4 s.'
     """
     if not isinstance(result, Estimate) or "alarm" not in result.extra:
         expected = (

@@ -31,4 +31,6 @@ def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estim
         infos, jnp.asarray(probability), jnp.asarray(np.diff(total, prepend=0.0))
     )
     info = jax.tree_util.tree_map(np.asarray, merged)
-    return Estimate(info, runs[0].t, float(total[-1]), runs[0].outcome, runs[0].engine, mixture.names)
+    return Estimate(
+        info, runs[0].t, float(total[-1]), runs[0].outcome, runs[0].engine, mixture.names, gaps=runs[0].gaps
+    )

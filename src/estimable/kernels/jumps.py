@@ -14,6 +14,7 @@ MacKay (2007), arXiv:0710.3742, and P. Fearnhead, Z. Liu, J. R. Statist. Soc. B 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+from jax import lax
 
 from .onset_grid import Grid, by_level
 from .shapes import Float
@@ -109,7 +110,7 @@ def judge(evidence: Ratios, seconds: Float[Real, " r"]) -> Verdict:
     labels, scales, _ = log_ratio.shape
     possible = seconds > 0
     profile = jnp.where(possible[None], jnp.max(log_ratio, axis=1), -jnp.inf)
-    largest = jnp.max(profile, initial=-1e300)
+    largest = lax.stop_gradient(jnp.max(profile, initial=-1e300))  # it cancels in the sum
     weight = (seconds / (labels * scales))[None, None]
     ratio = weight * jnp.exp(jnp.where(possible[None, None], log_ratio - largest, 0.0))
     total = jnp.sum(ratio)

@@ -44,7 +44,7 @@ class Grid(NamedTuple):
 
 
 def by_level(values: Float[Real, "... r"], grid: Grid) -> Float[Real, "... l s"]:
-    """The values of the onsets of each level; each protected onset has a level of its own, with zeros."""
+    """The values of the onsets of each level; each protected onset is one more level, with zeros."""
     count = grid.slots * grid.levels
     levels = values[..., :count].reshape(*values.shape[:-1], grid.levels, grid.slots)
     alone = values[..., count:, None]
