@@ -119,7 +119,7 @@ def bind(
     gapped = None
     if arrived is None and not unknown_arrivals(record, rows):
         gapped = treated(algorithm, record, rows, u, inputs, settings, algorithms is not None, faults)
-    if gapped is None:
+    if gapped is None and not faults.sentences:
         check_known(u, names.inputs, faults)
     faults.finish()
     u = u if gapped is None else gapped.plan.u
