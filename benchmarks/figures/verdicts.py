@@ -52,25 +52,25 @@ def pushed(record, rng):
 
 def cases():
     """Name, the plant's own arguments for `fly`, the estimator's model, and what is done to the log."""
-    yield "right", {}, None, None
-    for share in (0.02, 0.05, 0.1, 0.2):
-        yield f"A off by {share:.0%}", {"A": scattered(f16.A, share)}, None, None
-    for factor in (0.07, 0.3, 3, 15):
-        yield f"Q x {factor}", {"white": factor}, None, None
-    for factor in (0.5, 1.5, 3):
-        yield f"R x {factor}", {}, replace(model(), R=model().R / factor), None
-    for τ in (0.03, 0.1, 0.3, 1.0):
-        yield f"lasting disturbance, {τ} s", {"markov": (τ, np.array([10.0, 10.0]))}, None, None
-    for offset in (0.05, 0.3, 1.0):
-        yield f"input off by {offset} deg", {"offset": offset}, None, None
-    for rows in (1, 2, 5, 10, -2, -5, -10):
-        yield f"input {abs(rows) * 10} ms {'late' if rows > 0 else 'early'}", {}, None, late(rows)
-    yield "frozen sensor", {}, None, frozen
-    yield "offset in mid-record", {}, None, pushed
-    for share in (0.05, 0.1, 0.2):
-        yield f"B off by {share:.0%} (cannot be tested)", {"B": scattered(f16.B, share)}, None, None
-    for drift in (0.1, 0.3, 0.6):
-        yield f"gain drifts by {drift}", {"gain": lambda t, drift=drift: 1 - drift * t / t[-1]}, None, None
+    plants = {
+        "right": {},
+        **{f"A off by {share:.0%}": {"A": scattered(f16.A, share)} for share in (0.02, 0.05, 0.1, 0.2)},
+        **{f"Q x {factor}": {"white": factor} for factor in (0.07, 0.3, 3, 15)},
+        **{f"lasting disturbance, {τ} s": {"markov": (τ, np.array([10.0, 10.0]))} for τ in (0.03, 0.1, 0.3, 1.0)},
+        **{f"input off by {offset} deg": {"offset": offset} for offset in (0.05, 0.3, 1.0)},
+        **{f"B off by {share:.0%} (cannot be tested)": {"B": scattered(f16.B, share)} for share in (0.05, 0.1, 0.2)},
+        **{f"gain drifts by {by}": {"gain": lambda t, by=by: 1 - by * t / t[-1]} for by in (0.1, 0.3, 0.6)},
+    }
+    logs = {
+        f"input {abs(rows) * 10} ms {'late' if rows > 0 else 'early'}": late(rows)
+        for rows in (1, 2, 5, 10, -2, -5, -10)
+    }
+    logs |= {"frozen sensor": frozen, "offset in mid-record": pushed}
+    return [
+        *((name, settings, None, None) for name, settings in plants.items()),
+        *((f"R x {factor}", {}, replace(model(), R=model().R / factor), None) for factor in (0.5, 1.5, 3)),
+        *((name, {}, None, change) for name, change in logs.items()),
+    ]
 
 
 def drawn(name, i, settings, estimator, change):

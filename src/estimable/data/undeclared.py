@@ -10,7 +10,7 @@ TURNS = ((2 * np.pi, "2 pi", "rad"), (360.0, "360", "deg"))
 ORDINARY = 1 / 3  # of a turn: the longest step between two samples of an angle that can be followed
 REACH = 2.0  # times the longest ordinary step: how far a jump may be from a whole turn, and its ends from the ends of the range
 LEAST = 0.025  # of a turn: the same, for a channel that hardly moves, and how far noise goes beyond the range
-FEWEST = 20  # known samples: fewer may jump by about a turn by chance
+FEWEST = 30  # known samples: fewer may jump by about a turn by chance
 OFTEN = 0.05  # of the samples: between the ends, or at jumps; else the channel steps from level to level
 
 

@@ -8,6 +8,8 @@ from .. import checks
 from ..frozen import saved
 from ..results import Estimate
 
+SIGNIFICANT = 3.0  # standard deviations by which a further gain has moved
+
 
 @saved
 class DetectedChange(NamedTuple):
@@ -46,8 +48,8 @@ class DetectedChange(NamedTuple):
 def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     """The jumps that a `ChangeDetection` found in a record, in the order of their detection.
 
-    `result`: the result of `estimate`, or one run of a bank (`bank[i]`), made with `keep="all"`. If several gains may jump, each
-    that jumped with a probability above .5 is listed, with the likeliest first; at least the likeliest one.
+    `result`: the result of `estimate`, or one run of a bank (`bank[i]`), made with `keep="all"`. If several gains may jump, the
+    likeliest is listed, and each other that jumped with a probability above .5 and has moved by three standard deviations.
 
     Returns a tuple of `DetectedChange`s, in the order of their detection. Raises `InputError` for a result without alarms.
 
@@ -71,14 +73,16 @@ def changes(result: Estimate) -> tuple[DetectedChange, ...]:
     return tuple(
         _change(result, int(alarm), int(end), gain, median, sigma)
         for alarm, end in zip(alarms, ends, strict=False)
-        for gain in _jumped(result.extra["jumped"][alarm])
+        for gain in _jumped(result, int(alarm), int(end), median, sigma)
     )
 
 
-def _jumped(probability: np.ndarray) -> list[int]:
-    """The gains that probably jumped, the likeliest first."""
+def _jumped(result: Estimate, alarm: int, end: int, median: np.ndarray, sigma: np.ndarray) -> list[int]:
+    """The gain that jumped likeliest, and the others that probably jumped and have moved significantly."""
+    probability, before = result.extra["jumped"][alarm], max(int(result.extra["onset"][alarm]) - 1, 0)
+    moved = np.abs(median[end] - median[before]) > SIGNIFICANT * np.hypot(sigma[end], sigma[before])
     order = np.argsort(-probability, kind="stable")
-    return [int(i) for i in order if i == order[0] or probability[i] > 0.5]
+    return [int(i) for i in order if i == order[0] or (probability[i] > 0.5 and moved[i])]
 
 
 def _change(result: Estimate, alarm: int, end: int, gain: int, median: np.ndarray, sigma: np.ndarray) -> DetectedChange:

@@ -15,6 +15,7 @@ from .gap_numbers import Bridge, Known
 HOW = ("auto", "bridge", "break", "refuse")
 LONG = 1.5  # times the median step: an interval in which samples are missing
 REGULAR = 0.2  # of the median step: how far most steps of a sampled record are from it
+ON_GRID = 0.75  # of the steps are about multiples of the median: else the record has no sampling rate
 SHARE = 0.25  # of a time constant, or of the record: the longest bridge of a model that is not stable
 
 
@@ -122,7 +123,9 @@ def _long(steps: np.ndarray) -> np.ndarray:
     if len(steps) == 0:
         return np.zeros(0, bool)
     median = np.median(steps)
-    regular = np.mean(np.abs(steps - median) <= REGULAR * median) >= 0.5
+    ratio = steps / median
+    on_grid = (np.abs(ratio - np.round(ratio)) <= REGULAR) & (ratio > 0.5)
+    regular = np.mean(np.abs(ratio - 1) <= REGULAR) >= 0.5 and np.mean(on_grid) >= ON_GRID
     return (steps > LONG * median) & regular
 
 

@@ -21,8 +21,10 @@ def read(given: Given, names: Iterable[str], what: str, faults: checks.Faults, *
 
     `denied`: the unit None, or "none" in a file, says that a channel is no angle; its period is then 0.
     """
-    if not given or (isinstance(given, tuple) and all(isinstance(one, tuple) and len(one) == 3 for one in given)):
-        return cast("Angles", tuple(given or ()))
+    if given is None:
+        return ()
+    if isinstance(given, tuple) and all(isinstance(one, tuple) and len(one) == 3 for one in given):
+        return cast("Angles", given)
     if isinstance(given, list | tuple) and all(isinstance(name, str) for name in given):
         given = {str(name): "rad" for name in given}
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):

@@ -10,7 +10,7 @@ from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..frozen import replace
 from ..kernels.flow import runge_kutta
-from ..models.controlled import ControlledPlant
+from ..models.controlled import ControlledPlant, read_limits
 from ..models.nonlinear_model import NonlinearModel
 from ..protocols import Plant
 
@@ -58,9 +58,10 @@ class NonlinearPlant(Plant):
         if np.abs(rates).max() > 1e-6 * (1 + np.abs(point.states).max()):
             faults.add(f"`states` and `inputs` must be an equilibrium. There dx/dt = {checks.short(rates.tolist())}.")
         self.changes = _read_changes(model, changes, faults)
+        faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
+        own = read_limits(limits, faults)
         faults.finish()
         self.model, self.seed, self.states, self.inputs = model, seed, point.states, point.inputs
-        own = None if limits is None else np.broadcast_to(np.reshape(np.asarray(limits, float), (2, -1)), (2, model.m))
         self.linear = ControlledPlant(
             replace(about, operating_point=None),
             actuator=self.bandwidth,
