@@ -23,7 +23,7 @@ PAGES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {  # headings, and t
     ),
     "models": (
         ("Models", ("models", "simulation", "design")),
-        ("Records", ("data",)),
+        ("Records", ("data", "estimation")),
         ("Links", ("networks",)),
     ),
     "errors": (("All errors and warnings", ("errors",)),),

@@ -25,7 +25,7 @@ def test_a_heading_that_wraps_is_pointed_out(period, unit, share):
 
 
 def test_the_row_is_that_after_the_jump():
-    v = np.mod(np.linspace(2.0, 5.0, 31) + np.pi, 2 * np.pi) - np.pi
+    v = np.mod(np.linspace(2.0, 7.0, 51) + np.pi, 2 * np.pi) - np.pi
     assert jump(v) == (12, "2 pi", "rad")
     v[3] = np.nan
     assert jump(v) == (12, "2 pi", "rad")

@@ -113,7 +113,7 @@ def test_what_the_whole_record_leaves_unknown_stays_diffuse():
 
 def test_irregular_time_of_a_continuous_model():
     rng = np.random.default_rng(0)
-    t = np.cumsum(rng.choice([0.1, 0.3, 0.4], size=12))
+    t = np.cumsum(rng.choice([0.1, 0.25, 0.37], size=12))
     model = StateSpace([[-1.0, 1.0], [0.0, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], Q=0.3 * np.eye(2), R=[[0.1]], dt=0)
     record = Record(rng.normal(size=(12, 1)), rng.normal(size=(12, 1)), t=t, hold="first_order")
     prior = Prior([0.0, 1.0], np.eye(2))

@@ -11,7 +11,7 @@ from estimable.kernels.kalman import Drift, Gaussian, Measurement, Transition
 N, P = 3, 2
 PRIOR = Gaussian(np.ones(N), np.eye(N), np.ones((N, 1)), np.ones(N), np.zeros(()))
 NOTHING_DIFFUSE = PRIOR._replace(X=np.ones((N, 0)))
-MEASUREMENT = Measurement(np.ones((P, N)), np.ones(P), np.eye(P), np.ones((N, P)))
+MEASUREMENT = Measurement(np.ones((P, N)), np.ones(P), np.eye(P), np.ones((N, P)), np.zeros(P))
 TRANSITION = Transition(np.eye(N), np.ones(N), np.ones((N, 1)))
 DRIFT = Drift(np.ones(N), np.eye(N))
 DATUM = (np.ones(P), np.ones(P, bool))
@@ -25,7 +25,7 @@ KERNELS = {
 UNREAD = {  # fields that a kernel hands on, or has no use for
     "independent.correct": ("X", "log_scale", "Ω"),
     "joseph.correct": ("size", "log_scale"),
-    "stretch.of_sample": ("Ω",),
+    "stretch.of_sample": ("Ω", "period"),
 }
 
 

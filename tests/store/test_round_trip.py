@@ -322,10 +322,10 @@ THINGS |= {
     "ControlledPlant with events": lambda: es.ControlledPlant(WORLD, actuator=SIDES, position_sigma=0.1, events=EVENTS),
 }
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
-    "About", "Along", "Assessment", "Awaited", "Backward", "Backwards", "ByRow", "ControlLoop", "Decided", "DrawnRecord",
-    "Forward", "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Motion", "Moved", "PassInfo", "PassedRow",
-    "Piece", "Reordered", "Replayed", "SampledModel", "Sensed", "Sloped", "SmootherRows", "Steps", "Stretch",
-    "Tangents", "UncertainInputStep", "WindowRow",
+    "About", "Along", "Assessment", "Awaited", "Backward", "Backwards", "ByRow", "Chain", "ControlLoop", "Decided",
+    "DrawnRecord", "Forward", "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Motion", "Moved", "PassInfo",
+    "PassedRow", "Piece", "Reordered", "Replayed", "Reported", "Responding", "Restarting", "SampledModel", "Sensed", "Sloped",
+    "SmootherRows", "Steps", "Stretch", "Tangents", "UncertainInputStep", "WindowRow",
 }  # fmt: skip
 
 

@@ -73,6 +73,9 @@ WRITERS = {  # by the module that calls `writing`: (name of the file or folder, 
     "commands/simulate_report.py": [
         ("drawn.csv", partial(command, words=["simulate", "output-error", "--seed", "{version}", "--out", "{path}"]))
     ],
+    "commands/simulate_world.py": [
+        ("world.csv", partial(command, words=["simulate", "f16", "--seed", "{version}", "--out", "{path}"]))
+    ],
     "commands/estimate_report.py": [
         ("states.csv", partial(command, words=["estimate", *FILTER, "--filter", "kalman", "--out", "{path}"]))
     ],

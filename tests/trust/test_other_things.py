@@ -203,7 +203,7 @@ SENTENCES = {
     ),
     "a change sought without end": (
         lambda: es.ChangeDetection(es.UnknownGain(MODEL, es.Prior([1.0], [[0.0]])), jump=1.0, slots=10**9),
-        "`length` must be at most 10000. Got 1000000000.",
+        "`slots` must be at most 10000. Got 1000000000.",
     ),
     "a horizon without end": (
         lambda: es.estimability(MODEL, horizon=10**9),
@@ -243,7 +243,7 @@ SENTENCES = {
     ),
     "events in a buffer": (
         lambda: es.ControlledPlant(MODEL, events=memoryview(GRID)),
-        "`events` must be a list of Failure(time, gain) and Change(time, model). Got <memory at",
+        "`events` must be a list of Failure(time, gain), Stuck(time, input) and other events. Got <memory at",
     ),
     "the same fault of many orders": (
         lambda: es.select_order(RECORD, orders="x" * 900),

@@ -10,7 +10,8 @@ TURNS = ((2 * np.pi, "2 pi", "rad"), (360.0, "360", "deg"))
 ORDINARY = 1 / 3  # of a turn: the longest step between two samples of an angle that can be followed
 REACH = 2.0  # times the longest ordinary step: how far a jump may be from a whole turn, and its ends from the ends of the range
 LEAST = 0.025  # of a turn: the same, for a channel that hardly moves, and how far noise goes beyond the range
-FEWEST = 30  # known samples: fewer may jump by about a turn by chance
+NEAREST = 0.25  # of a turn: the same, at most
+FEWEST = 40  # known samples: fewer may jump by about a turn by chance
 OFTEN = 0.05  # of the samples: between the ends, or at jumps; else the channel steps from level to level
 
 
@@ -34,7 +35,7 @@ def jump(channel: np.ndarray) -> tuple[int, str, str] | None:
         rest = np.abs(step - period * np.round(step / period))
         if not far.any() or rest.max() > ORDINARY * period:
             continue
-        near = max(LEAST * period, REACH * rest[~far].max(initial=0.0))
+        near = min(max(LEAST * period, REACH * rest[~far].max(initial=0.0)), NEAREST * period)
         if rest[far].max() <= near and _at_the_ends(v, before[far], after[far], period, near):
             return int(rows[1:][together][np.argmax(far)]), words, unit
     return None

@@ -21,10 +21,8 @@ def read(given: Given, names: Iterable[str], what: str, faults: checks.Faults, *
 
     `denied`: the unit None, or "none" in a file, says that a channel is no angle; its period is then 0.
     """
-    if given is None:
-        return ()
-    if isinstance(given, tuple) and all(isinstance(one, tuple) and len(one) == 3 for one in given):
-        return cast("Angles", given)
+    if given is None or _is_read(given):
+        return cast("Angles", given or ())
     if isinstance(given, list | tuple) and all(isinstance(name, str) for name in given):
         given = {str(name): "rad" for name in given}
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
@@ -41,6 +39,10 @@ def read(given: Given, names: Iterable[str], what: str, faults: checks.Faults, *
         elif (span := _span(name, unit, faults)) is not None:
             found.append((name, *span))
     return tuple(sorted(found))
+
+
+def _is_read(given: Given) -> bool:
+    return isinstance(given, tuple) and all(isinstance(one, tuple) and len(one) == 3 for one in given)
 
 
 def _span(name: str, unit: Unit, faults: checks.Faults) -> tuple[float, float] | None:

@@ -14,15 +14,26 @@ Json: TypeAlias = Mapping[str, "Json"] | list["Json"] | str | float | None  # th
 
 FORMAT = 2
 # For older files. MOVED: {old (module, class): current (module, class)}; ADDED: {class: values of fields they lack}.
-MOVED: dict[tuple[str, str], tuple[str, str]] = {}
+MOVED: dict[tuple[str, str], tuple[str, str]] = {
+    ("estimation.online", "Progress"): ("estimation.online_run", "Progress"),
+}
 ADDED: dict[str, dict[str, Any]] = {
     "StateSpace": {"schedule": None, "disturbance": None, "angles": ()},
     "Kalman": {"uncertainty": None},
     "UnknownGain": {"uncertainty": None},
     "ModelFile": {"uncertainty": None},
-    "Progress": {"schedule": None},
+    "Progress": {"schedule": None, "gaps": None},
     "SmoothedEstimate": {"origin": None},
-    "Record": {"breaks": (), "origin": None, "grid": None, "placing": (), "sources": (), "notes": ()},
+    "Record": {
+        "breaks": (),
+        "origin": None,
+        "grid": None,
+        "placing": (),
+        "sources": (),
+        "notes": (),
+        "sigma": None,
+        "angles": (),
+    },
 }
 MODULE = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 FIELDS = {"format", "estimable", "modules", "thing"}
