@@ -23,7 +23,10 @@ ADDED: dict[str, dict[str, Any]] = {
     "UnknownGain": {"uncertainty": None},
     "ModelFile": {"uncertainty": None},
     "Progress": {"schedule": None, "gaps": None},
-    "SmoothedEstimate": {"origin": None},
+    "Names": {"angles": ()},
+    "Estimate": {"gaps": ()},
+    "EstimateBank": {"gaps": ()},
+    "SmoothedEstimate": {"origin": None, "gaps": ()},
     "Record": {
         "breaks": (),
         "origin": None,

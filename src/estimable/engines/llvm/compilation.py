@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from .array_loop import ArrayLoop
 
 
+LONG = 1_000_000  # characters of a module, above which LLVM's passes take minutes
+
+
 class Compiled:
     """A loop in machine code; calling it releases Python's lock."""
 
@@ -88,7 +91,7 @@ def _engine(text: str, has_loops: bool) -> Any:
     found = disk_cache.read(words, "o")
     module = llvm.parse_assembly(text)
     module.verify()
-    if found is None and has_loops:
+    if found is None and has_loops and len(text) < LONG:
         options = llvm.create_pipeline_tuning_options(speed_level=1)
         options.slp_vectorization = False
         builder = llvm.create_pass_builder(_machine(), options)
