@@ -8,6 +8,7 @@ import sys
 import pytest
 
 import estimable
+from estimable import packaged
 
 COMMANDS = ("demo", "gain", "estimate")
 
@@ -68,14 +69,16 @@ def test_json_without_a_command_is_refused(run):
 
 
 def test_json_may_stand_before_the_command(run):
-    assert run("--json", "gain", "flight.csv", "--model", "model.toml").json["command"] == "gain"
+    assert run("--json", "gain", "flight.csv", "--model", "model.toml", "--as-given").json["command"] == "gain"
     assert "none.csv does not exist" in run("--json", "gain", "none.csv", "--model", "model.toml").json["message"]
 
 
 def test_the_program_itself_and_its_exit_code():
     program = [sys.executable, "-c", "from estimable.commands import main; main()"]
-    done = subprocess.run([*program, "demo", "--json"], capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["command"] == "demo"
+    flight, model = packaged.path("f16-flight.csv"), packaged.path("f16-model.toml")
+    call = ["gain", str(flight), "--model", str(model), "--filter", "unknown-gain", "--json"]
+    done = subprocess.run([*program, *call], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["command"] == "gain"
     assert done.stderr == ""
     failed = subprocess.run([*program, "gain", "none.csv", "--model", "none.toml"], capture_output=True, text=True)
     assert (failed.returncode, failed.stdout) == (2, "")

@@ -194,7 +194,7 @@ def test_a_lost_input_does_nothing(run, write_record):
     answers = {}
     for got in (1, 0):
         write_record(*(row.format(got) for row in rows), header=header)
-        answers[got] = run(*CALL, "--hold", "zero_order", "--arrived", "got", "--json").json
+        answers[got] = run(*CALL, "--as-given", "--hold", "zero_order", "--arrived", "got", "--json").json
     assert answers[1]["log_likelihood"] != answers[0]["log_likelihood"]
     assert "no column 'gone'" in run(*CALL, "--hold", "zero_order", "--arrived", "gone").stderr
 

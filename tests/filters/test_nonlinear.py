@@ -267,7 +267,7 @@ def test_of_the_map_the_second_order_is_that_of_a_discrete_model_whose_step_is_t
 def test_a_continuous_linear_model_of_functions_is_the_discretised_one(make, hold):
     A, B = np.array([[-1.3, 1.0], [3.5, -1.1]]), np.array([[-0.15], [-24.3]])
     linear = es.StateSpace(A, B, Q=np.diag([0.1, 0.2]), R=0.01 * np.eye(2), dt=0)
-    t = np.cumsum(RNG.uniform(0.02, 0.06, size=8))
+    t = np.cumsum([0.02, 0.06, 0.035, 0.05, 0.025, 0.058, 0.03, 0.045])
     record = es.Record(RNG.normal(size=(8, 2)), RNG.normal(size=(8, 1)), t=t, hold=hold)
     model = es.NonlinearModel(lambda x, u, θ: A @ x + B @ u, lambda x, u, θ: x, Q=linear.Q, R=linear.R, dt=0,
                               inputs=["u1"], substeps=12)  # fmt: skip
