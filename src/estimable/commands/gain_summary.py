@@ -40,7 +40,7 @@ class GainSummary(NamedTuple):
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """One sentence for each change, and for each gain without a change a comparison of its two windows."""
+        """One sentence for each change, and for each gain without a change a comparison of its two values."""
         changed = {change.gain for change in self.changes}
         quiet = (self._finding(i) for i, name in enumerate(self.names) if name not in changed)
         return (*map(self._changed, range(len(self.changes))), *quiet)
