@@ -17,10 +17,15 @@ after success, 2 for a wrong call, file or option, and 1 for a run that failed. 
 
 | key | meaning |
 |---|---|
-| `gain_after`, `gain_after_sigma` | mean over the last 2 s (or since a change was detected); sigma at the last row |
-| `gain_before`, `gain_before_sigma` | the same over the 2 s before the first change, or up to a third of the record |
+| `gain_after`, `gain_after_sigma` | the estimate at the last row, and its standard deviation (of a median: its 95 % interval / 3.92) |
+| `gain_before`, `gain_before_sigma` | the same before the first change, or at a third of the record |
 | `failure_time_s`, `detected_at_s` | when the gain first changed, and when that was detected; null where no change was found |
 | `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |
+| `verdict`, `verdict_p`, `reasons`, `untestable` | the word, its p-value, why, and which errors no record shows |
+| `gain_interval` | the 95 % interval of the gain at the last row |
+| `detectable_loss` | the smallest loss that the record shows with 90 % power: `loss`, `start_s`, `end_s`, `floor_sigma` |
+| `prepared` | what was fitted and estimated together with the gain, as sentences |
+| `gaps` | what was done where an input was not recorded |
 | `report` | the page that was written, or null |
 | `nis` | the normalised innovations (of the filter inside a detector), their band, and a sentence |
 | `settings` | the settings of the filter |
