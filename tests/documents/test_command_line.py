@@ -17,7 +17,7 @@ after success, 2 for a wrong call, file or option, and 1 for a run that failed. 
 
 | key | meaning |
 |---|---|
-| `gain_after`, `gain_after_sigma` | the estimate at the last row, and its standard deviation (of a median: its 95 % interval / 3.92) |
+| `gain_after`, `gain_after_sigma` | the estimate at the last row, and its standard deviation (interval / 3.92) |
 | `gain_before`, `gain_before_sigma` | the same before the first change, or at a third of the record |
 | `failure_time_s`, `detected_at_s` | when the gain first changed, and when that was detected; null where no change was found |
 | `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |
