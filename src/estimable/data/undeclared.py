@@ -10,6 +10,8 @@ TURNS = ((2 * np.pi, "2 pi", "rad"), (360.0, "360", "deg"))
 ORDINARY = 1 / 3  # of a turn: the longest step between two samples of an angle that can be followed
 REACH = 2.0  # times the longest ordinary step: how far a jump may be from a whole turn, and its ends from the ends of the range
 LEAST = 0.025  # of a turn: the same, for a channel that hardly moves, and how far noise goes beyond the range
+SMOOTH = 0.04  # of a turn: median step of a channel in which even a pair of jumps is no chance
+USUAL = 0.1  # of a turn: the same, of the median step
 NEAREST = 0.25  # of a turn: the same, at most
 FEWEST = 40  # known samples: fewer may jump by about a turn by chance
 OFTEN = 0.05  # of the samples: between the ends, or at jumps; else the channel steps from level to level
@@ -33,12 +35,23 @@ def jump(channel: np.ndarray) -> tuple[int, str, str] | None:
             continue
         far = np.abs(step) > period / 2
         rest = np.abs(step - period * np.round(step / period))
-        if not far.any() or rest.max() > ORDINARY * period:
+        if not far.any() or rest.max() > ORDINARY * period or np.median(rest[~far]) > USUAL * period:
             continue
+        smooth = np.median(rest[~far]) <= SMOOTH * period
         near = min(max(LEAST * period, REACH * rest[~far].max(initial=0.0)), NEAREST * period)
-        if rest[far].max() <= near and _at_the_ends(v, before[far], after[far], period, near):
+        if (
+            rest[far].max() <= near
+            and (smooth or _stays(far))
+            and _at_the_ends(v, before[far], after[far], period, near)
+        ):
             return int(rows[1:][together][np.argmax(far)]), words, unit
     return None
+
+
+def _stays(far: np.ndarray) -> bool:
+    """Whether some jump is not taken back by the next sample, as that of a single large value is, or there are many."""
+    beside = np.concatenate([[False], far[:-1]]) | np.concatenate([far[1:], [False]])
+    return bool(np.any(far & ~beside) or far.sum() > 2)
 
 
 def _at_the_ends(v: np.ndarray, before: np.ndarray, after: np.ndarray, period: float, near: float) -> bool:
