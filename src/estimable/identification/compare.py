@@ -165,8 +165,8 @@ def _run(method: Method, task: Divided) -> Any:
     except (EstimableError, np.linalg.LinAlgError) as error:
         return method, str(error)
     held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, whole, rows, strict=True)]
-    columns = (np.concatenate(one) for one in zip(*held, strict=True))
-    return method, fit, model, _HeldOut(*columns, task.records[0].outputs)
+    simulated, one_step, y = (np.concatenate(one) for one in zip(*held, strict=True))
+    return method, fit, model, _HeldOut(simulated, one_step, y, task.records[0].outputs)
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:

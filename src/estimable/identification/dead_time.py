@@ -66,7 +66,7 @@ def dead_time(record: Record | Sequence[Record], *, most: int = MOST) -> DeadTim
 
 def _whole(record: Record, past: int) -> np.ndarray:
     """The rows whose outputs, and those of the `past` rows before them, were all seen."""
-    seen = record.seen.all(axis=1)
+    seen = np.asarray(record.seen.all(axis=1))
     count = np.convolve(seen, np.ones(past + 1))[: len(seen)]
     return count[past:] == past + 1
 

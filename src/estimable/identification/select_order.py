@@ -149,7 +149,7 @@ def _by_pairs(found: Sequence[_Equations | None], inputs: int) -> list[_Criteria
     A larger order has fewer complete equations where samples are missing, so that sums over the rows of each would compare
     different data. An order without equations ends the sums.
     """
-    criteria, before = [], None
+    criteria, before, total = [], None, NONE
     for one in found:
         if one is None:
             return criteria + [NONE] * (len(found) - len(criteria))

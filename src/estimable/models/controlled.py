@@ -183,7 +183,7 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
     faults.learn("p", model.p, f"the model has {checks.counted(model.p, 'output')}")
 
 
-def read_limits(limits: Numbers, faults: checks.Faults) -> Any:
+def read_limits(limits: Numbers | None, faults: checks.Faults) -> Any:
     """Smallest and largest input, (2, m), from one number each or (m,)."""
     if limits is None or checks.is_traced(limits):
         return limits
