@@ -51,11 +51,14 @@ def _run(
     healthy: tuple[float, float] | None, offset: bool, as_given: bool,
 ) -> FilterRun:  # fmt: skip
     """The whole chain, unless a filter or settings are given, the run is as given, or the prior knows the gain exactly."""
-    if name is None and not settings and not as_given and has_unknown_gain(model):
-        return run_gain(record, model, reading=reading, healthy=healthy, offset=offset)
+    from ..models.files import read_model
+
+    file = read_model(model) if name is None and not settings and not as_given else None
+    if file is not None and has_unknown_gain(file):
+        return run_gain(record, model, reading=reading, healthy=healthy, offset=offset, file=file)
     if healthy is not None or not offset:
         checks.refuse("--healthy and --no-offset prepare the model: leave --filter, --set and --as-given out.")
-    return run_filter(name, record, model, settings=settings, reading=reading)
+    return run_filter(name, record, model, settings=settings, reading=reading, file=file)
 
 
 def _span(text: str | None) -> tuple[float, float] | None:

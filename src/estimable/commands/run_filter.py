@@ -106,11 +106,8 @@ def gain_filter(file: ModelFile) -> str:
     return "change-detection" if np.all(np.asarray(sizes) > 0) else "unknown-gain"
 
 
-def has_unknown_gain(model: Path) -> bool:
+def has_unknown_gain(file: ModelFile) -> bool:
     """Whether the whole chain applies: a linear model with a gain that its prior does not know exactly."""
-    from ..models.files import read_model
-
-    file = read_model(model)
     return isinstance(file.model, StateSpace) and file.gain is not None and gain_filter(file) == "change-detection"
 
 
@@ -122,11 +119,12 @@ def run_filter(
     settings: Iterable[str] = (),
     unknown: Iterable[str] = (),
     reading: dict[str, Any] | None = None,
+    file: ModelFile | None = None,
 ) -> FilterRun:
     """Read a model file and a record, and run the filter `name` of the catalogue (None: `gain_filter`).
 
     `settings`: texts name=value. `unknown`: unmeasured inputs. `reading`: arguments of `read_record` that
-    replace those in the model file.
+    replace those in the model file. `file`: the contents of `model`, if it has been read.
 
     Raises `InputError` for faults of the files and settings, `RunError` if the computation fails.
     """
@@ -142,7 +140,7 @@ def run_filter(
     chosen = read_settings(settings)
     if unknown:
         chosen["unknown"] = tuple(unknown)
-    file = read_model(model)
+    file = read_model(model) if file is None else file
     name = gain_filter(file) if name is None else name
     algorithm = catalogue.build(name, file, **chosen)
     measured, options = read_measured(file, record, algorithm.names, reading)
@@ -163,6 +161,7 @@ def run_gain(
     reading: dict[str, Any] | None = None,
     healthy: tuple[float, float] | None = None,
     offset: bool = True,
+    file: ModelFile | None = None,
 ) -> FilterRun:
     """Read a model file and a record, and run the whole chain: `assess_gain`. Other arguments and errors are those of
     `run_filter`.
@@ -170,7 +169,7 @@ def run_gain(
     from ..estimation.assess_gain import assess_gain
     from ..models.files import read_model
 
-    file = read_model(model)
+    file = read_model(model) if file is None else file
     algorithm = catalogue.build("unknown-gain", file, walk=0.0, forgetting=1.0)
     measured, options = read_measured(file, record, algorithm.names, reading)
     found = assess_gain(algorithm, measured, prior=file.prior, healthy=healthy, offset=offset)

@@ -157,7 +157,6 @@ def _found(
     watched = rows.onsets[last][rows.seconds[last] > 0]
     watched = watched[watched >= 1]
     p, gains = rows.G.shape[2], algorithm.names.gains
-    levels = np.asarray(levels)
     if not len(watched):
         none = np.full((p, len(levels)), np.inf)
         until = np.full(p, float(t[first]))

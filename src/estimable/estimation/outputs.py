@@ -13,7 +13,7 @@ import numpy as np
 from .. import checks, forks
 from ..data.record import Record
 from ..filters.unknown_gain import UnknownGain
-from ..models import angles, gain_blocks
+from ..models import angles
 from ..models.nonlinear_model import NonlinearModel
 from ..models.sampled import point_of
 from ..models.state_space import StateSpace
@@ -79,7 +79,8 @@ def outputs_of(result: Estimated, predictive: bool) -> Outputs:
     if isinstance(model, NonlinearModel):
         rows = _nonlinear(model, u, result)
     elif isinstance(model, StateSpace) and model.R is not None:
-        rows = _linear(_in_blocks(inner, model), u, result, len(origin.record))
+        blocks = inner.in_blocks() if isinstance(inner, UnknownGain) else model  # [D_0 D_1 ..] side by side
+        rows = _linear(blocks, u, result, len(origin.record))
     else:
         return nothing
     P = None if rows is None else _covariance(rows, result)
@@ -91,14 +92,6 @@ def outputs_of(result: Estimated, predictive: bool) -> Outputs:
         unknown = np.isnan(rows.mean)
         P = np.where(unknown[..., None] | unknown[..., None, :], np.nan, P)
     return Outputs(np.asarray(angles.ranged(rows.mean, result.names.angles, result.names.outputs)), P)
-
-
-def _in_blocks(inner: Algorithm[Any], model: StateSpace) -> StateSpace:
-    """The model with [D_0 D_1 ..] side by side, where there are gains."""
-    if not isinstance(inner, UnknownGain):
-        return model
-    how = {"directions": inner.directions, "fixed": inner.fixed, "feedthrough": inner.feedthrough}
-    return gain_blocks.in_blocks(model, inner.gain.size, **how)
 
 
 def _last(values: np.ndarray, result: Estimated) -> np.ndarray:

@@ -48,9 +48,9 @@ def ascent(build: Build, θ: np.ndarray, rows: Rows, engine: str = "auto") -> tu
     ready: Any = moved if rows.clock is None else prepared(moved, rows.clock, rows.complete, rows.fresh, len(θ))
     along = Along(value_of(ready), slope_of(ready))
     prior = (value_of(prior), slope_of(prior))
-    sums = _Sums(len(θ))
+    sums = Sums(len(θ))
     ran, run = choice.scan_in_blocks(
-        engine, along, prior, rows.samples, rows.intervals, axes=(0, None, 0), keep="all", select=_row, use=sums.add
+        engine, along, prior, rows.samples, rows.intervals, axes=(0, None, 0), keep="all", select=row, use=sums.add
     )
     code, at = int(np.asarray(run.code)[0]), int(np.asarray(run.failed_at)[0])
     return ran, Ascent(float(np.asarray(run.log_likelihood)[0]), sums.score, sums.information, code, at)
@@ -66,7 +66,7 @@ def ascent_over(builds: Sequence[Build], θ: np.ndarray, rows: Sequence[Rows]) -
     )  # fmt: skip
 
 
-class _Sums:
+class Sums:
     """The sums over all rows."""
 
     def __init__(self, d: int):
@@ -80,7 +80,7 @@ class _Sums:
         self.information += Φ @ Φ.T
 
 
-def _row(sloped: Sloped, keep: str) -> tuple[Any, Any]:
+def row(sloped: Sloped, keep: str) -> tuple[Any, Any]:
     """The slope of the log-likelihood of a sample, and the rows of its information."""
     info, slope = sloped.info, sloped.slope
     return slope.log_likelihood, features(

@@ -18,15 +18,13 @@ from ..filters.change_detection import ChangeDetection
 from ..filters.kalman_filter import Kalman
 from ..filters.unknown_gain import UnknownGain
 from ..frozen import frozen, replace
-from ..kernels.innovation_information import features
 from ..kernels.small import diagonal, factors
-from ..models import gain_blocks
 from ..models.complex_step import along_each, slope_of, value_of
 from ..models.prior import Prior
 from ..models.sampled import sample
-from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, Wrapper
 from ..results import Direction, Estimate, Sample, Suspect, Trust, Untestable
+from . import slopes
 from .binding import Bound, bind
 from .estimate import estimate
 from .model_directions import Directions, with_further_inputs
@@ -88,7 +86,7 @@ def trust(
     result = estimate(algorithm, record, prior=prior) if result is None else result
     found = listed_changes(result) if "alarm" in result.extra else ()
     bound = bind(inner, record, prior)
-    judged = _Judged.of(inner, algorithm, found, bound, prior, record.hold)
+    judged = _Judged.of(inner, algorithm, found, bound, prior)
     return _verdict(judged, algorithm, found, bound, level)
 
 
@@ -119,21 +117,18 @@ class _Judged(NamedTuple):
     gain: np.ndarray
     gain_sigma: np.ndarray
     gain_slope: np.ndarray
-    noise: np.ndarray
 
     @staticmethod
     def of(
-        inner: Kalman | UnknownGain, algorithm: Algorithm[Any], found: tuple[DetectedChange, ...], bound: Bound, prior: Prior,
-        hold: str,
+        inner: Kalman | UnknownGain, algorithm: Algorithm[Any], found: tuple[DetectedChange, ...], bound: Bound, prior: Prior
     ) -> "_Judged":  # fmt: skip
         """One pass over the record."""
         jumping, plain, base = _walks(inner, algorithm, found, bound), inner.model, inner.sampled(bound.clock)
-        directions = Directions.of(plain, _blocked(inner))
-        samples, intervals = with_further_inputs(bound.samples, bound.intervals, hold)
-        clock = bound.clock._replace(hold=hold)
+        directions = Directions.of(plain, inner.in_blocks() if isinstance(inner, UnknownGain) else plain)
+        samples, intervals = with_further_inputs(bound.samples, bound.intervals, bound.clock.hold)
 
         def build(θ: np.ndarray) -> tuple[Any, Prior]:
-            ready = replace(base, ready=sample(directions.moved(θ), clock))
+            ready = replace(base, ready=sample(directions.moved(θ), bound.clock))
             return ready if jumping is None else KnownJumps(ready, jumping), prior
 
         moved, priors = along_each(build, np.zeros(len(directions.found)))
@@ -145,25 +140,23 @@ class _Judged(NamedTuple):
         gain, variance, slope = rows.last
         return _Judged(
             tests.whitened(np.concatenate(rows.e), np.concatenate(rows.S)), directions.found, rows.score, rows.information,
-            gain[0], np.sqrt(variance[0]), slope, np.sqrt(np.diagonal(plain.R, axis1=-2, axis2=-1).reshape(-1, plain.p)[0]),
+            gain[0], np.sqrt(variance[0]), slope,
         )  # fmt: skip
 
 
-class _Collected:
-    """What the blocks of rows add up to."""
+class _Collected(slopes.Sums):
+    """What the blocks of rows add up to, their innovations with their covariances, and the gains at the end."""
 
     def __init__(self, d: int):
-        self.score, self.information = np.zeros(d), np.zeros((d, d))
+        super().__init__(d)
         self.e: list[np.ndarray] = []
         self.S: list[np.ndarray] = []
         self.last: tuple[np.ndarray, ...] = ()
 
     def add(self, kept: tuple[np.ndarray, ...], first: int) -> None:
         """A block of rows (d, rows, ..)."""
-        slopes, found, e, S, *gains = kept
-        Φ = found.reshape(len(found), -1)
-        self.score += slopes.sum(axis=1)
-        self.information += Φ @ Φ.T
+        slope, found, e, S, *gains = kept
+        super().add((slope, found), first)
         self.e.append(np.array(e[0]))
         self.S.append(np.array(S[0]))
         self.last = tuple(np.array(one[:, -1]) for one in gains)
@@ -171,24 +164,14 @@ class _Collected:
 
 def _row(sloped: Sloped, keep: str) -> Tree:
     """The slope of the log-likelihood, the rows of its information, the innovation, and the gains with their slopes."""
-    info, slope = sloped.info, sloped.slope
-    rows = features(info.innovation, info.innovation_covariance, slope.innovation, slope.innovation_covariance)
-    none = jnp.zeros(0)
-    gains = (none, none, none) if info.gain is None else (info.gain, diagonal(info.gain_covariance), slope.gain)
-    return slope.log_likelihood, rows, info.innovation, info.innovation_covariance, *gains
-
-
-def _blocked(inner: Kalman | UnknownGain) -> StateSpace:
-    if isinstance(inner, Kalman):
-        return inner.model
-    return gain_blocks.in_blocks(
-        inner.model, inner.gain.size, directions=inner.directions, fixed=inner.fixed, feedthrough=inner.feedthrough
-    )
+    info, none = sloped.info, jnp.zeros(0)
+    gains = (none, none, none) if info.gain is None else (info.gain, diagonal(info.gain_covariance), sloped.slope.gain)
+    return *slopes.row(sloped, keep), info.innovation, info.innovation_covariance, *gains
 
 
 def _detector(algorithm: Algorithm[Any]) -> ChangeDetection | None:
-    while not isinstance(algorithm, ChangeDetection) and hasattr(algorithm, "algorithm"):
-        algorithm = algorithm.algorithm  # type: ignore[attr-defined]
+    while isinstance(algorithm, Wrapper) and not isinstance(algorithm, ChangeDetection):
+        algorithm = algorithm.algorithm
     return algorithm if isinstance(algorithm, ChangeDetection) else None
 
 

@@ -185,14 +185,16 @@ def _ranked(found: list[Any]) -> Comparison:
     failed = [Ranked(method, None, None, none, none, failure=why) for method, why in (f for f in found if len(f) == 2)]
     if not fitted:
         return Comparison(tuple(failed), None, f"{REFUSED}: no method could be fitted to it.")
-    order = sorted(fitted, key=lambda one: -float(np.mean(judge.fit_percent(one[3].simulated, one[3].y))))
-    first = order[0][3]
+    fits = [judge.fit_percent(held.simulated, held.y) for *_, held in fitted]
+    order = sorted(range(len(fitted)), key=lambda i: -float(np.mean(fits[i])))
+    first = fitted[order[0]][3]
     ranked = []
-    for method, fit, model, held in order:
-        fits, steps = judge.fit_percent(held.simulated, held.y), judge.fit_percent(held.one_step, held.y)
+    for i in order:
+        method, fit, model, held = fitted[i]
+        steps = judge.fit_percent(held.one_step, held.y)
         t, ratio = judge.behind(held.simulated, first.simulated, first.y)
         ranked.append(
-            Ranked(method, fit, model, fits, steps, t, ratio=ratio, diverged=judge.diverged(held.simulated, held.y))
+            Ranked(method, fit, model, fits[i], steps, t, ratio=ratio, diverged=judge.diverged(held.simulated, held.y))
         )
     return _judged(ranked, failed, first)
 

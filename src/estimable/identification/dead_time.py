@@ -1,6 +1,6 @@
 """The dead time of a plant, from one scan over all delays."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -71,8 +71,10 @@ def _whole(record: Record, past: int) -> np.ndarray:
     return count[past:] == past + 1
 
 
-def _scan(records: Sequence[Record], most: int, past: int, lags: int):
-    """-2 log L of each delay but for a constant, and the p-value of the input's part at one; (None, None) without rows."""
+def _scan(
+    records: Sequence[Record], most: int, past: int, lags: int
+) -> tuple[np.ndarray | None, Callable[[int], float]]:
+    """-2 log L of each delay but for a constant, and the p-value of the input's part at one; None and 1 without rows."""
     m, p = len(records[0].inputs), len(records[0].outputs)
     blocks = [_block(record, most, past, lags) for record in records]
     Z = np.concatenate(blocks)
@@ -82,18 +84,18 @@ def _scan(records: Sequence[Record], most: int, past: int, lags: int):
     gram, own, width = Z.T @ Z, 1 + past * p, most + lags
     targets = np.arange(own + m * width, Z.shape[1])
 
-    def left(d: int | None) -> tuple[np.ndarray, int]:
-        """The squared errors of the outputs, and the number of regressors."""
+    def left(d: int | None) -> np.ndarray:
+        """The squared errors of the outputs."""
         columns = list(range(own))
         if d is not None:
             columns += [own + j * width + d + lag for j in range(m) for lag in range(lags)]
         G, b = gram[np.ix_(columns, columns)], gram[np.ix_(columns, targets)]
         θ = np.linalg.solve(G + 1e-12 * np.eye(len(columns)), b)
-        return np.maximum(np.diag(gram)[targets] - np.sum(b * θ, axis=0), np.finfo(float).tiny), len(columns)
+        return np.maximum(np.diag(gram)[targets] - np.sum(b * θ, axis=0), np.finfo(float).tiny)
 
     N = len(Z)
-    error = np.array([N * np.sum(np.log(left(d)[0])) for d in range(most + 1)])
-    without = N * np.sum(np.log(left(None)[0]))
+    error = np.array([N * np.sum(np.log(left(d))) for d in range(most + 1)])
+    without = N * np.sum(np.log(left(None)))
     return error, lambda d: float(exceeded(without - error[d], lags * m * p))
 
 
