@@ -171,6 +171,8 @@ class GainAlgorithm(Algorithm[State]):
 class JumpingGains(GainAlgorithm[State]):
     """A gain algorithm whose gains `ChangeDetection` can watch for jumps, with the members it needs."""
 
+    uncertain_entries = 0  # entries of the model that its belief holds between the state and the gains
+
     @abstractmethod
     def read_walk(self, given: Numbers, faults: Faults) -> Array | None:
         """A walk of the gains as a covariance per second, (p, p)."""
@@ -186,6 +188,10 @@ class JumpingGains(GainAlgorithm[State]):
     @abstractmethod
     def tell(self, state: State) -> Info:
         """The report of a belief, in the user's units."""
+
+    def skewed(self, quantiles: Array) -> Array:
+        """The quantiles (p, 5) of the gains, given those of a symmetric distribution."""
+        return quantiles
 
 
 class Smoothable(Algorithm[State]):

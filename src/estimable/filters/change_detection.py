@@ -16,10 +16,9 @@ from ..kernels import jumps, mixture_quantiles, onset_grid
 from ..kernels.onset_grid import Grid
 from ..kernels.small import diagonal
 from ..models.prior import Prior
-from ..models.sampled import Clock, SampledModel
+from ..models.sampled import Clock
 from ..protocols import JumpingGains, Wrapper
 from ..results import Info, Interval, Sample
-from . import uncertain
 from .belief import Belief
 from .onset_filter import OnsetFilter, averaged, learn, moved, with_room
 
@@ -277,9 +276,7 @@ class ChangeDetection(Wrapper[Watch]):
         weight = jnp.concatenate([1 - unseen[None], unseen * jump.weight])
         mean = jnp.concatenate([jnp.zeros((p, 1)), jump.shift], axis=1)
         variance = jnp.concatenate([jnp.zeros((p, 1)), jump.variance], axis=1) + diagonal(now.gain_covariance)[:, None]
-        found = uncertain.skewed(
-            self.algorithm, now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight)
-        )
+        found = self.algorithm.skewed(now.gain[:, None] + mixture_quantiles.quantiles(mean, variance, weight))
         unknown = jnp.sum(watch.track.belief.diffuse[-p:] ** 2, axis=1) > 0
         return jnp.where(unknown[:, None], jnp.nan, found)
 
@@ -287,9 +284,7 @@ class ChangeDetection(Wrapper[Watch]):
         """Where the record breaks: x restarts, and no earlier jump of a gain has moved it."""
 
         def of(track: OnsetFilter) -> OnsetFilter:
-            ready = self.algorithm.ready
-            tangents = ready.tangents if isinstance(ready, SampledModel) else None
-            size = track.belief.mean.shape[0] - (0 if tangents is None else tangents.count)
+            size = track.belief.mean.shape[0] - self.algorithm.uncertain_entries
             is_state = jnp.arange(track.belief.mean.shape[0]) < size - self.jump.shape[0]
             response = jnp.where(is_state[:, None, None], 0.0, track.response)
             return replace(track, belief=fresh(track.belief), response=response)

@@ -18,10 +18,8 @@ from .. import checks
 from ..annotations import Array
 from ..frozen import replace
 from ..kernels.joint_gain import block_diagonal, effects
-from ..models import uncertainty
 from ..models.sampled import SampledModel
 from ..models.uncertainty import ModelUncertainty, Tangents
-from ..protocols import JumpingGains
 from ..results import Interval
 from .belief import Belief, side_by_side
 
@@ -93,14 +91,6 @@ def refuse_smoothing(given: ModelUncertainty | None) -> None:
     """For the smoother, which needs a linear model."""
     if given is not None:
         checks.refuse("smooth does not support `uncertainty`: run it on the same filter without it.")
-
-
-def skewed(algorithm: JumpingGains[Belief], quantiles: Array) -> Array:
-    """The quantiles (p, 5) of the gains of a sampled algorithm, with the skew of a quotient where the B that they multiply is
-    uncertain.
-    """
-    tangents = getattr(getattr(algorithm, "ready", None), "tangents", None)
-    return uncertainty.skewed(quantiles) if tangents is not None and tangents.skew else quantiles
 
 
 def noise(W: Array, q: int) -> Array:

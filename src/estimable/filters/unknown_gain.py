@@ -18,7 +18,7 @@ from ..models import gain_blocks
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
-from ..models.uncertainty import ModelUncertainty, tangents
+from ..models.uncertainty import ModelUncertainty, skewed, tangents
 from ..protocols import JumpingGains, Smoothable
 from ..results import Info, Interval, Names, Sample, outcome_code
 from . import belief, uncertain
@@ -208,19 +208,24 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         if self.uncertainty is None or self.uncertainty.treat == "estimated":
             return None
         end = state.mean.shape[0] - self.gain.mean.shape[0]
-        return slice(end - self._uncertain, end)
+        return slice(end - self.uncertain_entries, end)
 
     @property
-    def _uncertain(self) -> int:
+    def uncertain_entries(self) -> int:
         """The number of uncertain entries of the model."""
         found = self._ready.ready.tangents
         return 0 if found is None else found.count
+
+    def skewed(self, quantiles: Array) -> Array:
+        """The quantiles (p, 5) of the gains with the skew of a quotient where the B that they multiply is uncertain."""
+        found = self._ready.ready.tangents
+        return skewed(quantiles) if found is not None and found.skew else quantiles
 
     def tell(self, state: Belief) -> Info:
         """Mean and covariance of a belief about (x, θ), in the user's units."""
         p = self.gain.mean.shape[0]
         end = state.mean.shape[0] - p
-        n = end - self._uncertain
+        n = end - self.uncertain_entries
         covariance, extra, diffuse = state.covariance, {}, None
         extra["state_gain_covariance"] = covariance[:n, end:]
         if state.diffuse.shape[1]:
@@ -228,7 +233,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
             extra["gain_diffuse_covariance"] = diffuse[end:, end:]
         quantiles = None
         if self.uncertainty is not None:
-            found = uncertain.skewed(self._ready, gaussian_quantiles(state.mean[end:], covariance[end:, end:]))
+            found = self.skewed(gaussian_quantiles(state.mean[end:], covariance[end:, end:]))
             unknown = jnp.sum(state.diffuse[end:] ** 2, axis=1) > 0
             quantiles = jnp.where(unknown[:, None], jnp.nan, found)
         return Info(
@@ -289,7 +294,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
 
     def _cross_noise(self, model: SampledModel):
         """Ω of (x, θ): the process noise of θ is independent of the noise of the outputs."""
-        p = self.gain.mean.shape[0] + self._uncertain
+        p = self.gain.mean.shape[0] + self.uncertain_entries
         return None if model.Ω is None else jnp.concatenate([model.Ω, jnp.zeros((p, model.Ω.shape[1]))])
 
     def _forget(self, state: Belief) -> Belief:
