@@ -103,8 +103,8 @@ def write(closed: ClosedLoop, model: StateSpace, seed: int, out: Path) -> str:
 
     table = pd.DataFrame(columns(closed, model))
     writing.write(out, lambda stream: stream.write(table.to_csv(index=False).encode()), option="--out")
-    told = json.dumps(truth(closed, model, seed)).encode()
-    writing.write(truth_path(out), lambda stream: stream.write(told), option="--out")
+    content = json.dumps(truth(closed, model, seed)).encode()
+    writing.write(truth_path(out), lambda stream: stream.write(content), option="--out")
     size = f"{counted(len(table), 'row')} of {counted(len(table.columns), 'column')}"
     return f"Wrote {size} to {out}, and the true values to {truth_path(out)}."
 

@@ -50,8 +50,8 @@ def jump(channel: np.ndarray) -> tuple[int, str, str] | None:
 
 def _stays(far: np.ndarray) -> bool:
     """Whether some jump is not taken back by the next sample, as that of a single large value is, or there are many."""
-    beside = np.concatenate([[False], far[:-1]]) | np.concatenate([far[1:], [False]])
-    return bool(np.any(far & ~beside) or far.sum() > 2)
+    neighbour = np.concatenate([[False], far[:-1]]) | np.concatenate([far[1:], [False]])
+    return bool(np.any(far & ~neighbour) or far.sum() > 2)
 
 
 def _at_the_ends(v: np.ndarray, before: np.ndarray, after: np.ndarray, period: float, near: float) -> bool:

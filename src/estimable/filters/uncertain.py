@@ -38,7 +38,7 @@ def parts(mean: Array, q: int, p: int) -> Parts:
     return Parts(mean[:n], mean[n : n + q], jnp.concatenate([jnp.ones(1), mean[n + q :]]))
 
 
-def beside(state: Belief, tangents: Tangents) -> Belief:
+def with_entries(state: Belief, tangents: Tangents) -> Belief:
     """The belief about (x, φ) before the record."""
     zeros, sigma = jnp.zeros(tangents.count), jnp.asarray(tangents.sigma)
     φ = Belief(zeros, jnp.eye(tangents.count) * sigma[:, None], jnp.zeros((tangents.count, 0)), zeros, jnp.zeros(()))

@@ -26,7 +26,7 @@ from .belief import Belief
 from .input_noise import refuse_unknown_input, with_input_noise
 from .sample_noise import noise_of
 
-WIDEST = 0.05  # standard deviation of a gain beside which the scale of B can be estimated
+WIDEST = 0.05  # standard deviation of a gain next to which the scale of B can be estimated
 
 
 @frozen
@@ -175,7 +175,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         ready = self._ready.ready
         state = belief.believe(prior, ready.point.states, ready.added)
         if ready.tangents is not None:
-            state = uncertain.beside(state, ready.tangents)
+            state = uncertain.with_entries(state, ready.tangents)
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:

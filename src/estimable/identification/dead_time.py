@@ -20,7 +20,7 @@ WITHIN = 6.6  # of 2 log L: the delays that fit as well
 MOST, LARGEST = 100, 10_000
 SURE = 1e-3  # p-value from which no effect of the input is seen
 EDGE = 4  # delays at the end of the scan that may be the foot of a larger one
-NEAR = 2  # delays beside those that fit as well, which output-error fits decide between
+NEAR = 2  # delays next to those that fit as well, which output-error fits decide between
 
 
 def dead_time(record: Record | Sequence[Record], *, most: int = MOST) -> DeadTime:

@@ -49,6 +49,7 @@ def quantiles(
     inverse = 1 / jnp.maximum(sd, NARROWEST * widest + 1e-300)
 
     def distribution(x: Real) -> Real:
+        """The weighted sum of the normal distributions at x (g, q)."""
         z = (x[:, :, None] - mean[:, None]) * inverse[:, None]
         return jnp.sum(weight[None, None] * normal_distribution(z), axis=2)
 
@@ -61,6 +62,7 @@ def inverted(
     """The numbers at which the distribution of each row is `LEVELS`, by bisection between `low` and `high`."""
 
     def halve(_: int | Real, ends: tuple[Real, Real]) -> tuple[Real, Real]:
+        """The half of each interval that holds its number."""
         low, high = ends
         middle = (low + high) / 2
         right = distribution(middle) < LEVELS[None]
