@@ -180,3 +180,13 @@ def test_a_record_in_microseconds_is_read_with_its_unit_on_a_grid(run, tmp_path,
     assert run(*CALL, "kalman", "--time-unit", "us", "--grid", "0").stderr == (
         "Error: flight.csv: `grid` must be greater than 0 seconds. Got 0.\n"
     )
+
+
+def test_stamps_are_moved_by_options(run):
+    late = ("--grid", 0.01, "--delay", "alpha_deg=0.01", "--delay", "pitch_rate_deg_s=0.01")
+    other = ("--grid", 0.01, "--offset", "alpha_deg=-0.01", "--offset", "pitch_rate_deg_s=-0.01")
+    said = [run(*CALL, "kalman", *options, "--json").json for options in (late, other)]
+    assert said[0]["mean"] == said[1]["mean"] != run(*CALL, "kalman", "--json").json["mean"]
+    answer = run(*CALL, "kalman", "--grid", 0.01, "--offset", "alpha_deg", "--offset", "=2")
+    assert (answer.code, answer.stderr.count("--offset needs NAME=SECONDS, as in --offset gps=0.2. Got")) == (2, 2)
+    assert "give `grid` in seconds" in run(*CALL, "kalman", "--delay", "alpha_deg=0.01").stderr

@@ -123,6 +123,16 @@ def test_late_stamps_are_moved_back():
     assert_allclose(found.u.ravel(), np.arange(9.0) + 0.5)
 
 
+def test_columns_of_a_table_are_moved_by_their_delay_and_their_offset():
+    table = pd.DataFrame({"time": np.arange(9.0), "gx": np.arange(9.0), "m1": np.arange(9.0)})
+    named = {"outputs": {"rate": "gx"}, "inputs": ["m1"], "time": "time", "grid": 1.0}
+    late = es.Record.from_pandas(table, **named, delay={"gx": 2.0}, offset={"m1": -2.0})
+    assert_array_equal(late.y, late.u)
+    assert_array_equal(late.t, np.arange(-2.0, 7.0))
+    half = es.Record.from_pandas(table, **named, delay={"rate": 2.0, "m1": 2.5})
+    assert_allclose(half.u.ravel()[:-1], np.arange(8.0) + 0.5)
+
+
 def test_topics_of_two_clocks_need_their_offset():
     topics = (
         gyro(np.arange(9.0), np.arange(9.0), clock="boot"),
@@ -281,6 +291,11 @@ def test_a_table_is_refused_with_the_option_that_helps():
     for options, sentence in (
         ({"grid": 1.0}, "`grid` places samples by their times: give `time`, the column that holds them."),
         ({"time": "time", "delay": {"gx": 0.1}}, "`delay` moves samples to other rows: give `grid` in seconds."),
+        ({"time": "time", "offset": {"gx": 0.1}}, "`offset` moves samples to other rows: give `grid` in seconds."),
+        (
+            {"time": "time", "grid": 1.0, "offset": {"gz": 0.1}},
+            "`offset` names 'gz', which is none of 'gx'.",
+        ),
         ({"dt": 1.0, "max_gap": 1.0}, "`max_gap` needs times: give `time`, the column that holds them."),
         (
             {"time": "time", "grid": 1.0, "inputs": ["u"], "arrived": "came"},

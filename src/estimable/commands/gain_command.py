@@ -22,7 +22,7 @@ def gain(
     settings: options.Set = None,
     reading: Any = None,
     healthy: options.Healthy = None,
-    offset: options.Offset = True,
+    no_offset: options.NoOffset = False,
     as_given: options.AsGiven = False,
     machine: options.Machine = False,
 ) -> None:
@@ -39,7 +39,7 @@ def gain(
     """
     check_destination("--report", report, ".html", record=record)
     with show.working("Estimating the gain"):
-        run = _run(name, record, model, settings or (), reading, _span(healthy), offset, as_given)
+        run = _run(name, record, model, settings or (), reading, _span(healthy), not no_offset, as_given)
     again = gain_text.command_of(run, "gain", settings or (), reading)
     present("gain", run, machine, report, command=f"{again} --report report.html")
     if not machine:

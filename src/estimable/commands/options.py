@@ -38,6 +38,10 @@ GRID_HELP = "Place the samples on a grid of so many seconds."
 START_HELP = "The first time of the record, in seconds."
 STOP_HELP = "The last time of the record, in seconds."
 MAX_GAP_HELP = "Nothing connects across a longer step, in seconds."
+DELAY_HELP = "The stamps of a column are so many seconds late, such as gps=0.2. Needs --grid. May be repeated."
+CLOCK_HELP = (
+    "Seconds to add to the stamps of a column on another clock, such as gps=-12.5. Needs --grid. May be repeated."
+)
 HOLD_HELP = "How the input varies between samples: zero_order or first_order."
 LOST_HELP = "What the actuator applies when a packet is lost: zero or hold."
 ARRIVED_HELP = "A column that shows whether the input arrived (1) or not (0). Repeat it for several inputs."
@@ -45,7 +49,7 @@ NA_HELP = "A number that marks a missing value, such as -9999. May be repeated."
 OUT_HELP = "Write the estimates of all samples to this .csv file."
 REPORT_HELP = "Write an interactive report to this .html file."
 HEALTHY_HELP = "Fit the noise to these seconds, such as 0:8. Default: up to the first change."
-OFFSET_HELP = "Whether offsets of the state equations are estimated."
+NO_OFFSET_HELP = "Do not estimate offsets of the state equations."
 AS_GIVEN_HELP = "Use the model file as it is: no fitted noise, no offsets, no errors of the model."
 JSON_HELP = "Write JSON to stdout."
 
@@ -69,6 +73,8 @@ Grid = Annotated[float | None, _option("--grid", "SECONDS", GRID_HELP)]
 Start = Annotated[float | None, _option("--start", "SECONDS", START_HELP)]
 Stop = Annotated[float | None, _option("--stop", "SECONDS", STOP_HELP)]
 MaxGap = Annotated[float | None, _option("--max-gap", "SECONDS", MAX_GAP_HELP)]
+Delay = Annotated[list[str] | None, _option("--delay", "NAME=SECONDS", DELAY_HELP)]
+ClockOffset = Annotated[list[str] | None, _option("--offset", "NAME=SECONDS", CLOCK_HELP)]
 Hold = Annotated[str | None, _option("--hold", "HOW", HOLD_HELP)]
 Lost = Annotated[str | None, _option("--lost", "WHAT", LOST_HELP)]
 Arrived = Annotated[list[str] | None, _option("--arrived", "NAME", ARRIVED_HELP)]
@@ -76,7 +82,7 @@ Na = Annotated[list[float] | None, _option("--na", "NUMBER", NA_HELP)]
 Out = Annotated[Path | None, _option("--out", "PATH", OUT_HELP)]
 Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
 Healthy = Annotated[str | None, _option("--healthy", "FROM:TO", HEALTHY_HELP)]
-Offset = Annotated[bool, _option("--offset/--no-offset", None, OFFSET_HELP)]
+NoOffset = Annotated[bool, _option("--no-offset", None, NO_OFFSET_HELP)]
 AsGiven = Annotated[bool, _option("--as-given", None, AS_GIVEN_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
 Version = Annotated[bool, _option("--version", None, "Print the version and exit.")]

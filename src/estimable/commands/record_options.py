@@ -2,10 +2,11 @@
 
 import inspect
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import Any
 
+from .. import checks
 from . import options
 
 READING = {  # argument of `read_record`: (its parameter of a command, its type)
@@ -19,11 +20,15 @@ READING = {  # argument of `read_record`: (its parameter of a command, its type)
     "start": ("start", options.Start),
     "stop": ("stop", options.Stop),
     "max_gap": ("max_gap", options.MaxGap),
+    "delay": ("delay", options.Delay),
+    "offset": ("offset", options.ClockOffset),
     "hold": ("hold", options.Hold),
     "lost": ("lost", options.Lost),
     "arrived": ("arrived", options.Arrived),
     "na_values": ("na", options.Na),
 }
+
+SECONDS = ("delay", "offset")  # arguments {name: seconds}
 
 
 def reads_a_record(command: Callable[..., None]) -> Callable[..., None]:
@@ -41,12 +46,28 @@ def reads_a_record(command: Callable[..., None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         given = {argument: values.pop(name) for argument, (name, _) in READING.items()}
         reading = {argument: None if value == [] else value for argument, value in given.items()}
+        reading |= {name: _seconds_of(name, reading[name]) for name in SECONDS if reading[name] is not None}
         command(reading=reading, **values)
 
     del run.__wrapped__  # type: ignore[attr-defined]  Typer would read its signature
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+def _seconds_of(option: str, texts: Sequence[str]) -> dict[str, float]:
+    """{name: seconds} of texts NAME=SECONDS."""
+    faults, found = checks.Faults(), {}
+    for text in texts:
+        name, _, seconds = text.rpartition("=")
+        try:
+            found[name] = float(seconds)
+        except ValueError:
+            name = ""
+        if not name:
+            faults.add(f"--{option} needs NAME=SECONDS, as in --{option} gps=0.2. Got {text!r}.")
+    faults.finish()
+    return found
 
 
 def as_words(reading: Mapping[str, Any]) -> list[str]:
@@ -58,6 +79,7 @@ def as_words(reading: Mapping[str, Any]) -> list[str]:
     words = []
     for argument, value in reading.items():
         option = f"--{READING[argument][0].replace('_', '-')}"
-        for one in value if isinstance(value, list) else [value]:
+        each = [f"{name}={seconds}" for name, seconds in value.items()] if isinstance(value, Mapping) else value
+        for one in each if isinstance(each, list) else [each]:
             words += [] if one is None else [option, shlex.quote(str(one))]
     return words

@@ -39,6 +39,10 @@ class Choice(NamedTuple):
         for name in ("delay", "offset"):
             _check_seconds(name, getattr(self, name), faults)
 
+    def late(self, *names: str) -> float:
+        """By how many seconds stamps are late: the delay of the first of these names that has one."""
+        return next((float(self.delay[name]) for name in names if name in self.delay), 0.0)
+
 
 def _check_seconds(name: str, given: Mapping[str, float], faults: checks.Faults) -> None:
     if not isinstance(given, Mapping):
@@ -64,7 +68,9 @@ def chosen(
     }
     faults.finish()
     used = {topic.name: topic for kind in found.values() for topic, _ in kind.values()}  # type: ignore[misc]
-    _check_keys(choice, used, [name for kind in found.values() for name in kind], faults)
+    names = [name for kind in found.values() for name in kind]
+    _check_keys("delay", choice.delay, [*used, *names], faults)
+    _check_keys("offset", choice.offset, [*used], faults)
     zero, origin = _common_zero(list(used.values()), origin, choice, faults)
     _check_one_topic(found["outputs"], choice, faults)
     faults.finish()
@@ -86,7 +92,7 @@ def chosen(
 def _stamps(outputs: Mapping[str, Any], times: Mapping[str, np.ndarray], choice: Choice) -> np.ndarray:
     """The rows without a grid: the stamps of the topic of the outputs."""
     name, (topic, _) = next(iter(outputs.items()))
-    return np.unique(times[topic.name] - _late(name, topic, choice))
+    return np.unique(times[topic.name] - choice.late(name, topic.name))
 
 
 def row_arguments(
@@ -133,13 +139,17 @@ def table_arguments(channels: dict[str, Any], choice: Choice, faults: checks.Fau
     if channels["sigma"] is not None:
         faults.add("`sigma` belongs to the rows of the table, which `grid` replaces: leave one of them out.")
     faults.finish()
-    t = np.asarray(channels["t"])
+    t, columns = np.asarray(channels["t"]), dict(channels["sources"])
+    names = [*channels["outputs"], *channels["inputs"]]
+    for option in ("delay", "offset"):
+        _check_keys(option, getattr(choice, option), [*names, *columns.values()], faults)
 
     def signals(kind: str, values: np.ndarray) -> list[Signal]:
-        late = [choice.delay.get(name, choice.delay.get("", 0.0)) for name in channels[kind]]
-        every = [
-            Signal(name, t - delay, column) for name, delay, column in zip(channels[kind], late, values.T, strict=True)
-        ]
+        every = []
+        for name, column in zip(channels[kind], values.T, strict=True):
+            keys = [name, columns.get(name, name)]
+            later = next((float(choice.offset[key]) for key in keys if key in choice.offset), 0.0)
+            every.append(Signal(name, t + later - choice.late(*keys), column))
         return [without_repeats(one, "the time column", choice.repeated, faults) for one in every]
 
     outputs, inputs = signals("outputs", y), signals("inputs", u)
@@ -150,8 +160,9 @@ def table_arguments(channels: dict[str, Any], choice: Choice, faults: checks.Fau
 
 def _table_rows(channels: dict[str, Any], choice: Choice, faults: checks.Faults) -> dict[str, Any]:
     t = channels["t"]
-    if choice.delay:
-        faults.add("`delay` moves samples to other rows: give `grid` in seconds.")
+    for name in ("delay", "offset"):
+        if getattr(choice, name):
+            faults.add(f"`{name}` moves samples to other rows: give `grid` in seconds.")
     asked = [name for name in ("start", "stop", "max_gap", "repeated") if getattr(choice, name) is not None]
     if t is None and asked:
         faults.add(f"`{asked[0]}` needs times: give `time`, the column that holds them.")
@@ -202,14 +213,13 @@ def _find(channel: str, topics: Sequence[Topic], faults: checks.Faults) -> tuple
     return None
 
 
-def _check_keys(choice: Choice, used: dict[str, Topic], names: list[str], faults: checks.Faults) -> None:
-    """`delay` and `offset` must name topics (`delay` also channels) of the record."""
-    for option, given, allowed in (("delay", choice.delay, [*used, *names]), ("offset", choice.offset, [*used])):
-        for key in given:
-            if key not in allowed:
-                faults.add(
-                    f"`{option}` names {key!r}, which is none of {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
-                )
+def _check_keys(option: str, given: Mapping[str, float], allowed: list[str], faults: checks.Faults) -> None:
+    """What `delay` and `offset` name must be a part of the record."""
+    for key in given:
+        if key not in allowed:
+            faults.add(
+                f"`{option}` names {key!r}, which is none of {checks.listed(allowed)}.{checks.suggestion(key, allowed)}"
+            )
 
 
 def _common_zero(
@@ -240,15 +250,10 @@ def _check_one_topic(outputs: Mapping[str, Any], choice: Choice, faults: checks.
         faults.add(
             f"the outputs are of the topics {checks.listed(topics)}, which have different stamps: give `grid` in seconds."
         )
-    elif len({choice.delay.get(name, choice.delay.get(topics[0], 0.0)) for name in outputs}) > 1:
+    elif len({choice.late(name, topics[0]) for name in outputs}) > 1:
         faults.add(
             "the outputs are late by different times (`delay`), so that their stamps differ: give `grid` in seconds."
         )
-
-
-def _late(name: str, topic: Topic, choice: Choice) -> float:
-    """By how many seconds the stamps of a channel are late."""
-    return float(choice.delay.get(name, choice.delay.get(topic.name, 0.0)))
 
 
 def _signal(
@@ -264,7 +269,7 @@ def _signal(
     values = values.astype(float, copy=False)
     if not check_stamps(t, label, faults):
         return Signal(name, t, values)
-    late = _late(name, topic, choice)
+    late = choice.late(name, topic.name)
     return without_repeats(Signal(name, t - late if late else t, values), label, choice.repeated, faults)
 
 

@@ -41,6 +41,7 @@ def read_record(
     stop: float | None = None,
     max_gap: float | None = None,
     delay: Mapping[str, float] | None = None,
+    offset: Mapping[str, float] | None = None,
     arrived: str | Sequence[str] | None = None,
     lost: str = "zero",
     hold: str = "zero_order",
@@ -64,7 +65,8 @@ def read_record(
       over the row of what was held (`hold="zero_order"`) or linear between their samples. None: the rows are those of the file.
     - `start`, `stop`: the first and last time of the record in seconds.
     - `max_gap`: nothing connects across a longer step (seconds), and on a grid an older input is not known.
-    - `delay`: {column: seconds} by which its stamps are late. It needs `grid`.
+    - `delay`: {column: seconds} by which its stamps are late. `offset`: {column: seconds} to add to its stamps, where they count
+      from another zero than those of the outputs. Both need `grid`.
     - `units`: {channel: unit}, for figures and reports.
     - `angles`: {channel: "rad", "deg", a period or a range} of the channels that are angles, as in `Record`.
     - `sigma`: {output: column} of the standard deviations of the noise, for outputs whose noise changes from row to row.
@@ -83,8 +85,8 @@ def read_record(
         frame = _read_frame(found, _wanted(outputs, inputs, time, arrived))
         return Record.from_pandas(
             frame, outputs=outputs, inputs=inputs, time=time, dt=dt, time_unit=time_unit, time_format=time_format, zone=zone,
-            repeated=repeated, grid=grid, start=start, stop=stop, max_gap=max_gap, delay=delay, arrived=arrived, lost=lost,
-            hold=hold, units=units, angles=angles, sigma=sigma, na_values=na_values,
+            repeated=repeated, grid=grid, start=start, stop=stop, max_gap=max_gap, delay=delay, offset=offset, arrived=arrived,
+            lost=lost, hold=hold, units=units, angles=angles, sigma=sigma, na_values=na_values,
         )  # fmt: skip
     except checks.InputError as error:
         raise checks.InputError(*(f"{path}: {fault}" for fault in error.faults)) from None

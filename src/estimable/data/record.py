@@ -158,6 +158,7 @@ class Record:
         stop: float | None = None,
         max_gap: float | None = None,
         delay: Mapping[str, float] | None = None,
+        offset: Mapping[str, float] | None = None,
         arrived: str | Sequence[str] | None = None,
         lost: str = "zero",
         hold: str = "zero_order",
@@ -174,7 +175,7 @@ class Record:
         Raises `InputError` if a column is missing or holds anything but numbers; the message names the row.
         """
         faults = checks.Faults()
-        choice = Choice(grid, start, stop, max_gap, delay or {}, {}, repeated, hold)
+        choice = Choice(grid, start, stop, max_gap, delay or {}, offset or {}, repeated, hold)
         choice.check(faults)
         faults.finish()
         channels = channels_of(

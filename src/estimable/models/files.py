@@ -38,6 +38,7 @@ KEYS = {
         "stop",
         "max_gap",
         "delay",
+        "offset",
         "hold",
         "lost",
         "units",
