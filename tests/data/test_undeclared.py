@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from estimable.data.undeclared import jump
+from estimable import checks
+from estimable.data.undeclared import check, jump
 
 
 def headings(count, period, lower):
@@ -22,6 +23,11 @@ def headings(count, period, lower):
 def test_a_heading_that_wraps_is_pointed_out(period, unit, share):
     found = [jump(one) for one in headings(50, period, share * period)]
     assert all(one is not None and one[2] == unit for one in found)
+    for logged in headings(50, period, share * period):
+        bank = np.stack([logged[:, None], np.full((len(logged), 1), np.nan)])
+        faults = checks.Faults()
+        check(bank, ["yaw"], [], faults)
+        assert len(faults.sentences) == 1
 
 
 def test_the_row_is_that_after_the_jump():

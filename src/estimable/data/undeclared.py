@@ -14,6 +14,7 @@ SMOOTH = 0.04  # of a turn: median step of a channel in which even a pair of jum
 USUAL = 0.1  # of a turn: the same, of the median step
 NEAREST = 0.25  # of a turn: the same, at most
 FEWEST = 40  # known samples: fewer may jump by about a turn by chance
+HEAD = 50  # rows: a channel in which a step of these is neither ordinary nor a turn is no angle, and is looked at no further
 OFTEN = 0.05  # of the samples: between the ends, or at jumps; else the channel steps from level to level
 
 
@@ -27,14 +28,14 @@ def jump(channel: np.ndarray) -> tuple[int, str, str] | None:
     if len(rows) < FEWEST:
         return None
     apart, v = np.diff(rows), channel[rows]
-    together = apart == np.median(apart)  # a step over missing rows is longer than others
+    together = apart == apart.min()  # a step over missing rows is longer than others
     before, after = v[:-1][together], v[1:][together]
     span, step = np.ptp(v), after - before
     for period, words, unit in TURNS:
         if span < period / 2:
             continue
         far = np.abs(step) > period / 2
-        rest = np.abs(step - period * np.round(step / period))
+        rest = _from_a_turn(step, period)
         if not far.any() or rest.max() > ORDINARY * period or np.median(rest[~far]) > USUAL * period:
             continue
         smooth = np.median(rest[~far]) <= SMOOTH * period
@@ -46,6 +47,22 @@ def jump(channel: np.ndarray) -> tuple[int, str, str] | None:
         ):
             return int(rows[1:][together][np.argmax(far)]), words, unit
     return None
+
+
+def _from_a_turn(step: np.ndarray, period: float) -> np.ndarray:
+    """How far each step is from the nearest multiple of a turn."""
+    return np.abs(step - period * np.round(step / period))
+
+
+def _may_jump(y: np.ndarray) -> np.ndarray:
+    """Whether the whole of a channel need be looked at, by its first rows: y (.., T, p), the answer (.., p)."""
+    span = np.fmax.reduce(y, axis=None, initial=-np.inf) - np.fmin.reduce(y, axis=None, initial=np.inf)
+    step = np.diff(y[..., :HEAD, :], axis=-2)
+    may = np.zeros((*y.shape[:-2], y.shape[-1]), bool)
+    for period, *_ in TURNS:
+        if span >= period / 2:
+            may |= ~np.any(_from_a_turn(step, period) > ORDINARY * period, axis=-2)
+    return may
 
 
 def _stays(far: np.ndarray) -> bool:
@@ -69,10 +86,11 @@ def _at_the_ends(v: np.ndarray, before: np.ndarray, after: np.ndarray, period: f
 
 def check(y: np.ndarray, names: Sequence[str], known: Sequence[str], faults: checks.Faults) -> None:
     """Point out each channel of y (.., T, p) that jumps by a turn. `known`: names whose declaration says what they are."""
+    may = _may_jump(y)
     for j, name in enumerate(names):
         if name in known:
             continue
-        for run in y[..., j].reshape(-1, y.shape[-2]):
+        for run in y[..., j][may[..., j]].reshape(-1, y.shape[-2]):
             if (found := jump(run)) is not None:
                 row, words, unit = found
                 faults.add(
