@@ -84,9 +84,3 @@ def test_no_page_shows_a_number_that_nobody_can_read():
     wild = Ranked(OutputErrorML(1, 0), None, None, np.array([-5.7e15]), np.array([50.0]), 7.4e5, diverged=True)
     assert (wild.shown_fit, wild.shown_behind) == ("diverged", "> 1000")
     assert not wild.alike
-
-
-def test_residuals_of_an_autoregression_are_found_by_its_order():
-    w = lfilter([1], [1, -1.2, 0.5], np.random.default_rng(0).normal(size=5000))
-    np.testing.assert_allclose(judge.autoregression(w), [-1.2, 0.5], atol=0.05)
-    assert len(judge.autoregression(np.random.default_rng(1).normal(size=5000))) <= 1

@@ -52,7 +52,7 @@ def test_of_one_output_it_is_ordinary_least_squares():
     one = Record(record.y[:, :1], record.u, dt=1)
     coupled, ordinary = (identify(method, one) for method in (CoupledLeastSquares(2, 1), LeastSquares(2, 1)))
     assert_allclose(coupled.parameters, ordinary.parameters, rtol=1e-9)
-    assert_allclose(coupled.covariance, ordinary.covariance, rtol=1e-9)
+    assert_allclose(coupled.covariance, ordinary.covariance_white, rtol=1e-9)
     assert_allclose(coupled.validation.one_step_fit, ordinary.validation.one_step_fit, rtol=1e-6)
 
 

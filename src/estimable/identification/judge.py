@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernels.coloured_noise import colour
+
 EXPLAINED = 5.0  # per cent of fit
 SIGNIFICANT = 3.0  # t of the regression of y on x
-ORDERS = 10  # most of the autoregression of its residuals
 ROUNDS = 4  # of generalised least squares
 SEGMENTS = 10
 DIVERGED = 2.0  # rms error in spreads of the output
@@ -100,7 +101,9 @@ def significance(x: np.ndarray, y: np.ndarray) -> float:
         residual = white[rows] - driven[rows] @ g
         inverse = np.linalg.pinv(driven[rows].T @ driven[rows])
         scale = np.sqrt(max(residual @ residual / max(rows.sum() - 2, 1) * inverse[1, 1], np.finfo(float).tiny))
-        t, a = float(g[1] / scale), autoregression(target - X @ g)
+        left = target - X @ g
+        at = np.flatnonzero(np.isfinite(left))
+        t, a = float(g[1] / scale), colour(left[at], at).a
     return t
 
 
@@ -109,26 +112,4 @@ def _filtered(a: np.ndarray, x: np.ndarray) -> np.ndarray:
     found = x.copy()
     for lag, one in enumerate(a, 1):
         found = found + one * np.concatenate([np.full(lag, np.nan), x[:-lag]])
-    return found
-
-
-def autoregression(w: np.ndarray) -> np.ndarray:
-    """a1 .. ap of w[k] + a1 w[k-1] + .. = white, from pairwise autocovariances, with p at most 10 by BIC."""
-    seen = np.isfinite(w)
-    z, N = np.where(seen, w, 0.0), int(seen.sum())
-    most = min(ORDERS, N // 10)
-    pairs = [int((seen[lag:] & seen[: len(w) - lag]).sum()) for lag in range(most + 1)]
-    r = np.array([z[lag:] @ z[: len(w) - lag] / n if n else 0.0 for lag, n in enumerate(pairs)])
-    best, found, a, variance = np.log(max(r[0], np.finfo(float).tiny)), np.zeros(0), np.zeros(0), r[0]
-    for p in range(1, most + 1):  # Levinson's recursion
-        if variance <= 0:
-            break
-        k = -(r[p] + a @ r[p - 1 : 0 : -1]) / variance if p > 1 else -r[1] / variance
-        if abs(k) >= 1:
-            break
-        a = np.append(a + k * a[::-1], k)
-        variance = variance * (1 - k * k)
-        bic = np.log(max(variance, np.finfo(float).tiny)) + p * np.log(N) / N
-        if bic < best:
-            best, found = bic, a
     return found

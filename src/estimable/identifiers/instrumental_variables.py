@@ -11,7 +11,8 @@ from ..analysis.excitation import excitation_check
 from ..data.record import Record
 from ..frozen import frozen, replace, static
 from ..kernels.auxiliary_model import stabilise
-from ..kernels.banded import correlated, whitened
+from ..kernels.banded import whitened
+from ..kernels.coloured_noise import colour, moments
 from ..kernels.regression import regress
 from ..models.arx import ARX, arx_names
 from ..protocols import Identifier
@@ -21,7 +22,6 @@ from .realised import check_records
 from .standing import validation_of
 
 ROUNDS = 4  # alternating auxiliary model, weights and parameters
-LAGS = 20  # beyond na + nb, up to which the weighted noise is taken to be correlated
 
 
 class Weighed(NamedTuple):
@@ -50,10 +50,10 @@ class InstrumentalVariables(Identifier):
     The instruments Z are the noise-free outputs of the last model. Z and the regressors Φ of the equations are weighted as
     for white noise on the outputs, for which these weights are optimal (refined instrumental variables). An equation with a
     missing output is left out. The covariance is (Z'Φ)^-1 S (Φ'Z)^-1 with S = Σ_kl z_k r_|k-l| z_l'. Here z_k is row k of Z,
-    and r the autocovariance of the weighted residuals up to lag 20 + na + nb. For long records this is right for any colour
-    of the noise.
+    and r the autocovariance of an autoregression of the weighted residuals. For long records this is right for any colour of
+    the noise.
 
-    Cost: four rounds of O(T d q) operations, with T samples, d parameters and q = 20 + na + nb lags.
+    Cost: four rounds of O(T d log T) operations, with T samples and d parameters.
 
     Reference: L. Ljung, System Identification (1999) §7.6, §15.3; T. Söderström, P. Stoica (1983).
 
@@ -134,6 +134,7 @@ class InstrumentalVariables(Identifier):
         scale = 1 / np.maximum(np.linalg.norm(Z, axis=0), np.finfo(float).tiny)
         inverse = np.linalg.pinv((Z * scale).T @ (Φ * scale)) * np.outer(scale, scale)
         new = inverse @ (Z.T @ y)
-        S = correlated(Z, y - Φ @ new, rows.at, self.na + self.nb + LAGS) * len(y) / max(len(y) - d, 1)
+        e = y - Φ @ new
+        S = float(e @ e) / max(len(y) - d, 1) * moments(Z, rows.at, colour(e, rows.at))
         e = rows.y - rows.Φ @ new
         return Weighed(new, inverse @ S @ inverse.T, float(e @ e) / max(len(e) - d, 1), Z.T @ Z)

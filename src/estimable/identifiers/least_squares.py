@@ -10,17 +10,24 @@ from .. import checks
 from ..analysis.excitation import excitation_check
 from ..data.record import Record
 from ..frozen import frozen, static
+from ..kernels.coloured_noise import ORDERS, colour, moments
 from ..kernels.regression import Regression, lagged, regress
 from ..models.arx import ARX, arx_names
 from ..protocols import Identifier
 from ..results import Fit
 from .standing import validation_of
+from .validation import sigma_check
+
+NOT_THE_PLANT = (
+    "The residuals are predictable: the parameters and their sigma are those of the best one-step predictor of this form, not "
+    "of the plant. Use OutputErrorML, PredictionError or InstrumentalVariables, or raise the orders."
+)
 
 
 class OutputEquations(NamedTuple):
     """The equations of one output: Φ (N, d), y (N,), and `at` (N,), in steps from row 0 of the first record.
 
-    Records are separated by as many steps as a row reaches back, so that no two of their rows appear correlated.
+    Records lie so far apart that no two of their rows appear correlated.
     """
 
     Φ: np.ndarray
@@ -43,9 +50,10 @@ class LeastSquares(Identifier):
     `offset`: whether a constant c is fitted to each output (signals in absolute units need it; nothing is subtracted).
 
     An equation with a missing output or input is left out, for that output only; so are the first max(na, nb + delay) of each
-    record. The covariance is σ² (Φ'Φ)^-1 with Φ the matrix of regressors and σ² = e'e / (N - d), for N equations and d
-    parameters. Directions of the parameters without information are in `fit.undetermined`, and the covariance is that of the
-    other directions. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
+    record. The covariance is σ² H^-1 M H^-1 with H = Φ'Φ, Φ the matrix of regressors, σ² = e'e / (N - d) for N equations and d
+    parameters, and the spectrum of the residuals in M; `fit.covariance_white` is σ² (Φ'Φ)^-1. Neither contains the bias under
+    noise on the outputs. Directions of the parameters without information are in `fit.undetermined`, and the covariance is that
+    of the other directions. `fit.validation.fit` is of the simulation, `one_step_fit` of one-step predictions.
 
     Cost: O(T d²) operations, with T samples and d parameters: 2 ms at T = 1000, d = 4.
 
@@ -78,14 +86,12 @@ class LeastSquares(Identifier):
 
         Raises `InputError` where an output has no complete equation.
         """
-        return self._assembled(records, self._regressions(records))
+        rows = self.complete_rows(records)
+        return self._assembled(records, rows, [regress(one.Φ, one.y) for one in rows])
 
     def model(self, records: Sequence[Record]) -> ARX:
         """The model of the fit alone."""
-        return self._model(records[0], self._regressions(records))
-
-    def _regressions(self, records: Sequence[Record]) -> list[Regression]:
-        return [regress(one.Φ, one.y) for one in self.complete_rows(records)]
+        return self._model(records[0], [regress(one.Φ, one.y) for one in self.complete_rows(records)])
 
     def complete_rows(self, records: Sequence[Record]) -> list[OutputEquations]:
         """The complete equations of each output. Raises `InputError` where one has none."""
@@ -99,7 +105,7 @@ class LeastSquares(Identifier):
         for record in records:
             one = self._equations(record, i)
             found.append(one._replace(at=one.at + start))
-            start += len(record) + max(self.na, self.nb + self.delay) + 1
+            start += 2 * len(record) + max(self.na, self.nb + self.delay) + ORDERS
         Φ, y, at = (np.concatenate(columns) for columns in zip(*found, strict=True))
         complete = ~np.isnan(y) & ~np.isnan(Φ).any(axis=1)
         return OutputEquations(Φ[complete], y[complete], at[complete])
@@ -133,20 +139,28 @@ class LeastSquares(Identifier):
             inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
 
-    def _assembled(self, records: Sequence[Record], found: list[Regression]) -> Fit:
+    def _assembled(self, records: Sequence[Record], rows: list[OutputEquations], found: list[Regression]) -> Fit:
         from scipy.linalg import block_diag
 
         first, model = records[0], self._model(records[0], found)
-        Σ = np.asarray(block_diag(*(one.variance * one.inverse for one in found)))
+        white = np.asarray(block_diag(*(one.variance * one.inverse for one in found)))
+        Σ = np.asarray(block_diag(*(coloured_inverse(*pair) for pair in zip(rows, found, strict=True))))
         M = np.asarray(block_diag(*(one.information / max(one.variance, 1e-300) for one in found)))
         free = np.asarray(block_diag(*(one.undetermined for one in found)))
         names = arx_names(self.na, self.nb, first.inputs, first.outputs, self.offset)
         excitation = excitation_check(M, names, free)
         likelihood = sum(_log_likelihood(one) for one in found)
+        validation = validation_of(model, records, [excitation, sigma_check(Σ, white, names)], NOT_THE_PLANT)
         return Fit(
-            model, model.parameters, Σ, names, validation_of(model, records, [excitation]), None, likelihood,
-            free if free.shape[1] else None, method=type(self).__name__,
+            model, model.parameters, Σ, names, validation, None, likelihood,
+            free if free.shape[1] else None, method=type(self).__name__, covariance_white=white,
         )  # fmt: skip
+
+
+def coloured_inverse(rows: OutputEquations, found: Regression) -> np.ndarray:
+    """The covariance of θ under the spectrum of the residuals."""
+    M = moments(rows.Φ, rows.at, colour(found.e, rows.at))
+    return found.variance * found.inverse @ M @ found.inverse
 
 
 def _log_likelihood(found: Regression) -> float:

@@ -18,7 +18,7 @@ from ..models.arx import ARX
 from ..protocols import Identifier
 from ..results import Fit
 from .coupled_least_squares import CoupledLeastSquares
-from .least_squares import LeastSquares, OutputEquations
+from .least_squares import LeastSquares, OutputEquations, coloured_inverse
 from .realised import impulse_names, whole
 from .standing import validation_of
 
@@ -51,8 +51,8 @@ class MarkovParameters(Identifier):
     - `observer`: for "observer", the number of terms of the ARX model. None: half of `length`.
 
     Rows with a missing value are left out, for that output only; so are the first `length` of each record. With Φ the matrix
-    of regressors and R the covariance of the noise, the covariance is σ² (Φ'Φ)^-1 ("ordinary") or (Φ' R^-1 Φ)^-1 ("best").
-    The ordinary one is too small or too large where the noise is not white.
+    of regressors and R the covariance of the noise, the covariance is that of `LeastSquares` ("ordinary": it holds in noise of
+    any colour) or (Φ' R^-1 Φ)^-1 ("best").
 
     Cost: O(T d²) operations, with T samples, m inputs and d = m (length + 1); "best" adds O(T q²), with q lags.
 
@@ -101,8 +101,7 @@ class MarkovParameters(Identifier):
         if self.weighting == "observer":
             return self._observed(records)
         first, p = records[0], len(records[0].outputs)
-        ordinary = LeastSquares(0, self.length, offset=self.offset)
-        rows = ordinary.complete_rows(records)
+        rows = LeastSquares(0, self.length, offset=self.offset).complete_rows(records)
         self._check(p)
         found = [self._regressed(one, i) for i, one in enumerate(rows)]
         θ = np.stack([one.θ for one in found])
@@ -112,7 +111,9 @@ class MarkovParameters(Identifier):
             np.zeros((p, 0)), θ[:, :d].reshape(p, -1, self.length + 1), noise_variance=noise, dt=float(first.dt or 0.0),
             offset=θ[:, -1] if self.offset else None, inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
-        spread = [fit.inverse * (fit.variance if self.weighting == "ordinary" else 1.0) for fit in found]
+        ordinary = self.weighting == "ordinary"
+        white = [fit.inverse * (fit.variance if ordinary else 1.0) for fit in found]
+        spread = [coloured_inverse(*pair) for pair in zip(rows, found, strict=True)] if ordinary else white
         free, M = (
             np.asarray(block_diag(*parts))
             for parts in zip(*((f.undetermined, f.information) for f in found), strict=True)
@@ -124,6 +125,7 @@ class MarkovParameters(Identifier):
         return Fit(
             model, θ.ravel(), np.asarray(block_diag(*spread)), names, validation_of(model, records, [excitation]),
             undetermined=free if free.shape[1] else None, method=type(self).__name__,
+            covariance_white=np.asarray(block_diag(*white)) if ordinary else None,
         )  # fmt: skip
 
     def _observed(self, records: Sequence[Record]) -> Fit:

@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagnostics.cramer_rao import scale_of, undetermined
+from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..kernels import impulse_start
 from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
+from ..kernels.coloured_noise import beyond, colour, moments, times
 from ..kernels.impulse_start import Datum
 
 CONVERGED = (
@@ -29,7 +30,7 @@ class Orders(NamedTuple):
 
 class OneOutput(NamedTuple):
     """The fit: θ (d,), the noise's variance, the information of θ with the past marginalised, residuals, log-likelihood;
-    and whether the search has converged."""
+    whether the search has converged; and the covariance of θ under the spectrum of the residuals."""
 
     parameters: np.ndarray
     noise_variance: float
@@ -37,6 +38,7 @@ class OneOutput(NamedTuple):
     residuals: tuple[np.ndarray, ...]
     log_likelihood: float
     converged: bool = True
+    covariance: np.ndarray | None = None
 
 
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
@@ -120,7 +122,23 @@ def _assembled(orders: Orders, data: Sequence[Datum], x: np.ndarray, noise_varia
     r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
     log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r)
     residuals = tuple(datum.y - out for datum, out in zip(data, _responses(orders, data, x), strict=True))
-    return OneOutput(x[:d], r, marginal(J.T @ J / r, d), residuals, log_likelihood)
+    M = marginal(J.T @ J / r, d)
+    Σ = coloured_covariance(M, J, e, times([datum.seen for datum in data]), r)
+    return OneOutput(x[:d], r, M, residuals, log_likelihood, covariance=Σ)
+
+
+def coloured_covariance(M: np.ndarray, J: np.ndarray, e: np.ndarray, at: np.ndarray, r: float) -> np.ndarray:
+    """The covariance of the first d unknowns, M (d, d) their information for white residuals of variance r."""
+    white, own = covariance(M), beyond(J[:, : len(M)], J[:, len(M) :])
+    return white @ moments(own, at, colour(e, at)) @ white / r
+
+
+def covariance(M: np.ndarray) -> np.ndarray:
+    """The inverse of the information along the determined directions; zero along the rest."""
+    scale = scale_of(M)
+    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    determined = values > UNTOLD * values.max(initial=0.0)
+    return (vectors[:, determined] / values[determined]) @ vectors[:, determined].T * np.outer(scale, scale)
 
 
 def marginal(M: np.ndarray, d: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Array
 from ..data.record import Record
-from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
+from ..diagnostics.cramer_rao import undetermined
 from ..frozen import frozen, set_field, static
 from ..kernels import impulse_start
 from ..kernels.impulse_start import Datum
@@ -17,11 +17,11 @@ from ..kernels.innovation_information import Search
 from ..models.output_error import OutputError
 from ..protocols import StartedIdentifier
 from ..results import Fit
-from .one_output import OneOutput, Orders, fit_output
+from .one_output import OneOutput, Orders, covariance, fit_output
 from .realised import check_lags
 from .recursive_output_error import RecursiveOutputError
 from .uncertain_inputs import expected, fit_uncertain
-from .validation import search_checks, validated
+from .validation import search_checks, sigma_check, validated
 
 INITIAL = ("rest", "free")
 LEAST_NOISE = 1e-10  # of the mean square of an output: noise variance that the recursion assumes for noise-free data
@@ -34,9 +34,9 @@ class OutputErrorML(StartedIdentifier):
     Model: `OutputError`; each output has its own polynomials. Outputs may be missing, and inputs are those that the actuator
     applied. Unknown inputs (not logged, or of unknown arrival as with UDP) enter with their means and variances.
 
-    Assumes right orders and white Gaussian v. For other white noise the method is nonlinear least squares: still consistent,
-    with the covariance right to first order. The plant need not be at rest when a record begins (`initial="free"`). For
-    on-line data, `RecursiveOutputError` is nearly as good.
+    Assumes right orders. The estimate is the most accurate one for white Gaussian v. In other noise the method is nonlinear
+    least squares: still consistent, with the covariance right to first order. The plant need not be at rest when a record
+    begins (`initial="free"`). For on-line data, `RecursiveOutputError` is nearly as good.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
     `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest": the plant is at rest before row 0; "free":
@@ -46,12 +46,13 @@ class OutputErrorML(StartedIdentifier):
 
     The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with
     exact derivatives, from several starts: a long impulse response fitted linearly and, in `identify`, the estimate of
-    `RecursiveOutputError`. The covariance is the inverse of the information. Directions of the parameters without information
-    are in `fit.undetermined`, and the covariance is that of the other directions.
+    `RecursiveOutputError`. The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that
+    it holds in noise of any colour; `fit.covariance_white` is the inverse of the information. Directions of the parameters
+    without information are in `fit.undetermined`, and the covariance is that of the other directions.
 
     Cost: about 20 passes over the T samples, each of O(T d) operations for d parameters: 10 ms at T = 1000.
 
-    Reference: L. Ljung, System Identification (1999), §7.4 and §10.2; H. Fang (2009), (3.1)-(3.4) for the losses.
+    Reference: L. Ljung, System Identification (1999), §7.4, §9.2 and §10.2; H. Fang (2009), (3.1)-(3.4) for the losses.
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
     >>> u = np.random.default_rng(1).normal(size=300)
@@ -146,28 +147,23 @@ class OutputErrorML(StartedIdentifier):
             outputs=first.outputs,
         )  # fmt: skip
         M = block_diagonal([end.information for end in ends])
-        free, Σ = undetermined(M), covariance(M)
+        free, white = undetermined(M), covariance(M)
+        Σ = block_diagonal([covariance(end.information) if end.covariance is None else end.covariance for end in ends])
         assumed = None if _uncertain(records) else self.noise_variance
         residuals = tuple(np.stack(columns, axis=1) for columns in zip(*(end.residuals for end in ends), strict=True))
         validation = validated(model, records, assumed, residuals, M)
-        validation = validation._replace(checks=(*validation.checks, *search_checks(ends)))
+        spread = [] if any(end.covariance is None for end in ends) else [sigma_check(Σ, white, model.parameter_names)]
+        validation = validation._replace(checks=(*validation.checks, *spread, *search_checks(ends)))
         return Fit(
             model, θ, Σ, model.parameter_names, validation, None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,
+            covariance_white=white,
         )  # fmt: skip
 
 
 def _uncertain(records: Sequence[Record]) -> bool:
     """Whether some input is unknown: not logged, or of unknown arrival."""
     return any(np.isnan(record.applied()).any() for record in records)
-
-
-def covariance(M: np.ndarray) -> np.ndarray:
-    """The inverse of the information along the determined directions; zero along the rest."""
-    scale = scale_of(M)
-    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
-    determined = values > UNTOLD * values.max(initial=0.0)
-    return (vectors[:, determined] / values[determined]) @ vectors[:, determined].T * np.outer(scale, scale)
 
 
 def block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:

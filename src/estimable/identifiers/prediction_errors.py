@@ -14,6 +14,7 @@ from ..diagnostics.cramer_rao import undetermined
 from ..frozen import frozen, static
 from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
+from ..kernels.coloured_noise import times
 from ..kernels.impulse_start import Datum
 from ..kernels.innovation_information import Search
 from ..kernels.regression import lagged, regress
@@ -22,12 +23,12 @@ from ..models.armax import ARMAX
 from ..protocols import StartedIdentifier
 from ..results import Fit, Sample
 from .least_squares import LeastSquares
-from .one_output import FAR, marginal
-from .output_error_ml import block_diagonal, by_output, covariance
+from .one_output import FAR, coloured_covariance, covariance, marginal
+from .output_error_ml import block_diagonal, by_output
 from .realised import check_lags, check_records
 from .standing import validation_of
 from .uncertain_inputs import STRIDE, UncertainInputStep
-from .validation import search_checks
+from .validation import search_checks, sigma_check
 
 LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
 CONVERGED = 1e-10  # relative change of parameters and sum of squares, and angle to the gradient, that end a search
@@ -61,7 +62,8 @@ class PredictionError(StartedIdentifier):
 
     Where all outputs were seen, the sum of squared prediction errors is minimised by the Levenberg-Marquardt method (MINPACK,
     in SciPy). It starts from C = 1, and from the residuals of a long ARX model (Hannan and Rissanen). The covariance is
-    σ² (ψ'ψ)^-1, with ψ the derivatives of the errors. Where outputs are missing, the likelihood of the seen ones is maximised
+    H^-1 M H^-1 with H = ψ'ψ, ψ the derivatives of the errors, and the spectrum of the errors in M; `fit.covariance_white`
+    is σ² (ψ'ψ)^-1. Where outputs are missing, the likelihood of the seen ones is maximised
     by Fisher scoring, and the covariance is the inverse of the information. Both allow for the fitted past before row 0.
 
     Cost: about 15 passes over the T samples, each of O(T d) operations for d parameters: 20 ms at T = 1000, with gaps or
@@ -226,16 +228,30 @@ class PredictionError(StartedIdentifier):
             inputs=first.inputs,
             outputs=first.outputs,
         )
-        M = block_diagonal(
-            [marginal(end.J.T @ end.J / max(r, 1e-300), d) for end, r in zip(ends, variances, strict=True)]
-        )
-        free = undetermined(M)
-        excitation = excitation_check(M, model.parameter_names, free)
-        likelihood, extra = sum(map(_log_likelihood, ends)), [excitation, *search_checks(ends)]
+        told = [marginal(end.J.T @ end.J / max(r, 1e-300), d) for end, r in zip(ends, variances, strict=True)]
+        M, names = block_diagonal(told), model.parameter_names
+        free, white, Σ = undetermined(M), covariance(M), self._covariance(records, ends, told)
+        extra = [excitation_check(M, names, free), sigma_check(Σ, white, names), *search_checks(ends)]
+        likelihood = sum(map(_log_likelihood, ends))
         return Fit(
-            model, model.parameters, covariance(M), model.parameter_names, validation_of(model, records, extra), None,
+            model, model.parameters, Σ, names, validation_of(model, records, extra), None,
             likelihood, free if free.shape[1] else None, method=type(self).__name__,
+            covariance_white=white,
         )  # fmt: skip
+
+    def _covariance(self, records: Sequence[Record], ends: list[Ended], told: list[np.ndarray]) -> np.ndarray:
+        """The covariance under the spectrum of the errors; where outputs are missing, the inverse of the information."""
+        found = []
+        for i, (end, M) in enumerate(zip(ends, told, strict=True)):
+            if all(record.seen[:, i].all() for record in records):
+                r, at = (
+                    2 * end.cost / max(len(end.e) - len(end.x), 1),
+                    times([np.ones(len(one), bool) for one in records]),
+                )
+                found.append(coloured_covariance(M, end.J, end.e, at, max(r, 1e-300)))
+            else:
+                found.append(covariance(M))
+        return block_diagonal(found)
 
 
 def _step(

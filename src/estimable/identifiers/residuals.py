@@ -17,16 +17,22 @@ ADVICE = {
 }
 
 
-def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record]) -> list[Check]:
-    """Whiteness of each output's standardised one-step residuals (T, p), and their correlation with each input."""
+def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record], coloured: str = "") -> list[Check]:
+    """Whiteness of each output's standardised one-step residuals (T, p), and their correlation with each input.
+
+    `coloured`: what predictable residuals mean for a method, in place of the general advice.
+    """
     joined, inputs = side_by_side(e, records)
     if max(map(len, e)) <= LAGS + FEWEST:
         return []
     first, found = records[0], []
     for i, name in enumerate(first.outputs):
-        found += _tried("whiteness", lambda i=i, name=name: whiteness(joined[:, i], name=name))
+        found += _tried(
+            coloured or ADVICE["whiteness"], "whiteness", lambda i=i, name=name: whiteness(joined[:, i], name=name)
+        )
         for j, given in enumerate(first.inputs):
             found += _tried(
+                ADVICE["input-left"],
                 "input-left",
                 lambda i=i, j=j, name=name, given=given: cross_correlation(
                     joined[:, i], inputs[:, j], name=name, input_name=given
@@ -43,8 +49,8 @@ def side_by_side(e: Sequence[np.ndarray], records: Sequence[Record]) -> tuple[np
     return joined, inputs
 
 
-def _tried(name: str, test: Callable[[], Any]) -> list[Check]:
-    """A test as a check; no check where there are too few samples."""
+def _tried(advice: str, name: str, test: Callable[[], Any]) -> list[Check]:
+    """A test as a check, with advice where it fails; no check where there are too few samples."""
     try:
         found: Correlations = test()
     except InputError:
@@ -52,5 +58,5 @@ def _tried(name: str, test: Callable[[], Any]) -> list[Check]:
     sentence = f"Residuals of one-step predictions: {found.sentence}."
     if not found.passed:
         verdict = found.sentence.split(": ")[0]
-        sentence = f"Residuals of one-step predictions: {verdict}. {ADVICE[name]}"
+        sentence = f"Residuals of one-step predictions: {verdict}. {advice}"
     return [Check(name, bool(found.passed), found.statistic, found.limit, sentence)]

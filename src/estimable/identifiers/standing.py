@@ -69,11 +69,16 @@ def held(u: np.ndarray) -> np.ndarray:
     return np.nan_to_num(np.take_along_axis(u, rows, axis=0))
 
 
-def validation_of(model: LinearModel, records: Sequence[Record], extra: Sequence[Check] = ()) -> Validation:
-    """Compare a model with the records it was fitted to: the residuals are those of the simulation."""
+def validation_of(
+    model: LinearModel, records: Sequence[Record], extra: Sequence[Check] = (), coloured: str = ""
+) -> Validation:
+    """Compare a model with the records it was fitted to: the residuals are those of the simulation.
+
+    `coloured`: what predictable residuals mean for this method, in place of the general advice.
+    """
     found = [standing(state_space_of(model), record) for record in records]
     residuals, one_step = tuple(one.simulated for one in found), tuple(one.one_step for one in found)
-    white = residual_checks([one.standardised for one in found], records)
+    white = residual_checks([one.standardised for one in found], records, coloured)
     return Validation(
         residuals, fit_percent(residuals, records), (*extra, *white), fit_percent(one_step, records), one_step
     )

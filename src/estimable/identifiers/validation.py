@@ -94,6 +94,21 @@ def stability_check(model: OutputError) -> Check:
     )
 
 
+def sigma_check(Σ: np.ndarray, white: np.ndarray, names: Sequence[str]) -> Check:
+    """The factor between the standard deviations of the parameters and those for white residuals; it never fails."""
+    known = np.diagonal(white) > 0
+    ratio = np.sqrt(np.where(known, np.diagonal(Σ), 1.0) / np.where(known, np.diagonal(white), 1.0))
+    i = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-12))))) if len(ratio) else 0
+    factor = float(ratio[i]) if len(ratio) else 1.0
+    found = "Sigma: the standard deviations follow from the spectrum of the residuals"
+    said = (
+        "which are white"
+        if np.allclose(ratio, 1.0)
+        else f"and are {factor:.2g} times those for white residuals ({names[i]})"
+    )
+    return Check("sigma", True, factor, np.inf, f"{found}, {said}.")
+
+
 def search_checks(ends: Sequence[Searched]) -> list[Check]:
     """A failed check where the search of some output has not reached a maximum; none otherwise."""
     missed = sum(not end.converged for end in ends)

@@ -35,24 +35,3 @@ def autocovariance(e: np.ndarray, at: np.ndarray, q: int) -> np.ndarray:
         pairs = max(float(seen[j:] @ seen[: T - j]), 1.0)
         r.append(float(full[j:] @ full[: T - j]) / pairs * (1 - j / (q + 1)))
     return np.array(r)
-
-
-
-def correlated(Z: np.ndarray, e: np.ndarray, at: np.ndarray, q: int) -> np.ndarray:
-    """Σ_kl z_k r_|k-l| z_l' (d, d) of Z (N, d) at times `at`; r_0 .. r_q is that of e (N,), flat-topped: unbiased up to
-    half the lags (D. Politis, J. Romano 1995); tapered by Bartlett where the flat-topped one is not positive semidefinite.
-    """
-    tapered = autocovariance(e, at, q)
-    share = np.arange(len(tapered)) / (q + 1)
-    full = np.zeros((int(at[-1] - at[0]) + 1, Z.shape[1]))
-    full[at - at[0]] = Z
-    moments = [full[j:].T @ full[: len(full) - j] for j in range(len(tapered))]
-
-    def total(r: np.ndarray) -> np.ndarray:
-        """The sum of the moments, weighted by the autocovariances r."""
-        return r[0] * moments[0] + sum(r_j * (M + M.T) for r_j, M in zip(r[1:], moments[1:], strict=True))
-
-    found = total(tapered / (1 - share) * np.minimum(1.0, 2 * (1 - share)))
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(moments[0]), np.finfo(float).tiny))
-    positive = np.linalg.eigvalsh(found * np.outer(scale, scale)).min(initial=1.0) > 0
-    return found if positive else total(tapered)

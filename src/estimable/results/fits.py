@@ -64,7 +64,8 @@ class Fit:
 
     - `model`: the fitted model.
     - `parameters` (d,) and `names` (d,): the estimated parameters and their names.
-    - `covariance` (d, d): the covariance of the errors of the parameters.
+    - `covariance` (d, d): the covariance of the errors of the parameters. Fits by prediction or output errors take it from the
+      spectrum of the residuals; `covariance_white` (d, d) is the usual one, which assumes white residuals. None: not computed.
     - `undetermined` (d, r): a basis of the directions of the parameters about which the records carry no information. None:
       there is no such direction.
     - `validation`: how well the model explains its records. None where that cannot be judged.
@@ -87,6 +88,7 @@ class Fit:
     method: str = static(default="")
     engine: str = static(default="")
     extra: Any = None
+    covariance_white: Annotated[Any, "d d", "symmetric"] = None
 
     @property
     def sigma(self) -> np.ndarray:
