@@ -23,6 +23,7 @@ ADDED: dict[str, dict[str, Any]] = {
     "UnknownGain": {"uncertainty": None},
     "ModelFile": {"uncertainty": None},
     "Progress": {"schedule": None, "gaps": None},
+    "Fit": {"covariance_white": None},
     "Names": {"angles": ()},
     "Estimate": {"gaps": ()},
     "EstimateBank": {"gaps": ()},
