@@ -91,9 +91,11 @@ def write(
 def example(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[Any, tuple]:
     """The structure, and the shape and type of each array, of (algorithm, prior, sample, interval) in one row of one run."""
     a, r, p = axes
-    one = [_first(algorithm, a), _first(prior, p), *(_first(_first(part, r), 0) for part in (samples, intervals))]
-    leaves, structure = jax.tree_util.tree_flatten(tuple(one))
-    return structure, tuple((np.shape(x), np.asarray(x).dtype.str) for x in leaves)
+    leaves, structure = jax.tree_util.tree_flatten((algorithm, prior, samples, intervals))
+    fixed, along = [(axis is not None) for axis in (a, p)], 1 + (r is not None)
+    before = np.repeat((*fixed, along, along), [part.num_leaves for part in structure.children()]).tolist()
+    arrays = [np.asarray(leaf) for leaf in leaves]
+    return structure, tuple((x.shape[axes:], x.dtype.str) for x, axes in zip(arrays, before, strict=True))
 
 
 def batch(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[int, list, list]:
@@ -102,7 +104,7 @@ def batch(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes
     fixed = [
         (np.asarray(x), axis) for part, axis in ((algorithm, a), (prior, p)) for x in jax.tree_util.tree_leaves(part)
     ]
-    rows = [(np.asarray(x), r) for part in (samples, intervals) for x in jax.tree_util.tree_leaves(part)]
+    rows = [(np.asarray(x), r) for x in jax.tree_util.tree_leaves((samples, intervals))]
     return next(len(leaf) for leaf, axis in fixed + rows if axis == 0), fixed, rows
 
 
@@ -128,10 +130,6 @@ def zero_arrays(algorithm: Stepping, axis: int | None) -> tuple[tuple[int, int],
     zeros = _zeros(algorithm, axis)
     count = Counter(i for i, _ in zeros)
     return tuple((i, j) for i, j in zeros if count[i] == sizes[i])
-
-
-def _first(part: Tree, axis: int | None) -> Any:
-    return part if axis is None else jax.tree_util.tree_map(lambda leaf: np.asarray(leaf)[0], part)
 
 
 @lru_cache(256)

@@ -177,7 +177,7 @@ def _seldom_changes(rows: list) -> bool:
     """Whether the rows are many and their bools (what was seen) seldom change: a steady state is then worth looking for."""
     if _rows_of(rows) < FEW:
         return False
-    bools = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool]
+    bools = [leaf if axis == 0 else leaf[None] for leaf, axis in rows if leaf.dtype == bool and not leaf.all()]
     changes = [(t[:, 1:] != t[:, :-1]).any(axis=0) for t in bools]
     columns = [
         np.ascontiguousarray(c.reshape(len(c), -1).T) for c in changes

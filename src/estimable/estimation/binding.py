@@ -295,11 +295,11 @@ def _check_prior_size(prior: Prior, model: StateSpace, faults: checks.Faults) ->
     """A prior of which double precision leaves nothing once the outputs were seen must be diffuse instead."""
     A, C, R = (np.asarray(M)[0] if np.ndim(M) == 3 else np.asarray(M) for M in (model.A, model.C, model.R))
     noise = np.diagonal(R)
-    smallest = noise[noise > 0].min(initial=np.inf)
+    smallest = min((r for r in noise.tolist() if r > 0), default=np.inf)
+    # no entry of `later` is larger than a row sum of C, so the variances are at most n + 1 times this
+    if float(prior.covariance.max(initial=0.0)) * float(np.vdot(C, C)) * (model.n + 1) <= FLATTEST * smallest:
+        return
     with np.errstate(over="ignore", invalid="ignore"):
-        # no entry of `later` is larger than a row sum of C, so the variances are at most n + 1 times this
-        if np.abs(prior.covariance).max(initial=0.0) * np.vdot(C, C) * (model.n + 1) <= FLATTEST * smallest:
-            return
         later = np.abs(C @ A) / max(1.0, np.abs(A).sum(axis=1).max(initial=0.0))
         rows = np.maximum(np.abs(C), later)[:, : prior.mean.shape[-1]] ** 2  # disturbances may be missing in the prior
         variance = np.atleast_2d(np.diagonal(np.asarray(prior.covariance), axis1=-2, axis2=-1)) @ rows.T
