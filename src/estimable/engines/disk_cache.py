@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import os
 import platform
 from collections.abc import Callable
 from contextlib import suppress
@@ -66,10 +67,14 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
 @cache
 def source() -> str:
     """The identity of this package and its dependencies: versions, a setting, and the content of every file."""
-    root = Path(__file__).parents[1]
-    text = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(root.rglob("*.py")))).hexdigest()
+    folders = os.walk(Path(__file__).parents[1])
+    paths = sorted(os.path.join(folder, name) for folder, _, names in folders for name in names if name.endswith(".py"))
+    text = hashlib.sha256()
+    for path in paths:  # 400 files: `Path` takes twice the time
+        with open(path, "rb", buffering=0) as file:
+            text.update(file.read())
     versions = jax.__version__, jaxlib.version.__version__, np.__version__, platform.python_version()
-    return "|".join((*versions, str(jax.config.read("jax_enable_x64")), text))
+    return "|".join((*versions, str(jax.config.read("jax_enable_x64")), text.hexdigest()))
 
 
 def name_of(part: Any) -> str:

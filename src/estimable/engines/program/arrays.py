@@ -4,20 +4,24 @@ Calls are inlined, equal operations merged, unused operations dropped, and arith
 done here.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jax.core import ShapedArray
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ...annotations import Array
 from .composed import Entrywise, Values, composed, is_entrywise
-from .jaxprs import CALLS, SAME, Atom, array_of, called, name_of
+from .jaxprs import CALLS, SAME, Atom, array_of, called, is_literal, name_of
 from .primitives import BOOL, FLOAT, INTEGER, NARROW, UnsupportedError, type_of
 from .rearrangement import BY_NUMPY
 from .reductions import FOLDS, RUNNING
+
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn
 
 KINDS = {FLOAT: "double", INTEGER: "i64", BOOL: "i1"}
 TYPES = {kind: type_ for type_, kind in KINDS.items()}
@@ -45,7 +49,7 @@ class ArrayOperation(NamedTuple):
 class Repeated(NamedTuple):
     """The body of a scan: a program from (constants, carry, one row of each array) to (carry, a row of each result)."""
 
-    program: "Arrays"
+    program: Arrays
     constants: int
     carried: int
     length: int
@@ -55,7 +59,7 @@ class Repeated(NamedTuple):
 class Branches(NamedTuple):
     """The branches of a choice: the first for 0, the second for 1, .."""
 
-    programs: tuple["Arrays", ...]
+    programs: tuple[Arrays, ...]
 
 
 class Arrays(NamedTuple):
@@ -110,7 +114,7 @@ class _ArrayLine:
         known |= {var: self.constant(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Atom):
-            return self.constant(atom.val, array_of(atom).dtype) if isinstance(atom, Literal) else known[atom]
+            return self.constant(atom.val, array_of(atom).dtype) if is_literal(atom) else known[atom]
 
         for equation in jaxpr.eqns:
             known |= dict(

@@ -3,15 +3,19 @@
 `do.each(name, ..)` applies a row, `do.constant(value)` is a known scalar: so each primitive is composed here once.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import jax
 import numpy as np
-from jax.extend.core import JaxprEqn
 
 from .jaxprs import array_of
 from .primitives import BOOL, FLOAT, INTEGER, NAMES, NARROW, PYTHON, Scalar, UnsupportedError, folded, row, type_of
+
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import JaxprEqn
 
 Entry = TypeVar("Entry")
 
@@ -36,7 +40,7 @@ class Entrywise(NamedTuple):
     result: np.dtype
 
     @classmethod
-    def of(cls, equation: JaxprEqn) -> "Entrywise":
+    def of(cls, equation: JaxprEqn) -> Entrywise:
         """The record of an equation of a jaxpr."""
         return cls(
             equation.params, tuple([array_of(v).dtype for v in equation.invars]), array_of(equation.outvars[0]).dtype

@@ -1,16 +1,25 @@
 """The calls in a jaxpr, and the names of its primitives here."""
 
-from typing import Any, TypeAlias
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from jax.core import ShapedArray
-from jax.extend.core import JaxprEqn, Literal, Var
 
 from .primitives import UnsupportedError
 
-Atom: TypeAlias = Var | Literal
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import JaxprEqn, Literal, Var
+
+Atom: TypeAlias = "Var | Literal"
 SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
 CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat", "remat2",
          "custom_vmap_call"}  # fmt: skip
+
+
+def is_literal(atom: Atom) -> TypeGuard[Literal]:
+    """Whether an atom is a number, and not a variable."""
+    return hasattr(atom, "val")
 
 
 def name_of(equation: JaxprEqn) -> str:

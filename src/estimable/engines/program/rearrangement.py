@@ -1,16 +1,21 @@
 """Operations that only move entries, on arrays of scalar names: they cost nothing, and JAX itself determines the places."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import JaxprEqn, Primitive
 
 from .jaxprs import array_of
 from .primitives import UnsupportedError
 from .reductions import ScalarNames
+
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import JaxprEqn, Primitive
 
 
 def _spread(array: np.ndarray, *, shape: tuple[int, ...], broadcast_dimensions: tuple[int, ...], **_) -> np.ndarray:

@@ -1,14 +1,18 @@
 """Reductions (sums, matrix products, index of the largest entry), on arrays of scalar names."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from jax.extend.core import JaxprEqn
 
 from .jaxprs import array_of
 from .primitives import BOOL, FLOAT, Scalar, type_of
+
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import JaxprEqn
 
 
 class ScalarNames(Protocol):

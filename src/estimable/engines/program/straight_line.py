@@ -4,22 +4,26 @@ Arrays become arrays of scalar names, so that moving entries costs nothing. Equa
 symmetric matrix is computed once), constants are folded, and unused operations are dropped.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 from jax.core import ShapedArray
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ...annotations import Array
 from .composed import Entrywise, composed, is_entrywise, type_of_value
-from .jaxprs import CALLS, SAME, Atom, array_of, called, name_of
+from .jaxprs import CALLS, SAME, Atom, array_of, called, is_literal, name_of
 from .primitives import BOOL, FLOAT, NARROW, PYTHON, Scalar, UnsupportedError, folded, row, type_of
 from .rearrangement import INDEXED, MOVES, indexed, moved
 from .reductions import REDUCTIONS
 from .simplification import simplify
+
+if TYPE_CHECKING:  # importing it takes a tenth of a second, for Pallas
+    from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn
 
 MOST = 16_000  # operations: above this, compilation takes seconds, and arrays are as fast
 COMMUTE = {"add", "mul", "eq", "ne", "and", "or", "xor"}
@@ -143,7 +147,7 @@ class _ScalarLine:
         names |= {var: self.constants(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Atom):
-            return self.constants(atom.val, array_of(atom).dtype) if isinstance(atom, Literal) else names[atom]
+            return self.constants(atom.val, array_of(atom).dtype) if is_literal(atom) else names[atom]
 
         for equation in jaxpr.eqns:
             results = self.equation(equation, [read(atom) for atom in equation.invars])
