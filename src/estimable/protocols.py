@@ -221,6 +221,11 @@ class Method:
         """The name in a comparison."""
         return type(self).__name__
 
+    @property
+    def cannot_weigh(self) -> str:
+        """Why samples cannot be weighed by `sigma` of the record, in words; empty for a method that weighs by it."""
+        return "it takes the noise of all rows as equal"
+
 
 class Identifier(Method, ABC):
     """A method that fits a model to one record, or to several records of one plant with the same channels and time step."""
@@ -273,6 +278,11 @@ class RecursiveIdentifier(Algorithm[State], Method):
         """False, because the prior of the parameters is a setting."""
         return False
 
+    @property
+    def cannot_weigh(self) -> str:
+        """Empty: the drivers hand over the noise of each sample."""
+        return ""
+
 
 class Anticipating(RecursiveIdentifier[State]):
     """A recursive identifier for controllers that act before a sample is measured (`acts_on` = "predicted")."""
@@ -290,6 +300,11 @@ class FilterIdentifier(Method, ABC):
     model: Any
     state_prior: Any
     refinement: Any = "none"
+
+    @property
+    def cannot_weigh(self) -> str:
+        """Empty: its filter weighs each sample."""
+        return ""
 
     @property
     @abstractmethod

@@ -87,7 +87,34 @@ def test_refusals():
         es.Record(Y, U, dt=DT, sigma=-np.ones((T, 2)))
     with pytest.raises(es.InputError, match="`sigma` must be"):
         es.Record(Y, U, dt=DT, sigma=np.ones((T, 3)))
-    with pytest.raises(es.InputError, match="identify cannot use `sigma`"):
-        es.identify(es.Subspace(2), RECORD)
     with pytest.raises(es.InputError, match="`sigma` must be standard deviations"):
         es.online(es.Kalman(model_of(CORRELATED)), prior=PRIOR).correct(Y[0], sigma=[-1.0, 1.0])
+
+
+def wrapped(R):
+    """Every wrapper, around a gain filter or a Kalman filter whose noise is R."""
+    gain = es.UnknownGain(model_of(R), es.Prior([1.0], [[0.2]]))
+    kalman = es.Kalman(model_of(R))
+    return {
+        "window": es.MovingWindow(gain, 10),
+        "detector": es.ChangeDetection(gain, jump=0.2, seconds_between_false_alarms=600.0),
+        "mixture": es.Mixture([kalman, es.Kalman(replace(model_of(R), Q=np.eye(2)))]),
+        "gated": es.Gated(kalman, 0.99),
+        "fixed": es.FixedGain(model_of(R), np.array([[0.3, 0.0], [0.1, 0.2]])),
+        "unknown input": es.UnknownInput(model_of(R), unknown=["u1"]),
+        "considered": es.UnknownGain(
+            model_of(R), es.Prior([1.0], [[0.2]]), uncertainty=es.ModelUncertainty(A=0.05 * np.eye(2))
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", wrapped(np.eye(2)))
+def test_every_filter_equals_a_model_that_varies_in_time(name):
+    R = np.diag([0.5, 0.3])
+    found = es.estimate(wrapped(R)[name], RECORD, prior=PRIOR)
+    exact = es.estimate(wrapped(varying(R))[name], replace(RECORD, sigma=None), prior=PRIOR)
+    assert_allclose(found.mean, exact.mean, rtol=0, atol=1e-10)
+    assert_allclose(found.covariance, exact.covariance, rtol=0, atol=1e-10)
+    assert_allclose(found.innovation_covariance, exact.innovation_covariance, rtol=0, atol=1e-10)
+    if found.gain is not None:
+        assert_allclose(found.gain, exact.gain, rtol=0, atol=1e-10)

@@ -56,7 +56,7 @@ def check_noise(model: OutputError) -> None:
 def information(model: OutputError, record: Record) -> np.ndarray:
     """The Fisher information (d, d) of the d parameters of `model` in the seen outputs of `record`.
 
-    It has one diagonal block for each output.
+    It has one diagonal block for each output. A sample with its own `sigma` in the record counts by it.
 
     >>> plant = OutputError([], [2.0], noise_variance=0.5, dt=1)
     >>> information(plant, Record([1.0, np.nan, 1.0], [1.0, 1.0, 3.0], dt=1)).tolist()
@@ -66,8 +66,14 @@ def information(model: OutputError, record: Record) -> np.ndarray:
 
     checks.require(model=(model, OutputError), record=(record, Record))
     check_noise(model)
-    blocks = zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True)
+    blocks = zip(slopes(model, record), record.seen.T, noise_of(model.noise_variance, record).T, strict=True)
     return np.asarray(block_diag(*(kernel.information(ψ, seen, r) for ψ, seen, r in blocks)))
+
+
+def noise_of(noise_variance: np.ndarray | float, record: Record) -> np.ndarray:
+    """The variance of the noise of each sample, (T, p): that of the record where it has one."""
+    r = np.broadcast_to(np.asarray(noise_variance, float), record.y.shape)
+    return r if record.sigma is None else np.where(np.isnan(record.sigma), r, record.sigma**2)
 
 
 def cramer_rao(model: OutputError, record: Record) -> np.ndarray:
@@ -127,8 +133,10 @@ def efficient_estimate(model: OutputError, record: Record) -> np.ndarray:
     u = applied(model, record)
     e = record.y - model.response(u)
     score = [
-        ψ[seen].T @ e[seen, i] / r
-        for i, (ψ, seen, r) in enumerate(zip(slopes(model, record), record.seen.T, model.noise_variance, strict=True))
+        ψ[seen].T @ (e[seen, i] / r[seen])
+        for i, (ψ, seen, r) in enumerate(
+            zip(slopes(model, record), record.seen.T, noise_of(model.noise_variance, record).T, strict=True)
+        )
     ]
     return model.parameters + cramer_rao(model, record) @ np.concatenate(score)
 

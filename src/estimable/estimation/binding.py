@@ -151,7 +151,7 @@ def _matched(
     check_time_unit(model, record, faults)
     algorithm.check_record(len(record), faults)
     turns = of_both(model, record, outputs, faults)
-    if record.sigma is not None and not hasattr(model, "angles"):
+    if record.sigma is not None and not isinstance(model, StateSpace | NonlinearModel | Channels):
         faults.add(f"{type(algorithm.innermost).__name__} cannot use `sigma` of the record: leave it out.")
     faults.finish()
     check_undeclared(_columns_of(rows.y, outputs), names, (*turns, *record.angles), faults)

@@ -62,6 +62,7 @@ def of_channels(record: Record, model: NonlinearModel) -> Record:
         inputs=model.inputs,
         outputs=model.outputs,
         hold=record.hold,
+        sigma=None if record.sigma is None else record.sigma[:, outputs],
         **times,
     )
 

@@ -57,7 +57,8 @@ def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str
     N = int(sum(record.seen.sum() for record in records))
     k = len(fit.parameters) + len(records[0].outputs)
     k += len(records) * len(records[0].outputs) * max(na, nb + delay) if initial == "free" else 0
-    deviance = -2 * _likelihood(fit)
+    weighed = any(one.sigma is not None for one in records)
+    deviance = -2 * (fit.log_likelihood if weighed else _likelihood(fit))
     correction = 2 * k * (k + 1) / (N - k - 1) if k + 1 < N else np.inf
     return OrderCandidate(
         na, nb, delay, deviance + 2 * k, deviance + 2 * k + correction, deviance + k * np.log(max(N, 1)), fit

@@ -44,7 +44,8 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     Stamps that are multiples of one step within a tenth of it are put on that grid (`Record.on_grid`). A batch method is fitted
     to parts of a record that is broken, or in which an input is unknown for more than 10 rows; shorter runs are estimated, and
     `OutputErrorML` counts their error. With first-order hold u[k] enters y[k]: a delay of d steps becomes d - 1 with one more
-    coefficient. Checks of `fit.validation` say what was done.
+    coefficient. Checks of `fit.validation` say what was done. `sigma` of a record weighs its samples; methods whose noise is
+    not that of single samples refuse it.
 
     Raises `InputError` with every fault of the call.
 
@@ -55,7 +56,7 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     True
     """
     done = connected(method, _read(method, record, engine))
-    _check(done.records)
+    _check(done.method, done.records)
     return with_checks(_fitted(done.method, done.records, engine), done)
 
 
@@ -102,16 +103,25 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
     return records
 
 
-def _check(records: list[Record]) -> None:
-    """Check that the records are alike."""
+def _check(method: Method, records: list[Record]) -> None:
+    """Check that the records are alike, and that the method can weigh their samples."""
     faults = checks.Faults()
-    if any(one.sigma is not None for one in records):
-        faults.add(
-            "identify cannot use `sigma` of a record: leave it out, and give the noise by the settings of the method."
-        )
+    _check_sigma(method, records, faults)
     for i, one in enumerate(records):
         _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
     faults.finish()
+
+
+def _check_sigma(method: Method, records: list[Record], faults: checks.Faults) -> None:
+    """Check that the method weighs samples, and that no sample has an infinite weight."""
+    given = [np.where(one.seen, one.sigma, np.nan) for one in records if one.sigma is not None]
+    if given and method.cannot_weigh:
+        faults.add(
+            f"{type(method).__name__} cannot weigh samples by `sigma` of the record: {method.cannot_weigh}. Leave `sigma` out, "
+            "or use OutputErrorML, which weighs by it."
+        )
+    elif any(np.any(one == 0) for one in given):
+        faults.add("`sigma` must be greater than 0 in identify: a sample without noise has an infinite weight.")
 
 
 def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:

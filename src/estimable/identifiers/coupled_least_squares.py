@@ -62,6 +62,7 @@ class CoupledLeastSquares(Identifier):
     offset: bool = static(default=False)
 
     takes_unknown_inputs = True  # equations with one are left out
+    cannot_weigh = "its noise is that of the equations, not of single samples"
 
     def __post_init__(self):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)

@@ -61,6 +61,11 @@ class HoKalman(Identifier):
         faults.choice("weighting", self.weighting, WEIGHTINGS)
         faults.finish()
 
+    @property
+    def cannot_weigh(self) -> str:
+        """That of `MarkovParameters` with the same weighting."""
+        return MarkovParameters(1, weighting=self.weighting).cannot_weigh
+
     def realise(
         self,
         markov_parameters: Numbers,

@@ -70,6 +70,8 @@ class InstrumentalVariables(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    cannot_weigh = "its noise is stationary, of any colour"
+
     def __post_init__(self):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)
 

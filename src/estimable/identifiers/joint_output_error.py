@@ -169,7 +169,7 @@ class JointOutputError(Anticipating[JointBelief]):
             return self._learn(belief, window, arrivals, y, seen, r, J)
 
         after, steps = jax.vmap(one)(
-            replace(state, lags=None), jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance),
+            replace(state, lags=None), jnp.asarray(sample.y), jnp.asarray(sample.seen), recursive.noise_of(self, sample),
             jumped,
         )  # fmt: skip
         return replace(after, lags=state.lags), _informed(self, after, steps, sample)

@@ -73,6 +73,7 @@ class LeastSquares(Identifier):
     offset: bool = static(default=False)
 
     takes_unknown_inputs = True  # equations with one are left out
+    cannot_weigh = "its noise is that of the equations, not of single samples"
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -101,14 +102,17 @@ class LeastSquares(Identifier):
 
     def rows(self, records: Sequence[Record], i: int) -> OutputEquations:
         """The complete equations of output i, in all records."""
-        found, start = [], 0
-        for record in records:
-            one = self._equations(record, i)
-            found.append(one._replace(at=one.at + start))
-            start += 2 * len(record) + max(self.na, self.nb + self.delay) + ORDERS
+        found = [
+            one._replace(at=one.at + start)
+            for start, one in zip(self.starts(records), (self._equations(one, i) for one in records), strict=False)
+        ]
         Φ, y, at = (np.concatenate(columns) for columns in zip(*found, strict=True))
         complete = ~np.isnan(y) & ~np.isnan(Φ).any(axis=1)
         return OutputEquations(Φ[complete], y[complete], at[complete])
+
+    def starts(self, records: Sequence[Record]) -> np.ndarray:
+        """Row 0 of each record in `at`, and the end of the last."""
+        return np.cumsum([0, *(2 * len(record) + max(self.na, self.nb + self.delay) + ORDERS for record in records)])
 
     def _equations(self, record: Record, i: int) -> OutputEquations:
         """Every equation of output i in one record; NaN where a value is missing."""
@@ -157,10 +161,10 @@ class LeastSquares(Identifier):
         )  # fmt: skip
 
 
-def coloured_inverse(rows: OutputEquations, found: Regression) -> np.ndarray:
-    """The covariance of θ under the spectrum of the residuals."""
+def coloured_inverse(rows: OutputEquations, found: Regression, variance: float | None = None) -> np.ndarray:
+    """The covariance of θ under the spectrum of the residuals, whose variance may be known."""
     M = moments(rows.Φ, rows.at, colour(found.e, rows.at))
-    return found.variance * found.inverse @ M @ found.inverse
+    return (found.variance if variance is None else variance) * found.inverse @ M @ found.inverse
 
 
 def _log_likelihood(found: Regression) -> float:

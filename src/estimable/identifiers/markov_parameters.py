@@ -19,7 +19,7 @@ from ..protocols import Identifier
 from ..results import Fit
 from .coupled_least_squares import CoupledLeastSquares
 from .least_squares import LeastSquares, OutputEquations, coloured_inverse
-from .realised import impulse_names, whole
+from .realised import at_starts, impulse_names, variances_of, whole
 from .standing import validation_of
 
 WEIGHTINGS = ("ordinary", "best", "observer")
@@ -94,6 +94,11 @@ class MarkovParameters(Identifier):
         faults.finish()
         set_field(self, noise_covariance=r)
 
+    @property
+    def cannot_weigh(self) -> str:
+        """Why samples cannot be weighed: noise that has a covariance in time has that of all rows."""
+        return "" if self.weighting == "ordinary" else f'its weighting "{self.weighting}" takes the noise as stationary'
+
     def fit(self, records: Sequence[Record]) -> Fit:
         """The fit to records of equal channels and step."""
         from scipy.linalg import block_diag
@@ -101,19 +106,23 @@ class MarkovParameters(Identifier):
         if self.weighting == "observer":
             return self._observed(records)
         first, p = records[0], len(records[0].outputs)
-        rows = LeastSquares(0, self.length, offset=self.offset).complete_rows(records)
+        equations = LeastSquares(0, self.length, offset=self.offset)
         self._check(p)
+        plain, starts = equations.complete_rows(records), equations.starts(records)
+        noises = [variances_of(records, i) for i in range(p)]
+        rows = [one if v is None else _weighed(one, at_starts(v, starts)) for one, v in zip(plain, noises, strict=True)]
         found = [self._regressed(one, i) for i, one in enumerate(rows)]
         θ = np.stack([one.θ for one in found])
         d = len(first.inputs) * (self.length + 1)
-        noise = [float(np.mean((one.y - one.Φ @ fit.θ) ** 2)) for one, fit in zip(rows, found, strict=True)]
+        noise = [float(np.mean((one.y - one.Φ @ fit.θ) ** 2)) for one, fit in zip(plain, found, strict=True)]
         model = ARX(
             np.zeros((p, 0)), θ[:, :d].reshape(p, -1, self.length + 1), noise_variance=noise, dt=float(first.dt or 0.0),
             offset=θ[:, -1] if self.offset else None, inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
         ordinary = self.weighting == "ordinary"
-        white = [fit.inverse * (fit.variance if ordinary else 1.0) for fit in found]
-        spread = [coloured_inverse(*pair) for pair in zip(rows, found, strict=True)] if ordinary else white
+        known = [1.0 if v is not None or not ordinary else None for v in noises]  # the variance of the equations, once weighted
+        white = [fit.inverse * (fit.variance if one is None else one) for fit, one in zip(found, known, strict=True)]
+        spread = [coloured_inverse(*three) for three in zip(rows, found, known, strict=True)] if ordinary else white
         free, M = (
             np.asarray(block_diag(*parts))
             for parts in zip(*((f.undetermined, f.information) for f in found), strict=True)
@@ -177,6 +186,12 @@ class MarkovParameters(Identifier):
                 "`noise_covariance` is not the autocovariance of any noise: its matrix must be positive definite."
             )
         return regress(both[:, :-1], both[:, -1])
+
+
+def _weighed(rows: OutputEquations, variances: np.ndarray) -> OutputEquations:
+    """The equations with noise of variance 1."""
+    σ = np.sqrt(variances[rows.at])
+    return rows._replace(Φ=rows.Φ / σ[:, None], y=rows.y / σ)
 
 
 def _response_tangents(model: ARX, dM: np.ndarray) -> Dynamics:

@@ -15,7 +15,7 @@ from ..models.output_error import OutputError
 from ..protocols import Identifier
 from ..results import Fit
 from .least_squares import LeastSquares, OutputEquations
-from .realised import check_lags, check_records
+from .realised import at_starts, check_lags, check_records, variances_of
 from .standing import validation_of
 
 ROUNDS = 200  # alternating weights and parameters, at most
@@ -64,6 +64,8 @@ class MinimumVariance(Identifier):
     _: KW_ONLY
     delay: int = static(default=0)
 
+    cannot_weigh = ""
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "delay"):
@@ -80,7 +82,9 @@ class MinimumVariance(Identifier):
         faults.finish()
         ordinary = LeastSquares(self.na, self.nb, delay=self.delay)
         rows = ordinary.complete_rows(records)
-        found = [self._iterated(one) for one in rows]
+        starts = ordinary.starts(records)
+        noises = [None if (v := variances_of(records, i)) is None else at_starts(v, starts) for i in range(len(rows))]
+        found = [self._iterated(one, w) for one, w in zip(rows, noises, strict=True)]
         for name, one in zip(first.outputs, found, strict=True):
             if one.change > np.sqrt(CONVERGED):
                 faults.add(
@@ -88,22 +92,23 @@ class MinimumVariance(Identifier):
                     f"{one.change:.1g} of their size. Lower the orders, or use OutputErrorML."
                 )
         faults.finish()
+        noise = [one.variance if w is None else float(np.nanmean(w)) for one, w in zip(found, noises, strict=True)]
         model = OutputError.of_parameters(
             np.concatenate([one.θ for one in found]), na=self.na, nb=self.nb, delay=self.delay,
-            noise_variance=[one.variance for one in found], dt=float(first.dt or 0.0), inputs=first.inputs, outputs=first.outputs,
+            noise_variance=noise, dt=float(first.dt or 0.0), inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
         still = ordinary.complete_rows(_without_noise(model, records))
-        spread = [self._covariance(*three) for three in zip(rows, still, found, strict=True)]
+        spread = [self._covariance(*four) for four in zip(rows, still, found, noises, strict=True)]
         return Fit(
             model, model.parameters, np.asarray(block_diag(*spread)), model.parameter_names, validation_of(model, records),
             method=type(self).__name__,
         )  # fmt: skip
 
-    def _iterated(self, rows: OutputEquations) -> Weighted:
+    def _iterated(self, rows: OutputEquations, w: np.ndarray | None) -> Weighted:
         """Alternating weights and parameters."""
         θ, change, variance = regress(rows.Φ, rows.y).θ, np.inf, 0.0
         for _ in range(ROUNDS):
-            W = self._weigh(θ, rows.at, np.column_stack([rows.Φ, rows.y]))
+            W = self._weigh(θ, w, rows.at, np.column_stack([rows.Φ, rows.y]))
             found = regress(W[:, :-1], W[:, -1])
             change = float(np.linalg.norm(found.θ - θ) / max(np.linalg.norm(found.θ), np.finfo(float).tiny))
             θ, variance = found.θ, found.variance
@@ -111,17 +116,22 @@ class MinimumVariance(Identifier):
                 break
         return Weighted(θ, variance, change)
 
-    def _weigh(self, θ: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Rows whitened by the covariance T(a) T(a)': r_j = Σ a_i a_(i+j)."""
+    def _weigh(self, θ: np.ndarray, w: np.ndarray | None, at: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Rows whitened by the covariance T(a) W T(a)', with W = I or the variances w: r_jk = Σ_i a_i a_(i+j) w_(k-i)."""
         a = np.append(1.0, θ[: self.na])
-        return whitened(np.correlate(a, a, mode="full")[self.na :], at, X)
+        if w is None:
+            return whitened(np.correlate(a, a, mode="full")[self.na :], at, X)
+        late = w[at - np.arange(len(a))[:, None]]
+        return whitened(np.stack([(a[: len(a) - j] * a[j:]) @ late[: len(a) - j] for j in range(len(a))]), at, X)
 
-    def _covariance(self, rows: OutputEquations, still: OutputEquations, found: Weighted) -> np.ndarray:
+    def _covariance(
+        self, rows: OutputEquations, still: OutputEquations, found: Weighted, w: np.ndarray | None
+    ) -> np.ndarray:
         """The covariance of one output; `still`: the same equations at more rows, of outputs without noise."""
-        Φ = self._weigh(found.θ, rows.at, rows.Φ)
-        Ψ = self._weigh(found.θ, rows.at, still.Φ[np.isin(still.at, rows.at)])
+        Φ = self._weigh(found.θ, w, rows.at, rows.Φ)
+        Ψ = self._weigh(found.θ, w, rows.at, still.Φ[np.isin(still.at, rows.at)])
         inverse = regress(Ψ, Ψ[:, 0]).inverse
-        return found.variance * inverse @ (Φ.T @ Φ) @ inverse
+        return (found.variance if w is None else 1.0) * inverse @ (Φ.T @ Φ) @ inverse
 
 
 def _without_noise(model: OutputError, records: Sequence[Record]) -> list[Record]:

@@ -15,6 +15,8 @@ from ..kernels.impulse_start import Datum
 CONVERGED = (
     1e-13  # relative change of the parameters, of the sum of squares, and angle to the gradient, that end a search
 )
+ROUNDS = 50  # of fit and noise variance, at most, where only some samples have their own
+SETTLED = 1e-9  # relative change of that variance that ends them
 LEAST = 1e-32  # of the mean square of an output: the square of the rounding unit
 FAR = 1e100  # value of a residual that overflows: a search steps back from it
 
@@ -44,9 +46,41 @@ class OneOutput(NamedTuple):
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
     """The best of the searches from `starts` (d,) and from a linearly fitted impulse response."""
     first = impulse_start.start(orders.na, orders.nb, orders.delay, data)
-    ends = [_search(orders, data, θ) for θ in (first, *starts) if θ is not None]
+    starts = [first, *starts]
+    if all(datum.sigma is None for datum in data):
+        return _best(orders, data, starts, noise_variance)
+    return _weighed(orders, data, starts, noise_variance)
+
+
+def _best(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
+    ends = [_search(orders, data, θ) for θ in starts if θ is not None]
     best, _, converged = min(ends, key=lambda end: end[1])
     return _assembled(orders, data, best, noise_variance)._replace(converged=converged)
+
+
+def _weighed(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
+    """The fit with samples of known standard deviations; the others have a variance in common, which is estimated in turn."""
+    own = [np.full(len(one.y), np.nan) if one.sigma is None else one.sigma for one in data]
+    other = [np.isnan(σ) & one.seen for σ, one in zip(own, data, strict=True)]
+    N, count = (sum(int(mask.sum()) for mask in masks) for masks in ([one.seen for one in data], other))
+    share = max(1 - len(starts[0]) / N, 1 / N) * count  # of the samples, after what the parameters take
+    r = noise_variance
+    if r is None:
+        r = sum(float(np.sum(one.y[mask] ** 2)) for one, mask in zip(data, other, strict=True)) / max(count, 1)
+    for _ in range(ROUNDS if count and noise_variance is None else 1):
+        scaled = [
+            one._replace(sigma=np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ))
+            for one, σ in zip(data, own, strict=True)
+        ]
+        found = _best(orders, scaled, starts, 1.0)
+        before, starts = r, [found.parameters]
+        if count and noise_variance is None:
+            r = sum(float(np.sum(e[mask] ** 2)) for e, mask in zip(found.residuals, other, strict=True)) / share
+        if abs(r - before) <= SETTLED * r:
+            break
+    if not count:
+        r = float(np.mean(np.concatenate([σ[one.seen] ** 2 for σ, one in zip(own, data, strict=True)])))
+    return found._replace(noise_variance=r)
 
 
 def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.ndarray, float, bool]:
@@ -96,8 +130,15 @@ def _responses(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> list[np.
 
 def _residuals(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
     responses = _responses(orders, data, x)
-    e = np.concatenate([(out - datum.y)[datum.seen] for out, datum in zip(responses, data, strict=True)])
+    e = np.concatenate([
+        (out - datum.y)[datum.seen] / _sizes(datum) for out, datum in zip(responses, data, strict=True)
+    ])  # fmt: skip
     return np.clip(e, -FAR, FAR)
+
+
+def _sizes(datum: Datum) -> Any:
+    """The standard deviations of the samples that were seen; 1 where all are alike."""
+    return 1.0 if datum.sigma is None else datum.sigma[datum.seen]
 
 
 def _slopes(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
@@ -108,7 +149,7 @@ def _slopes(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
         ψ = kernel.slopes(a, b, orders.delay, datum.u, response)
         pasts = np.zeros((len(datum.y), orders.past * len(data)))
         pasts[:, i * orders.past : (i + 1) * orders.past] = kernel.initial_slopes(a, len(datum.y), orders.past)
-        blocks.append(np.concatenate([ψ, pasts], axis=1)[datum.seen])
+        blocks.append((np.concatenate([ψ, pasts], axis=1)[datum.seen].T / _sizes(datum)).T)
     return np.clip(np.concatenate(blocks), -FAR, FAR)
 
 
@@ -120,7 +161,8 @@ def _assembled(orders: Orders, data: Sequence[Datum], x: np.ndarray, noise_varia
     r = float(e @ e / spare) if noise_variance is None else noise_variance
     size = max((float(np.mean(datum.y[datum.seen] ** 2)) for datum in data if datum.seen.any()), default=0.0)
     r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
-    log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r)
+    scales = sum(float(np.sum(np.log(_sizes(datum)))) for datum in data)
+    log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r) - scales
     residuals = tuple(datum.y - out for datum, out in zip(data, _responses(orders, data, x), strict=True))
     M = marginal(J.T @ J / r, d)
     Σ = coloured_covariance(M, J, e, times([datum.seen for datum in data]), r)

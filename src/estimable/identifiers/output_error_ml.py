@@ -44,6 +44,9 @@ class OutputErrorML(StartedIdentifier):
     inputs of unknown arrival arrive (default None: every arrival is known). Inputs that were not logged (NaN) are assumed to
     be like the logged ones.
 
+    `sigma` of a record is the standard deviation of v of each sample. `noise_variance` is then that of the samples for which it
+    is NaN; `fit.model` has that, or where there are none the mean square of `sigma`.
+
     The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with
     exact derivatives, from several starts: a long impulse response fitted linearly and, in `identify`, the estimate of
     `RecursiveOutputError`. The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that
@@ -70,6 +73,7 @@ class OutputErrorML(StartedIdentifier):
     arrival: Any = None
 
     takes_unknown_inputs = True  # their variance enters the likelihood
+    cannot_weigh = ""
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -177,6 +181,9 @@ def by_output(records: Sequence[Record]) -> list[list[Datum]]:
     """The data of each output, record by record."""
     inputs = [np.asarray(record.applied()) for record in records]
     return [
-        [Datum(u, record.y[:, i], record.seen[:, i]) for u, record in zip(inputs, records, strict=True)]
+        [
+            Datum(u, record.y[:, i], record.seen[:, i], None if record.sigma is None else record.sigma[:, i])
+            for u, record in zip(inputs, records, strict=True)
+        ]
         for i in range(len(records[0].outputs))
     ]

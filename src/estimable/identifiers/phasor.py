@@ -16,7 +16,7 @@ from ..models.polynomials import joined
 from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Check, Fit
-from .realised import check_records
+from .realised import check_records, variances_of
 from .standing import validation_of
 
 DOMAINS = ("discrete", "continuous")
@@ -155,11 +155,14 @@ class Phasor(Identifier):
         from scipy.linalg import block_diag
 
         ω = 2 * np.pi * self.frequencies
+        variances = variances_of(records, i)
         frequencies, values, spread, squares, variation, spare = [], [], [], 0.0, 0.0, 0
-        for record in records:
+        for k, record in enumerate(records):
             rows = slice(round(self.settle / dt), None)
             t, y, u = dt * np.arange(len(record))[rows], record.y[rows, i], record.applied()[rows, 0]
-            U, Y = kernel.phasors(u, t, ω), kernel.phasors(y, t, ω)
+            equal = np.ones(len(t))
+            σ = equal if variances is None else np.sqrt(variances[k][rows])
+            U, Y = kernel.phasors(u, t, ω, equal), kernel.phasors(y, t, ω, σ)
             there = np.abs(U.values) > FAINT * max(np.abs(U.values).max(), 1e-300)
             picked = np.concatenate([there, there])
             frequencies.append(ω[there])
@@ -173,7 +176,9 @@ class Phasor(Identifier):
         order = np.argsort(np.concatenate([np.arange(2).repeat(len(one)) for one in frequencies]), kind="stable")
         Σ = np.asarray(block_diag(*spread))[np.ix_(order, order)]
         coherence = 1 - squares / variation if variation > 0 else 0.0
-        return _Seen(ω, H, r * Σ, r, coherence)
+        return _Seen(ω, H, Σ if variances is not None else r * Σ, r, coherence)
+
+    cannot_weigh = ""
 
     def _check_excited(self, ω: np.ndarray) -> None:
         moving = len(np.unique(ω))

@@ -84,6 +84,8 @@ class PredictionError(StartedIdentifier):
     _: KW_ONLY
     delay: int = static(default=0)
 
+    cannot_weigh = "its noise is that of the equations, not of single samples"
+
     def __post_init__(self):
         faults = checks.Faults()
         for name in ("na", "nb", "nc", "delay"):

@@ -30,6 +30,32 @@ def check_records(records: Sequence[Record], faults: checks.Faults) -> None:
         faults.add(f"output {checks.listed(never)} was never seen: there is nothing to fit. Leave it out.")
 
 
+def variances_of(records: Sequence[Record], i: int) -> list[np.ndarray] | None:
+    """The variance of each sample of output i (T,), or None where the records have no `sigma`.
+
+    Raises `InputError` where some samples have one and others not: only a search can estimate the noise of the others.
+    """
+    if all(record.sigma is None for record in records):
+        return None
+    found = [np.full(len(one), np.nan) if one.sigma is None else one.sigma[:, i] ** 2 for one in records]
+    for k, (one, v) in enumerate(zip(records, found, strict=True)):
+        missing = one.seen[:, i] & np.isnan(v)
+        if missing.any():
+            checks.refuse(
+                f"record {k}: `sigma` of output {one.outputs[i]} is unknown in row {int(np.argmax(missing))}. Give it for every "
+                "sample, or use OutputErrorML, which estimates the noise of the others."
+            )
+    return found
+
+
+def at_starts(variances: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
+    """The variances of all records in one array, each from its row 0 in `starts` on; NaN between them."""
+    every = np.full(starts[-1], np.nan)
+    for start, v in zip(starts, variances, strict=False):
+        every[start : start + len(v)] = v
+    return every
+
+
 def check_lags(method: Any, records: Sequence[Record], faults: checks.Faults) -> None:
     """Check that a model of high orders does not reach beyond the records; of low ones, directions stay undetermined."""
     lags, longest = max(method.na, method.nb + method.delay), max(len(record) for record in records)

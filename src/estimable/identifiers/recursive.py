@@ -12,7 +12,7 @@ from .. import checks
 from ..annotations import Array, Numbers
 from ..models.output_error import OutputError, parameter_names, read_variance
 from ..models.prior import Prior
-from ..results import Names
+from ..results import Names, Sample
 from .channels import Channels
 
 Identified = TypeVar("Identified", bound=Any)
@@ -95,6 +95,15 @@ def believed(method: Any, bounded: bool = True) -> tuple[Any, Any]:
 def window(lags: Array, u: Array, delay: int) -> Any:
     """The inputs of φ, input by input: u[k - delay] .. u[k - delay - nb], from earlier inputs (m, nb + delay) and u[k] (m,)."""
     return jnp.concatenate([jnp.asarray(u)[:, None], lags], axis=1)[:, delay:].ravel()
+
+
+def noise_of(method: Any, sample: Sample) -> Any:
+    """The variance of the noise of each output (p,): that of the sample where it is given."""
+    r = jnp.asarray(method.noise_variance)
+    if sample.sigma is None:
+        return r
+    sigma = jnp.asarray(sample.sigma)
+    return jnp.where(jnp.isnan(sigma), r, sigma * sigma)
 
 
 def delayed(values: Array, m: int, delay: int) -> Any:

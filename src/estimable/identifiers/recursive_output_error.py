@@ -168,7 +168,7 @@ class RecursiveOutputError(Anticipating[Recursion]):
             return self._learn(state, lags, y, seen, r, mean, variance)
 
         after, steps = jax.vmap(one)(
-            blank, jnp.asarray(sample.y), jnp.asarray(sample.seen), jnp.asarray(self.noise_variance), mean, variance
+            blank, jnp.asarray(sample.y), jnp.asarray(sample.seen), recursive.noise_of(self, sample), mean, variance
         )
         return replace(after, lags=state.lags), _informed(after, steps, sample)
 

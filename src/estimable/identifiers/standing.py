@@ -52,6 +52,9 @@ def standing(model: StateSpace, record: Record, rows: int | None = None) -> Stan
     simulated, _ = response(system, u, x)
     predicted, V, _ = predictions(system, u, y, x, np.zeros((len(x), len(x))))
     level = 0.0 if model.operating_point is None else model.operating_point.outputs
+    if record.sigma is not None:  # methods that weigh samples have no process noise: V is R
+        own = np.diagonal(V, axis1=1, axis2=2)
+        V = V + np.eye(len(system.C)) * np.where(np.isnan(record.sigma), 0.0, record.sigma**2 - own)[:, None]
     return Standing(y - simulated, y - predicted, in_sigmas(y - predicted, V), simulated + level, x)
 
 

@@ -78,6 +78,8 @@ class Subspace(Identifier):
     feedthrough: bool = static(default=True)
     draws: int = static(default=40)
 
+    cannot_weigh = "its noise is stationary"
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("order", self.order, 1, checks.LARGEST_ORDER)

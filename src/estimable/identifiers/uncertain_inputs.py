@@ -74,7 +74,9 @@ def fit_uncertain(
     known = [datum._replace(u=one.mean) for datum, one in zip(data, inputs, strict=True)]
     first = fit_output(orders._replace(past=0), known, [], None)
     unknowns = Unknowns(orders, data[0].u.shape[1], len(data), noise_variance)
-    d, free = len(first.parameters), noise_variance is None
+    d, free = len(first.parameters), noise_variance is None and any(_unmeasured(datum) for datum in data)
+    noise_variance = first.noise_variance if noise_variance is None and not free else noise_variance
+    unknowns = unknowns._replace(noise_variance=noise_variance)
     noise = [np.log(first.noise_variance / 2)] if free else []
     start = np.concatenate([first.parameters, np.zeros(unknowns.pasts), noise])
     stride = np.full(len(start), np.inf)
@@ -82,7 +84,7 @@ def fit_uncertain(
     found = search(unknowns.build, [_rows(datum, one) for datum, one in zip(data, inputs, strict=True)], start, stride)
     r = float(np.exp(found.θ[-1])) if noise_variance is None else noise_variance
     residuals = tuple(
-        np.where(datum.seen, e[:, 0] * np.sqrt(r / V[:, 0, 0]), np.nan)
+        np.where(datum.seen, e[:, 0] * np.sqrt(_noise_of(datum, r) / V[:, 0, 0]), np.nan)
         for datum, (e, V) in zip(data, found.innovations, strict=True)
     )
     information = marginal(found.information, d)
@@ -133,7 +135,10 @@ class UncertainInputStep:
 
     def correct(self, state: tuple[Any, Any], sample: Sample) -> tuple[tuple[Any, Any], Info]:
         """The whole row: the input enters the output and the next state with one and the same error."""
-        s, P, row = kernel.step(self.model, *state, sample.u, sample.extra, sample.y[0], sample.seen[0])
+        model = self.model
+        if sample.sigma is not None:
+            model = model._replace(r=jnp.where(jnp.isnan(sample.sigma[0]), model.r, sample.sigma[0] ** 2))
+        s, P, row = kernel.step(model, *state, sample.u, sample.extra, sample.y[0], sample.seen[0])
         e = jnp.where(sample.seen, row.e, jnp.nan)
         outcome = jnp.where(row.V > 0, 0, 1)
         return (s, P), Info(s, P, e, jnp.reshape(row.V, (1, 1)), row.log_likelihood, outcome=outcome)
@@ -145,4 +150,15 @@ class UncertainInputStep:
 
 def _rows(datum: Datum, inputs: Expected) -> Sample:
     """The rows of a record."""
-    return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], inputs.mean, None, inputs.variance)
+    sigma = None if datum.sigma is None else datum.sigma[:, None]
+    return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], inputs.mean, None, inputs.variance, sigma=sigma)
+
+
+def _unmeasured(datum: Datum) -> bool:
+    """Whether the noise of some seen sample is not known."""
+    return datum.sigma is None or bool(np.isnan(datum.sigma[datum.seen]).any())
+
+
+def _noise_of(datum: Datum, r: float) -> Any:
+    """The variance of the noise of each row."""
+    return r if datum.sigma is None else np.where(np.isnan(datum.sigma), r, datum.sigma**2)

@@ -9,7 +9,7 @@ from ..analysis.excitation import excitation_check
 from ..analysis.positive_real import positive_real_check
 from ..data.record import Record
 from ..diagnostics import chi_squared
-from ..diagnostics.cramer_rao import information
+from ..diagnostics.cramer_rao import information, noise_of
 from ..models.output_error import OutputError
 from ..results import Check, Validation
 from .residuals import residual_checks
@@ -50,10 +50,17 @@ def validated(
         stability_check(model),
         positive_real_check(model, needed=pseudo_linear),
     ]
-    if noise_variance is not None:
+    weighed = any(record.sigma is not None for record in records)
+    standardised = [
+        e / np.sqrt(noise_of(model.noise_variance, record)) if weighed else e
+        for e, record in zip(residuals, records, strict=True)
+    ]
+    if weighed:
+        checks.append(noise_check(standardised, 1.0))
+    elif noise_variance is not None:
         checks.append(noise_check(residuals, noise_variance))
     if _beyond_rounding(residuals, records):
-        checks += residual_checks(residuals, records)
+        checks += residual_checks(standardised, records)
     return Validation(tuple(residuals), fit_percent(residuals, records), tuple(checks))
 
 

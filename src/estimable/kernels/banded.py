@@ -1,13 +1,14 @@
 """Least squares with noise of a known autocovariance: banded, never N x N. NumPy and SciPy, outside jit.
 
-Letters: y = Φ θ + v, cov(v_k, v_l) = r_|k-l|, zero beyond q; rows may be missing, `at` holds the time of each.
+Letters: y = Φ θ + v, cov(v_k, v_l) = r_|k-l|, zero beyond q; rows may be missing, `at` holds the time of each. Where the
+noise changes from row to row, r_jk is the covariance of row k with the time j later.
 """
 
 import numpy as np
 
 
 def whitened(r: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """L^-1 X with L L' the covariance of rows at times `at` (N,), r (q+1,). Cost: O(N q²).
+    """L^-1 X with L L' the covariance of rows at times `at` (N,), r (q+1,) or (q+1, N). Cost: O(N q²).
 
     Raises `LinAlgError` where r is no autocovariance.
     """
@@ -18,7 +19,8 @@ def whitened(r: np.ndarray, at: np.ndarray, X: np.ndarray) -> np.ndarray:
     band = np.zeros((q + 1, N))
     for j in range(q + 1):
         apart = at[j:] - at[: N - j]
-        band[j, : N - j] = np.where(apart < len(r), r[np.minimum(apart, len(r) - 1)], 0.0)
+        lag = np.minimum(apart, len(r) - 1)
+        band[j, : N - j] = np.where(apart < len(r), r[lag] if r.ndim == 1 else r[lag, np.arange(N - j)], 0.0)
     solved, code = dtbtrs(cholesky_banded(band, lower=True), X, uplo="L")
     if code:
         raise np.linalg.LinAlgError("the covariance is singular")

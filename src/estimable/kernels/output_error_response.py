@@ -28,9 +28,9 @@ def initial_slopes(a: np.ndarray, rows: int, n: int) -> np.ndarray:
     return np.stack([delayed(impulse, j) for j in range(n)], axis=1) if n else np.zeros((rows, 0))
 
 
-def information(ψ: np.ndarray, seen: np.ndarray, r: float) -> np.ndarray:
-    """Fisher's information of θ in the samples that were seen: Σ ψ ψ' / r."""
-    return ψ[seen].T @ ψ[seen] / r
+def information(ψ: np.ndarray, seen: np.ndarray, r: np.ndarray | float) -> np.ndarray:
+    """Fisher's information of θ in the samples that were seen: Σ ψ ψ' / r, with r (T,), or one for all."""
+    return ψ[seen].T @ (ψ[seen] / np.broadcast_to(r, seen.shape)[seen, None])
 
 
 def _driven(b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None) -> np.ndarray:

@@ -22,12 +22,14 @@ class Phasors(NamedTuple):
     e: np.ndarray
 
 
-def phasors(y: np.ndarray, t: np.ndarray, ω: np.ndarray) -> Phasors:
-    """The phasors of y (T,) at times t (T,), NaN where not seen, at ω (K,) rad/s; a constant is fitted as well."""
+def phasors(y: np.ndarray, t: np.ndarray, ω: np.ndarray, σ: np.ndarray) -> Phasors:
+    """The phasors of y (T,) at times t (T,), NaN where not seen, at ω (K,) rad/s, weighted by σ (T,), the standard deviations of
+    the noise; a constant is fitted as well."""
     seen, K = ~np.isnan(y), len(ω)
-    angle = np.outer(t[seen], ω)
-    found = regress(np.concatenate([np.sin(angle), np.cos(angle), np.ones((len(angle), 1))], axis=1), y[seen])
-    return Phasors(found.θ[:K] + 1j * found.θ[K : 2 * K], found.inverse[: 2 * K, : 2 * K], found.e)
+    angle, σ = np.outer(t[seen], ω), σ[seen]
+    Φ = np.concatenate([np.sin(angle), np.cos(angle), np.ones((len(angle), 1))], axis=1)
+    found = regress(Φ / σ[:, None], y[seen] / σ)
+    return Phasors(found.θ[:K] + 1j * found.θ[K : 2 * K], found.inverse[: 2 * K, : 2 * K], y[seen] - Φ @ found.θ)
 
 
 def rotated(Σ: np.ndarray, g: np.ndarray) -> np.ndarray:
