@@ -48,7 +48,7 @@ def test_equals_a_model_that_varies_in_time(R, run, which):
     assert_allclose(found.log_likelihood, exact.log_likelihood, rtol=1e-10)
 
 
-@pytest.mark.parametrize("kind", [es.ExtendedKalman, es.UnscentedKalman])
+@pytest.mark.parametrize("kind", [es.ExtendedKalman, es.SecondOrderKalman, es.UnscentedKalman])
 def test_nonlinear_filters(kind):
     linear = model_of(np.diag([0.5, 0.3]))
     curved = es.NonlinearModel(
@@ -59,6 +59,19 @@ def test_nonlinear_filters(kind):
     exact = es.estimate(es.Kalman(linear), RECORD, prior=PRIOR)
     assert_allclose(found.mean, exact.mean, rtol=0, atol=1e-9)
     assert_allclose(found.covariance, exact.covariance, rtol=0, atol=1e-9)
+    assert_allclose(found.innovation_covariance, exact.innovation_covariance, rtol=0, atol=1e-9)
+
+
+def test_checks_and_fits_count_it():
+    R, plain = np.diag([0.5, 0.3]), replace(RECORD, sigma=None)
+    (one, other) = ((filters(R)[1], RECORD), (filters(varying(R))[1], plain))
+    found, exact = (es.trust(*pair, prior=PRIOR) for pair in (one, other))
+    for name in ("size", "whiteness", "scores"):
+        assert found.families[name] == pytest.approx(exact.families[name], rel=1e-6)
+    found, exact = (es.fit_noise(es.Kalman(f.model), record, prior=PRIOR, free=("Q",)) for f, record in (one, other))
+    assert_allclose(found.parameters, exact.parameters, rtol=1e-8)
+    found, exact = (es.diagnostics.check_innovations(es.estimate(*pair, prior=PRIOR), plain) for pair in (one, other))
+    assert_allclose(found.nis.mean, exact.nis.mean, rtol=1e-9)
 
 
 def test_online_and_a_bank():

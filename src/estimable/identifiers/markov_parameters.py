@@ -120,7 +120,9 @@ class MarkovParameters(Identifier):
             offset=θ[:, -1] if self.offset else None, inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
         ordinary = self.weighting == "ordinary"
-        known = [1.0 if v is not None or not ordinary else None for v in noises]  # the variance of the equations, once weighted
+        known = [
+            1.0 if v is not None or not ordinary else None for v in noises
+        ]  # the variance of the equations, once weighted
         white = [fit.inverse * (fit.variance if one is None else one) for fit, one in zip(found, known, strict=True)]
         spread = [coloured_inverse(*three) for three in zip(rows, found, known, strict=True)] if ordinary else white
         free, M = (
