@@ -216,21 +216,21 @@ class Smoothable(Algorithm[State]):
 class Method:
     """The methods of `identify` and `compare`: a batch, a recursive or a filter identifier."""
 
+    cannot_weigh: str = (
+        "it takes the noise of all rows as equal"  # why not by `sigma` of the record; empty: it weighs by it
+    )
+
     @property
     def label(self) -> str:
         """The name in a comparison."""
         return type(self).__name__
-
-    @property
-    def cannot_weigh(self) -> str:
-        """Why samples cannot be weighed by `sigma` of the record, in words; empty for a method that weighs by it."""
-        return "it takes the noise of all rows as equal"
 
 
 class Identifier(Method, ABC):
     """A method that fits a model to one record, or to several records of one plant with the same channels and time step."""
 
     takes_unknown_inputs = False  # where inputs were not logged; `identify` estimates those for other methods
+    cannot_weigh = "it takes the noise of all rows as equal"
 
     @abstractmethod
     def fit(self, records: Sequence[Record]) -> Fit:
@@ -278,11 +278,6 @@ class RecursiveIdentifier(Algorithm[State], Method):
         """False, because the prior of the parameters is a setting."""
         return False
 
-    @property
-    def cannot_weigh(self) -> str:
-        """Empty: the drivers hand over the noise of each sample."""
-        return ""
-
 
 class Anticipating(RecursiveIdentifier[State]):
     """A recursive identifier for controllers that act before a sample is measured (`acts_on` = "predicted")."""
@@ -300,11 +295,6 @@ class FilterIdentifier(Method, ABC):
     model: Any
     state_prior: Any
     refinement: Any = "none"
-
-    @property
-    def cannot_weigh(self) -> str:
-        """Empty: its filter weighs each sample."""
-        return ""
 
     @property
     @abstractmethod

@@ -46,7 +46,7 @@ def reads_a_record(command: Callable[..., None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         given = {argument: values.pop(name) for argument, (name, _) in READING.items()}
         reading = {argument: None if value == [] else value for argument, value in given.items()}
-        reading |= {name: _seconds_of(name, reading[name]) for name in SECONDS if reading[name] is not None}
+        reading |= {name: _seconds_of(name, texts) for name in SECONDS if (texts := reading[name]) is not None}
         command(reading=reading, **values)
 
     del run.__wrapped__  # type: ignore[attr-defined]  Typer would read its signature

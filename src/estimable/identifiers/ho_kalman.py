@@ -62,7 +62,7 @@ class HoKalman(Identifier):
         faults.finish()
 
     @property
-    def cannot_weigh(self) -> str:
+    def cannot_weigh(self) -> str:  # type: ignore[override]
         """That of `MarkovParameters` with the same weighting."""
         return MarkovParameters(1, weighting=self.weighting).cannot_weigh
 

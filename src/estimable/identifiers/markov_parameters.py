@@ -95,7 +95,7 @@ class MarkovParameters(Identifier):
         set_field(self, noise_covariance=r)
 
     @property
-    def cannot_weigh(self) -> str:
+    def cannot_weigh(self) -> str:  # type: ignore[override]
         """Why samples cannot be weighed: noise that has a covariance in time has that of all rows."""
         return "" if self.weighting == "ordinary" else f'its weighting "{self.weighting}" takes the noise as stationary'
 

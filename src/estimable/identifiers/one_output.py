@@ -63,21 +63,22 @@ def _weighed(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise
     own = [np.full(len(one.y), np.nan) if one.sigma is None else one.sigma for one in data]
     other = [np.isnan(σ) & one.seen for σ, one in zip(own, data, strict=True)]
     N, count = (sum(int(mask.sum()) for mask in masks) for masks in ([one.seen for one in data], other))
-    share = max(1 - len(starts[0]) / N, 1 / N) * count  # of the samples, after what the parameters take
-    r = noise_variance
-    if r is None:
-        r = sum(float(np.sum(one.y[mask] ** 2)) for one, mask in zip(data, other, strict=True)) / max(count, 1)
-    for _ in range(ROUNDS if count and noise_variance is None else 1):
-        scaled = [
-            one._replace(sigma=np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ))
-            for one, σ in zip(data, own, strict=True)
-        ]
-        found = _best(orders, scaled, starts, 1.0)
-        before, starts = r, [found.parameters]
-        if count and noise_variance is None:
-            r = sum(float(np.sum(e[mask] ** 2)) for e, mask in zip(found.residuals, other, strict=True)) / share
+    estimated = count > 0 and noise_variance is None
+
+    def mean_square(values: Sequence[np.ndarray]) -> float:
+        return sum(float(np.sum(one[mask] ** 2)) for one, mask in zip(values, other, strict=True)) / max(count, 1)
+
+    def at(r: float, starts: Sequence[Any]) -> OneOutput:
+        filled = [np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ) for σ in own]
+        return _best(orders, [one._replace(sigma=σ) for one, σ in zip(data, filled, strict=True)], starts, 1.0)
+
+    r = mean_square([one.y for one in data]) if noise_variance is None else noise_variance
+    found = at(r, starts)
+    for _ in range(ROUNDS if estimated else 0):
+        before, r = r, mean_square(found.residuals) / max(1 - len(found.parameters) / N, 1 / N)
         if abs(r - before) <= SETTLED * r:
             break
+        found = at(r, [found.parameters])
     if not count:
         r = float(np.mean(np.concatenate([σ[one.seen] ** 2 for σ, one in zip(own, data, strict=True)])))
     return found._replace(noise_variance=r)
