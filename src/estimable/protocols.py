@@ -216,9 +216,7 @@ class Smoothable(Algorithm[State]):
 class Method:
     """The methods of `identify` and `compare`: a batch, a recursive or a filter identifier."""
 
-    cannot_weigh: str = (
-        "it takes the noise of all rows as equal"  # why not by `sigma` of the record; empty: it weighs by it
-    )
+    cannot_weigh: str = ""  # why it cannot weigh samples by `sigma` of the record; empty: it does
 
     @property
     def label(self) -> str:
@@ -254,8 +252,7 @@ class StartedIdentifier(Identifier):
 
 
 class RecursiveIdentifier(Algorithm[State], Method):
-    """An algorithm whose states are the parameters of an output-error model, with their prior among its settings. The
-    validation of the fit reads the settings `method` and `noise_variance`. `lost`: what actuators do without a packet."""
+    """An algorithm whose states are the parameters of an output-error model. `lost`: what actuators do without a packet."""
 
     method: str = ""
     noise_variance: Any
