@@ -32,7 +32,6 @@ class Algorithm(ABC, Generic[State]):
     """
 
     model: Any
-    takes_uncertain_inputs = False  # whether `Interval.u_covariance` and `u_diffusion` may be given
 
     @property
     @abstractmethod
@@ -86,6 +85,11 @@ class Algorithm(ABC, Generic[State]):
     @property
     def takes_unknown_arrivals(self) -> bool:
         """Whether the arrival of inputs may be unknown."""
+        return False
+
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """Whether `Interval.u_covariance` may be given."""
         return False
 
     @property
@@ -151,6 +155,11 @@ class Wrapper(Algorithm[State]):
     def takes_unknown_arrivals(self) -> bool:
         """Whether the wrapped algorithm supports inputs of unknown arrival."""
         return self.algorithm.takes_unknown_arrivals
+
+    @property
+    def takes_uncertain_inputs(self) -> bool:
+        """Whether the wrapped algorithm takes inputs with a covariance."""
+        return self.algorithm.takes_uncertain_inputs
 
     @property
     def has_innovation_covariance(self) -> bool:
@@ -397,4 +406,5 @@ class Plant(ABC):
 
     @abstractmethod
     def begin(self, dt: float) -> Any:
-        """A run with samples `dt` seconds apart: it has `state` (n,) and `input` (m,), as deviations, and `move(command)`."""
+        """A run with samples `dt` seconds apart: it has `state` (n,) and `input` (m,), as deviations, and `move(command, e)`
+        with unit normal numbers e, as many as `linear` has process noises."""

@@ -103,7 +103,7 @@ def test_values_that_do_not_suit_are_one_sentence(words, case):
 
 def test_what_needs_one_constant_model_says_so():
     model = es.StateSpace([[-0.9]], [[1.0]], Q=[[0.1]], R=[[1.0]], dt=0, schedule={"airspeed": TABLE})
-    for call in (lambda: model.discretise(0.1), lambda: model.in_basis([[2.0]]), lambda: es.ControlledPlant(model)):
+    for call in (lambda: model.discretise(0.1), lambda: model.in_basis([[2.0]])):
         with pytest.raises(es.InputError, match=r"model\.along"):
             call()
     with pytest.raises(es.InputError, match="constant nominal matrices"):

@@ -21,7 +21,7 @@ def aircraft():
 def test_level_flight_stays_level(aircraft):
     flight = aircraft.begin(0.01)
     for _ in range(100):
-        flight.move(np.zeros(1))
+        flight.move(np.zeros(1), np.zeros(2))
     assert_allclose(flight.state, 0.0, atol=2e-3)
     assert_allclose(flight.input, 0.0, atol=1e-12)
 
@@ -63,7 +63,7 @@ def test_a_loss_of_the_whole_deflection_upsets_the_trim():
     lost = jsbsim_f16.JsbsimF16(0.5, failure_time=0.0, about="zero")
     flight = lost.begin(0.01)
     for _ in range(50):
-        flight.move(np.zeros(1))
+        flight.move(np.zeros(1), np.zeros(2))
     elevator = 0.5 * -lost.trim["elevator_deg"]  # the missing half of the trim
     linear = es.StateSpace(lost.model.A, lost.model.B, dt=0).discretise(0.5)
     assert_allclose(flight.state, linear.B[:, 0] * elevator, rtol=0.1)
@@ -131,3 +131,33 @@ def test_events_that_the_simulator_cannot_take_are_refused_together():
     model = es.StateSpace(f16.A, f16.B, dt=0)
     with pytest.raises(es.InputError, match=r"cannot take a Change(.|\n)*acts on 'pitch_rate' only"):
         jsbsim_f16.JsbsimF16(events=[es.Change(1.0, model), es.Upset(1.0, [1.0, 0.0])])
+
+
+def test_the_air_is_still_unless_turbulence_moves_it(aircraft):
+    flight = aircraft.begin(0.01)
+    for _ in range(20):
+        flight.move(np.array([0.3]), np.ones(2))
+    fdm = flight.simulator.fdm
+    over_ground = np.degrees(np.arctan2(fdm["velocities/w-fps"], fdm["velocities/u-fps"]))
+    assert_allclose(fdm["aero/alpha-deg"], over_ground, atol=1e-12)
+    assert fdm["atmosphere/total-wind-down-fps"] == 0
+
+
+def test_the_simulator_flies_in_the_turbulence_of_the_linear_model():
+    """The same seed gives the same gusts; the motion is that of the linear model near the trim, and the vane feels the air."""
+    air = es.Turbulence(es.Dryden.at(6096.0, 275.0, severity="light"), {"alpha": "alpha"}, angle="deg")
+    quiet = {"sigma_alpha": 1e-9, "sigma_q": 1e-9, "Q": np.zeros((2, 2))}
+    rough = jsbsim_f16.JsbsimF16(**quiet, turbulence=air, events=[es.Offset(0.5, "elevator_deg", 0.2)])
+    still = es.StateFeedback(np.zeros((1, 2)))
+    known = es.StateSpace(rough.model.A, rough.model.B, R=np.eye(2), dt=0, inputs=f16.INPUTS, outputs=f16.OUTPUTS)
+    given = {"reference": np.zeros((100, 0)), "seed": 3, "dt": 0.01, "prior": es.Prior([0.0, 0.0], np.eye(2))}
+    linear, simulated = (es.close_loop(one, still, es.Kalman(known), **given) for one in (rough.linear, rough))
+    assert_allclose(simulated.state[:, 2:], linear.state[:, 2:], atol=1e-12)
+    apart = np.abs(simulated.state - linear.state).max(axis=0)[:2] / np.abs(linear.state).max(axis=0)[:2]
+    assert np.all(apart < 0.1), apart
+    vane = simulated.output[:, 0] - simulated.state[:, 0]
+    assert_allclose(vane, np.degrees(simulated.state[:, 3] / 275.0), atol=1e-6)
+    assert np.ptp(vane) > 0.02
+    entry = {"pitch_rate": "q"}
+    with pytest.raises(es.InputError, match="`turbulence` of the simulator must enter 'alpha' only"):
+        jsbsim_f16.JsbsimF16(turbulence=es.Turbulence(air.dryden, entry, angle="deg"))

@@ -26,9 +26,8 @@ def fly(model=MODEL, events=(), actuator=SIDES, **given):
     noisy = es.StateSpace(model.A, model.B, model.C, R=np.eye(2), dt=0, states=model.states, inputs=model.inputs,
                           outputs=model.outputs)  # fmt: skip
     plant = es.ControlledPlant(model, actuator=actuator, events=events)
-    return es.close_loop(
-        plant, LAW, es.Kalman(noisy), reference=COMMANDS, seed=1, dt=DT, prior=PRIOR, engine="native", **given
-    )
+    given = {"engine": "native"} | given
+    return es.close_loop(plant, LAW, es.Kalman(noisy), reference=COMMANDS, seed=1, dt=DT, prior=PRIOR, **given)
 
 
 class World:
@@ -170,6 +169,56 @@ def test_disturbances_are_what_an_integrator_makes_of_them():
     assert_allclose(closed.output, y, atol=1e-9)
 
 
+def matrices(speed):
+    """Those of `MODEL` at a speed, at which the vane also feels the speed."""
+    own = {name: getattr(MODEL, name) for name in "ABCD"}
+    return {
+        "A": own["A"] * [[speed, 1.0], [speed**2, speed]],
+        "B": own["B"] * speed**2,
+        "C": own["C"] + [[0.0, speed], [0.0, 0.0]],
+        "D": own["D"],
+    }
+
+
+COURSE = {"speed": 1 + 0.5 * np.sin(TIMES)}
+FOLLOWING = es.StateSpace(
+    **matrices(1.0), Q=np.zeros((2, 2)), R=np.zeros((2, 2)), dt=0, states=MODEL.states, inputs=MODEL.inputs,
+    outputs=MODEL.outputs, schedule={"speed": matrices},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("engine", ["native", "xla"])
+def test_a_scheduled_plant_is_what_an_integrator_makes_of_it(engine):
+    """With actuators at their rate limits and late, a failure, a gust, and another model from 2 s on: the same at half speed."""
+    half = {"speed": {"at": [0.0, 2.0], **{name: [matrices(0.0)[name], matrices(1.0)[name]] for name in "BC"}}}
+    after = es.StateSpace(**matrices(1.0), R=np.zeros((2, 2)), dt=0, states=MODEL.states, schedule=half)
+    events = [
+        es.Failure(0.7, 0.4, "left"),
+        es.Gust(1.05, 0.6, 0.83, state="speed", vanes=["vane"]),
+        es.Change(2.0, after),
+    ]
+
+    def at(k):
+        def happen(world):
+            now = after if k >= 20 else FOLLOWING
+            now = now.along({"speed": float(COURSE["speed"][k])})
+            world.A, world.B, world.C, world.D = now.A, now.B, now.C, now.D
+            world.gain = np.array([0.4 if 7 <= k < 20 else 1.0, 1.0])
+
+        return happen
+
+    world = World(FOLLOWING)
+    world.push, world.cuts = lambda t: world.A[:, 1] * gust(t), (1.05, 1.88)
+    x, p, y = simulated({k: at(k) for k in range(T)}, world)
+    y[:, 0] += [COURSE["speed"][k] * gust(t) for k, t in enumerate(TIMES)]
+    closed = fly(FOLLOWING, events, schedule=COURSE, engine=engine)
+    assert_allclose(closed.input, p, atol=1e-9)
+    assert_allclose(closed.state, x, atol=1e-9)
+    assert_allclose(closed.output, y, atol=1e-9)
+    assert closed.engine == engine
+    assert_array_equal(closed.schedule["speed"], COURSE["speed"])
+
+
 def test_sensors_read_what_their_faults_make_of_the_outputs():
     events = [es.SensorFault(0.5, "vane", "bias", 0.3, 1.5), es.SensorFault(1.0, "vane", "scale", 2.0, 2.0),
               es.SensorFault(2.05, "vane", "drift", -0.4, 2.5), es.SensorFault(2.7, "vane", "frozen"),
@@ -241,6 +290,12 @@ NAMED = r"names the input 'lft', but the inputs are 'left', 'right'\. Did you me
     (lambda: fly(actuator={"left": 5.0}), "must hold an Actuator for 'left'"),
     (lambda: es.ControlledPlant(MODEL, actuator=SIDES, rate=1.0), "are those of the Actuator"),
     (lambda: es.ControlledPlant(MODEL, position_sigma=0.1), "needs an `actuator`"),
+    (lambda: fly(FOLLOWING), r"follow 'speed': give its course, schedule=\{'speed': values\}, one for each row of `reference`"),
+    (lambda: fly(FOLLOWING, schedule=3), "`schedule` must be a mapping of channels"),
+    (lambda: fly(FOLLOWING, schedule={"sped": 1.0}), "give its course.*has 'sped', but the loop follows 'speed'.*Did you mean"),
+    (lambda: fly(schedule={"speed": 1.0}), "has 'speed', but the loop follows no channel"),
+    (lambda: fly(FOLLOWING, schedule={"speed": [1.0, 2.0]}), r"`schedule of 'speed'` must be \(T,\) = \(36,\)"),
+    (lambda: fly(FOLLOWING.along({"speed": [1.0, 2.0]})), "plant varies over 2 rows of time, but `reference` has 36 rows"),
 ])  # fmt: skip
 def test_wrong_events_and_actuators_are_refused_in_a_sentence_each(wrong, sentence):
     with pytest.raises(es.InputError, match=f"(?s){sentence}"):
@@ -284,3 +339,38 @@ def test_banks_equal_single_runs_bit_for_bit_also_of_plants_with_different_event
                 assert_array_equal(getattr(one, name), getattr(single, name), err_msg=name)
     with pytest.raises(es.InputError, match="`plant` is a list of 4, one for each run"):
         es.close_loop_bank(plants, law, es.Kalman(model), runs=3, **given)
+
+
+@pytest.mark.parametrize(
+    "wrap", [lambda one: one, lambda one: es.ChangeDetection(one, slots=4, levels=2)], ids=["gain", "detector"]
+)
+def test_a_scheduled_estimator_in_a_loop_is_that_over_the_record_and_banks_equal_single_runs(wrap):
+    noises = {"Q": 0.1 * np.eye(2), "R": 0.01 * np.eye(2)}
+    model = es.StateSpace(**matrices(1.0), **noises, dt=0, states=MODEL.states, inputs=MODEL.inputs, outputs=MODEL.outputs,
+                          schedule={"speed": matrices})  # fmt: skip
+    plant = es.ControlledPlant(model, actuator=SIDES, events=[es.Failure(1.0, 0.5)])
+    law = es.StateFeedback([[0.3, 0.1], [0.1, 0.2]], reference_gain=np.eye(2))
+    estimator = wrap(es.UnknownGain(model, es.Prior([1.0], [[0.2]])))
+    given = {"reference": COMMANDS, "seed": 5, "dt": DT, "prior": PRIOR, "schedule": COURSE}
+    bank = es.close_loop_bank(plant, law, estimator, runs=9, engine="native", **given)
+    single = es.close_loop_bank(plant, law, estimator, runs=1, first=8, engine="native", **given)[0]
+    for name in ("state", "input", "output", "command", "mean", "gain", "gain_covariance"):
+        assert_array_equal(getattr(bank[8], name), getattr(single, name), err_msg=name)
+    channels = (*MODEL.outputs, "speed")
+    record = es.Record(
+        np.column_stack([single.output, COURSE["speed"]]), single.input, dt=DT, hold="first_order", inputs=MODEL.inputs,
+        outputs=channels,
+    )  # fmt: skip
+    offline = es.estimate(estimator, record, prior=PRIOR)
+    assert_allclose(single.gain, offline.gain, atol=1e-9)
+    assert_allclose(single.mean, offline.mean, atol=1e-9)
+
+
+def test_many_scheduled_loops_have_the_values_of_their_bank():
+    plant = es.ControlledPlant(FOLLOWING, actuator=SIDES)
+    noisy = es.Kalman(
+        es.StateSpace(MODEL.A, MODEL.B, MODEL.C, R=np.eye(2), dt=0, inputs=MODEL.inputs, outputs=MODEL.outputs)
+    )
+    case = es.LoopCase(plant, LAW, noisy, reference=COMMANDS, prior=PRIOR, dt=DT, schedule=COURSE)
+    found = es.monte_carlo_loops(case, runs=2, seed=1, summary=lambda closed: {"end": closed.state[-1]}, progress=False)
+    assert_allclose(found[""].values["end"][0], fly(FOLLOWING, schedule=COURSE).state[-1], atol=1e-12)

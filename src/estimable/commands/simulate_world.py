@@ -61,11 +61,11 @@ def flown(
     faults.finish()
     name = what if plant is None else NAMES[plant]
     about = {"about": "zero"} if plant == "jsbsim-untrimmed" else {}
-    events = read_faults(faults_given, worlds.world(name, (), **about).plant.model)
+    events = read_faults(faults_given, worlds.world(name, (), **about).model)
     links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
     with show.working("Flying"):
         flight = worlds.world(name, events, turbulence=turbulence or "none", **about)
-        closed, model = flight.fly(seed=seed, **links), flight.plant.model
+        closed, model = flight.fly(seed=seed, **links), flight.model
     return closed, model
 
 

@@ -15,7 +15,7 @@ from ..models.nonlinear_model import NonlinearModel
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
 from ..results import Info, Names
-from .named_numbers import with_innermost
+from .following import with_model
 
 
 def of_both(model: StateSpace | NonlinearModel, record: Record, columns: list[int], faults: checks.Faults) -> Angles:
@@ -40,7 +40,7 @@ def with_angles(algorithm: Algorithm[Any], found: Angles) -> Any:
     inner = algorithm.innermost
     if not found or not isinstance(inner.model, StateSpace | NonlinearModel) or inner.model.angles == found:
         return algorithm
-    return with_innermost(algorithm, replace(inner, model=replace(inner.model, angles=found)))
+    return with_model(algorithm, lambda model: replace(model, angles=found))
 
 
 def check_undeclared(y: np.ndarray, names: Names, found: Angles, faults: checks.Faults) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..data.record import Record
+from ..filters.mixture import Mixture
 from ..frozen import replace
 from ..models.schedule import last_known
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, Wrapper
 from ..results import Stacked
-from .named_numbers import with_innermost
 from .stack import stack
 
 Values: TypeAlias = Mapping[str, float]  # {channel: value}
@@ -22,15 +22,26 @@ Given: TypeAlias = Values | Numbers | None  # y, u or `schedule`, as given to a 
 
 
 def channels_of(algorithm: Algorithm[Any]) -> tuple[str, ...]:
-    """The channels that the matrices of the algorithm's model follow."""
-    model = algorithm.innermost.model
-    return model.scheduled_by if isinstance(model, StateSpace) else ()
+    """The channels that the matrices of the algorithm's model follow; of a mixture, those of all its members."""
+    if isinstance(algorithm, Mixture):
+        return tuple(dict.fromkeys(name for member in algorithm.algorithms for name in channels_of(member)))
+    if isinstance(algorithm, Wrapper):
+        return channels_of(algorithm.algorithm)
+    return algorithm.model.scheduled_by if isinstance(algorithm.model, StateSpace) else ()
 
 
-def with_model(algorithm: Algorithm[Any], change: Callable[[StateSpace], StateSpace]) -> Any:
-    """The algorithm with its model changed, inside all wrappers."""
-    inner: Any = algorithm.innermost
-    return with_innermost(algorithm, replace(inner, model=change(inner.model)))
+def with_model(algorithm: Algorithm[Any], change: Callable[[Any], Any]) -> Any:
+    """The algorithm with its model changed, inside all wrappers and in all members of a mixture."""
+    if isinstance(algorithm, Mixture):
+        return replace(algorithm, algorithms=tuple(with_model(member, change) for member in algorithm.algorithms))
+    if isinstance(algorithm, Wrapper):
+        return replace(algorithm, algorithm=with_model(algorithm.algorithm, change))
+    return replace(algorithm, model=change(algorithm.model))
+
+
+def along_values(algorithm: Algorithm[Any], values: Mapping[str, Numbers]) -> Any:
+    """The algorithm with its model at given values of the channels, as `StateSpace.along`."""
+    return with_model(algorithm, lambda model: model.along({name: values[name] for name in model.scheduled_by}))
 
 
 def along_record(algorithm: Algorithm[Any], record: Record) -> Any:
@@ -124,8 +135,7 @@ class Following:
         if key not in self.found:
             if len(self.found) >= 64:
                 self.found.clear()
-            point = dict(zip(self.channels, self.values.tolist(), strict=True))
-            self.found[key] = with_model(self.algorithm, lambda model: model.along(point))
+            self.found[key] = along_values(self.algorithm, dict(zip(self.channels, self.values.tolist(), strict=True)))
         return self.found[key]
 
 

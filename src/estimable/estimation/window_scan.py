@@ -27,13 +27,18 @@ AT_ONCE = 128  # runs whose beliefs between the passes fit in the processor's ca
 
 
 def fits(algorithm: Algorithm[Any]) -> bool:
-    """Whether stretches describe the filter: linear, every output with its own nonzero noise and no angle, no forgetting."""
+    """Whether stretches describe the filter: linear and constant, every output with its own nonzero noise and no angle, no
+    forgetting."""
     if not isinstance(algorithm, Kalman | UnknownGain) or np.any(algorithm.forgetting != 1.0):
         return False
     ready: Any = algorithm.ready
     noises = np.diagonal(np.asarray(ready.V), axis1=-2, axis2=-1)
     return (
-        ready.independent and ready.period is None and bool((noises > 0).all()) and max(_sizes(algorithm)[1:]) <= MOST
+        ready.independent
+        and not ready.varying
+        and ready.period is None
+        and bool((noises > 0).all())
+        and max(_sizes(algorithm)[1:]) <= MOST
     )
 
 

@@ -1,6 +1,6 @@
 """A plant in a loop: a model with its actuators, and the events that change it during a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
@@ -31,14 +31,16 @@ class ControlledPlant:
     Settings:
 
     - `model`: a `StateSpace`, or an `OutputError`, whose states are past outputs and inputs. With an operating point, all
-      signals are in absolute units.
+      signals are in absolute units. It may vary in time, with a row for each sample, or have a `schedule`, whose channels
+      `close_loop` then needs. Its matrices at a sample hold until the next one.
     - `actuator`: an `Actuator` for all inputs, {input: Actuator} (the others follow at once), or a bandwidth in 1/s. None: no
       actuator.
     - `held`: True if the position is constant over each sample.
     - `limits` (2,) or (2, m): the smallest and the largest position. `rate`: its largest change per second, one number. An
       `Actuator` has its own.
     - `position_sigma`: the standard deviation of the measured positions, one number or (m,). None: measured without error.
-      `Kalman` and `UnknownGain` count it as process noise; windows, change detectors and nonlinear filters ignore it.
+      `Kalman`, `UnknownGain`, `ExtendedKalman` and other filters with a covariance count it as process noise, also inside
+      wrappers; where an input enters y directly, linear filters count it there too. Others ignore it.
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
     - `turbulence`: a `Turbulence`, which becomes part of `model` (and of the model of each `Change`): its states follow those of
@@ -133,6 +135,47 @@ class ControlledPlant:
             stages.append(event.after(stages[-1]))
         return stages
 
+    def plants_at(self, t: np.ndarray) -> tuple[list[PlantPhase], np.ndarray]:
+        """The distinct plants of a run with samples at t (T,), with their actuators, and the index of that of each row. The first
+        is the plant before any event."""
+        stages, phase = self.stages(), self.phase_rows(t)
+        if not self.varies:
+            return stages, phase
+        distinct, rows = [stages[0]._replace(model=stages[0].model.at(0))], np.zeros(len(t), int)
+        for i in np.unique(phase):
+            model, on = stages[i].model, np.flatnonzero(phase == i)
+            table = [np.reshape(getattr(model, name)[on], (len(on), -1)) for name in model.varying]
+            _, first, back = np.unique(
+                np.concatenate([np.zeros((len(on), 1)), *table], axis=1), axis=0, return_index=True, return_inverse=True
+            )
+            rows[on] = len(distinct) + back.ravel()
+            distinct += [stages[i]._replace(model=model.at(int(k))) for k in on[first]]
+        return distinct, rows
+
+    @property
+    def varies(self) -> bool:
+        """Whether the matrices of the plant vary from row to row."""
+        return any(stage.model.varying for stage in self.stages())
+
+    @property
+    def scheduled_by(self) -> tuple[str, ...]:
+        """The channels that the matrices follow."""
+        return tuple(dict.fromkeys(name for stage in self.stages() for name in stage.model.scheduled_by))
+
+    def along(self, values: Mapping[str, Numbers]) -> "ControlledPlant":
+        """The plant at given values of the channels of its schedules, as `StateSpace.along`; also the models of its `Change`s."""
+
+        def followed(model: StateSpace) -> StateSpace:
+            return model.along({name: values[name] for name in model.scheduled_by})
+
+        events = [
+            replace(event, model=followed(event.model)) if isinstance(event, Change) else event for event in self.events
+        ]
+        model = followed(self.model)
+        if any(one.S is not None for one in (model, *(event.model for event in events if isinstance(event, Change)))):
+            checks.refuse("`schedule` must not give S: a plant in a loop is without cross noise.")
+        return replace(self, model=model, events=tuple(events))
+
     def phases(self) -> list[StateSpace]:
         """The initial model, and the model after each event, with the gains of its inputs in B and D."""
         return [
@@ -143,9 +186,12 @@ class ControlledPlant:
         """The index of the phase of each row, (T,)."""
         return np.sum([t >= event.time - 1e-9 for event in self.events] + [np.zeros(len(t))], axis=0).astype(int)
 
-    def steps(self, dt: float) -> Steps:
-        """The matrices of a step over `dt` seconds, phase by phase."""
-        return steps_of(self.stages(), self, dt)
+    def steps(self, dt: float, t: np.ndarray | None = None) -> Steps:
+        """The matrices of a step over `dt` seconds, phase by phase. `t` (T,): of the samples, for a plant that varies."""
+        if t is None or not self.varies:
+            return steps_of(self.stages(), self, dt)
+        plants, rows = self.plants_at(t)
+        return steps_of(plants, self, dt, rows)
 
 
 def _in_turbulence(model: StateSpace, events: Sequence[Event], turbulence: Turbulence) -> tuple[StateSpace, Any]:
@@ -171,12 +217,8 @@ def _check_model(model: StateSpace, plant: ControlledPlant, faults: checks.Fault
         faults.add("`model` must have an input to control. It has none.")
     if model.R is None:
         faults.add("`model` must have R, the covariance of the measurement noise. For noise-free outputs give zeros.")
-    if model.schedule:
-        faults.add(
-            "`model` must be constant: give model.along({channel: value}), and a `Change` to another value during the run."
-        )
-    if model.varying or model.S is not None or model.B_end is not None:
-        faults.add("`model` must be constant, without cross noise S and without B_end.")
+    if model.S is not None or model.B_end is not None:
+        faults.add("`model` must be without cross noise S and without B_end.")
     if plant.actuator is not None and not model.is_continuous:
         faults.add("`model` must be continuous (dt = 0), because `actuator` moves between samples.")
     faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")

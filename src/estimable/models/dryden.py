@@ -12,9 +12,9 @@ from .state_space import StateSpace
 CONVENTIONS = ("MIL-F-8785C", "MIL-HDBK-1797")
 SEVERITIES = ("light", "moderate", "severe")
 FOOT, KNOT = 0.3048, 0.514444
-WIND_AT_20_FT = {"light": 15.0, "moderate": 30.0, "severe": 45.0}  # [knots], MIL-F-8785C §3.7.3
+WIND_AT_20_FT = {"light": 15.0, "moderate": 30.0, "severe": 45.0}  # [knots], MIL-F-8785C figure 9
 LOW, HIGH, LOWEST = 1000.0, 2000.0, 10.0  # [ft]: below, between and above which the formulas of `at` hold
-FREE_SCALE = 1750.0  # [ft], MIL-F-8785C §3.7.2.1
+FREE_SCALE = 1750.0  # [ft], MIL-F-8785C §3.7.2
 HEIGHTS = (500, 1750, 3750, 7500, 15_000, 25_000, 35_000, 45_000, 55_000, 65_000, 75_000, 80_000)  # [ft]
 EXCEEDED = {  # σ [ft/s] at these heights, MIL-F-8785C figure 7: exceeded with probability 1e-2, 1e-3, 1e-5
     "light": (6.6, 6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -39,7 +39,8 @@ class Dryden:
     - q = (s/V) / (1 + 4 b s/(π V)) w, and r = (s/V) / (1 + 3 b s/(π V)) v, both with this sign.
     - p = σ_w √(.8 π/V) (π/(4 b))^(1/6) / L_w^(1/3) / (1 + 4 b s/(π V)) n_p
 
-    Axes are those of the body: x forward, y right, z down; u, v, w are the velocities of the air.
+    Axes are those of the body: x forward, y right, z down. The gusts add to the velocities and rates of the aircraft relative to
+    the air, so that w raises the angle of attack by w/V.
 
     Settings, in SI units:
 
@@ -48,8 +49,7 @@ class Dryden:
 
     Assumes a frozen field of turbulence, much slower than the aircraft, and a constant airspeed.
 
-    Reference: MIL-F-8785C (1980) §3.7.1.2 (spectra), §3.7.5 (rates), and for `at` §3.7.2 and §3.7.3; MIL-HDBK-1797 (1997),
-    appendix A.
+    Reference: MIL-F-8785C (1980) §3.7.1.2 (spectra), §3.7.5 (rates), and for `at` §3.7.2 and §3.7.3.4; MIL-HDBK-1797 (1997).
 
     >>> air = Dryden(3.05, 533.4, 275.0, 9.144)
     >>> [round(float(x), 6) for x in np.diag(air.covariance("longitudinal"))[:2]]  # u, w: sigma squared
@@ -83,7 +83,7 @@ class Dryden:
     ) -> Self:
         """The turbulence at an altitude above the ground [m], by severity: "light", "moderate" or "severe".
 
-        Below 1,000 ft (MIL-F-8785C §3.7.3): L_w = h, L_u = L_v = h / (.177 + .000823 h)^1.2 with h in feet; σ_w = .1 W20 with
+        Below 1,000 ft (MIL-F-8785C §3.7.3.4): L_w = h, L_u = L_v = h / (.177 + .000823 h)^1.2 with h in feet; σ_w = .1 W20 with
         the wind W20 at 20 ft of 15, 30 or 45 knots; σ_u = σ_v = σ_w / (.177 + .000823 h)^.4. Above 2,000 ft (§3.7.2): L =
         1,750 ft and σ from figure 7. Between, linear interpolation. In the convention "MIL-HDBK-1797" L_v and L_w are half of
         these, and their spectra equal those of MIL-F-8785C. `span` [m]: by default that of the F-16.

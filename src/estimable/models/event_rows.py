@@ -27,10 +27,10 @@ class Sensed:
     dropped: Any
 
 
-def sensed(events: Sequence[Event], model: StateSpace, t: np.ndarray) -> Sensed | None:
-    """The failures of the sensors, and what gusts add to the outputs; None without any."""
-    faults = [event for event in events if isinstance(event, SensorFault)]
-    air = _air(events, model, t)
+def sensed(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndarray, t: np.ndarray) -> Sensed | None:
+    """The failures of the sensors, and what gusts add to the outputs; None without any. `models` and `phase`: as in `pushes`."""
+    faults, model = [event for event in events if isinstance(event, SensorFault)], models[0]
+    air = _air(events, models, phase, t)
     if not faults and air is None:
         return None
     shape = (len(t), model.p)
@@ -64,14 +64,15 @@ def acts(event: SensorFault | Upset, t: np.ndarray) -> np.ndarray:
     return (t >= event.time - SAME) & (t < until - SAME)
 
 
-def _air(events: Sequence[Event], model: StateSpace, t: np.ndarray) -> np.ndarray | None:
+def _air(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndarray, t: np.ndarray) -> np.ndarray | None:
     """What gusts add to the outputs that are measured relative to the air, (T, p)."""
     gusts = [event for event in events if isinstance(event, Gust)]
     if not gusts:
         return None
-    total = np.zeros((len(t), model.p))
+    model = models[0]
+    C, total = np.stack([one.C for one in models])[phase], np.zeros((len(t), model.p))
     for gust in gusts:
-        column = model.C[:, entry(gust, model)]
+        column = C[:, :, entry(gust, model)]  # (T, p)
         seen = [gust.vanes is None or name in gust.vanes for name in model.outputs]
         total += value_of(gust, t)[:, None] * np.where(seen, column, 0.0)
     return total

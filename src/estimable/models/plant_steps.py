@@ -86,12 +86,13 @@ class Motion:
 
 @frozen
 class Steps:
-    """A step of a plant by phase: x+ = A x + (effect of the positions p) + W e', y = `rest` + C x + D (K p + b) + V e.
+    """A step of a plant, by phase: x+ = A x + (effect of the positions p) + W e', y = `rest` + C x + D (K p + b) + V e.
 
     x: the deviation of the state. The effect is B (K p + b) where positions are held over the step ("direct": at their end;
     "held": at their beginning), and else the response to the moving positions ("moving"). K: `gain`, b: `bias`, (m,); None: 1
     and 0. `offset`: of the positions. `motion` None: positions are the commands. Commands are rounded to `quantum`, and are
-    within `limits` and within `reach` of the last one; outputs are rounded to `resolution`.
+    within `limits` and within `reach` of the last one; outputs are rounded to `resolution`. `rows` (T,): the phase of each row,
+    where the plant varies from row to row; None: the loop chooses the phase.
     """
 
     A: Any
@@ -111,6 +112,7 @@ class Steps:
     resolution: Any
     mode: str = static(default="direct")
     history: int = static(default=0)
+    rows: Any = None
 
     @property
     def moves(self) -> bool:
@@ -118,11 +120,12 @@ class Steps:
         return self.mode != "direct"
 
 
-def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float) -> Steps:
+def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float, rows: np.ndarray | None = None) -> Steps:
     """The step of a `ControlledPlant` over `dt` seconds."""
     sampled = [_matrices(phase, dt) for phase in phases]
     A, B, W = (_by_phase(matrices) for matrices in zip(*sampled, strict=True))
     C, D = (_by_phase([getattr(phase.model, name) for phase in phases]) for name in "CD")
+    noises = [phases[0].model.R if phase.model.R is None else phase.model.R for phase in phases]
     point = plant.point
     origin = np.array([actuator.operating_point for actuator in phases[0].actuators])
     gain, offset = (np.stack([getattr(phase, name) for phase in phases]) for name in ("gain", "offset"))
@@ -130,10 +133,10 @@ def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float) -> Steps:
     faulty = any(phase.drives != phases[0].drives or phase.actuators is not phases[0].actuators for phase in phases)
     motion = _motion(phases, plant, dt) if plant.mode != "direct" or faulty else None
     return Steps(
-        A, B, C, D, W, np.asarray(factors(phases[0].model.R)), point.outputs,
+        A, B, C, D, W, np.asarray(factors(_by_phase(noises))), point.outputs,
         _by_phase(gain) if np.any(gain != 1) else None, _by_phase(bias) if np.any(bias) else None,
         _by_phase(offset) if np.any(offset) else None, motion, _limits(plant), _reach(plant, dt), plant.quantum,
-        plant.resolution, plant.mode, 0 if motion is None else motion.pieces[0].late.shape[1],
+        plant.resolution, plant.mode, 0 if motion is None else motion.pieces[0].late.shape[1], rows,
     )  # fmt: skip
 
 

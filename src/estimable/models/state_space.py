@@ -169,6 +169,10 @@ class StateSpace:
             faults.finish()
         return model
 
+    def at(self, k: int) -> "StateSpace":
+        """The constant model of row k of a model that varies in time; itself where it is constant."""
+        return replace(self, varying=(), **{name: getattr(self, name)[k] for name in self.varying})
+
     def discretise(self, dt: float, *, hold: str = "zero_order") -> "StateSpace":
         """The discrete model of a continuous one over steps of `dt` seconds: one number, or an array (T,) with one for each row.
 

@@ -23,6 +23,7 @@ from ..models.disturbances import Gust, Upset
 from ..models.event_rows import acts, value_of
 from ..models.events import Change, Event, Failure, PlantPhase
 from ..models.state_space import StateSpace
+from ..models.turbulence import Turbulence
 from ..protocols import Plant
 from . import f16
 
@@ -65,6 +66,9 @@ class JsbsimF16(Plant):
     deflection from the trim drops. `about="zero"`: the effect of its whole deflection drops, so that the failure also changes
     the trim; the positions of events are then whole deflections, else deviations from the trim.
 
+    The air is still, or `turbulence` moves it: a `Turbulence` that enters alpha only, {"alpha": "alpha"} in degrees. Its states
+    follow those of the aircraft, and the gust is linear between samples.
+
     `events`: as in `ControlledPlant`: `Failure`, `Stuck`, `Floating`, `HardOver`, `Offset`, `ActuatorChange`, `SensorFault`, a
     `Gust` of alpha [deg], which the vane feels, and an `Upset` of the pitch rate [deg/s²].
 
@@ -86,6 +90,7 @@ class JsbsimF16(Plant):
         sigma_q: float = f16.SIGMA_Q,
         Q: Numbers | None = None,
         events: Sequence[Event] = (),
+        turbulence: Turbulence | None = None,
     ):
         faults = checks.Faults()
         self.gain_after = faults.number("gain_after", gain_after)
@@ -93,6 +98,7 @@ class JsbsimF16(Plant):
         self.mach = faults.number("mach", mach, above=0.0)
         self.altitude_ft = faults.number("altitude_ft", altitude_ft, lower=0.0, unit="feet")
         faults.choice("about", about, ("trim", "zero"))
+        _check_turbulence(turbulence, faults)
         sigma_alpha = faults.number("sigma_alpha", sigma_alpha, lower=0.0)
         sigma_q = faults.number("sigma_q", sigma_q, lower=0.0)
         faults.finish()
@@ -108,7 +114,8 @@ class JsbsimF16(Plant):
         limits = np.array(MOST) - (self.trim["elevator_deg"] - about_deg)
         actuator = Actuator(f16.ACTUATOR, limits=limits, operating_point=about_deg)
         dropped = [Failure(self.failure_time, self.gain_after)] if self.gain_after != 1.0 else []
-        self.linear = ControlledPlant(self.model, actuator=actuator, events=[*dropped, *events])
+        self.linear = ControlledPlant(self.model, actuator=actuator, events=[*dropped, *events], turbulence=turbulence)
+        self.turbulence = turbulence
         _check_events(self.linear.events, self.model)
 
     def __repr__(self) -> str:
@@ -130,17 +137,20 @@ class _Flight:
         self.stages = aircraft.linear.stages()
         self.gusts = [event for event in aircraft.linear.events if isinstance(event, Gust)]
         self.upsets = [event for event in aircraft.linear.events if isinstance(event, Upset)]
+        self.moving_air = bool(self.gusts) or aircraft.turbulence is not None
+        motion = aircraft.linear.steps(dt)
+        self.air, (self.A, self.W) = np.zeros(aircraft.linear.model.n - 2), (M[0][2:] for M in (motion.A, motion.W))
         self.simulator.fdm.set_dt(dt / self.steps)
         self._place()
 
     @property
     def state(self) -> np.ndarray:
-        """Alpha and pitch rate about the trim."""
+        """Alpha and pitch rate about the trim, then the turbulence."""
         fdm, trim = self.simulator.fdm, self.aircraft.trim
         alpha = fdm["aero/alpha-deg"]
-        if self.gusts:  # relative to the earth: `close_loop` adds what the vane feels
+        if self.moving_air:  # relative to the earth: `close_loop` adds what the vane feels
             alpha = np.degrees(np.arctan2(fdm["velocities/w-fps"], fdm["velocities/u-fps"]))
-        return np.array([alpha - trim["alpha_deg"], np.degrees(fdm["velocities/q-rad_sec"])])
+        return np.array([alpha - trim["alpha_deg"], np.degrees(fdm["velocities/q-rad_sec"]), *self.air])
 
     @property
     def input(self) -> np.ndarray:
@@ -158,27 +168,37 @@ class _Flight:
         if drive is not None and drive.place is not None:
             self.position = drive.place
 
-    def move(self, command: Array) -> None:
-        """Fly one sample under a held command (1,)."""
+    def move(self, command: Array, e: Array) -> None:
+        """Fly one sample under a held command (1,), with unit normal numbers e for the turbulence."""
         fdm, trim, stage = self.simulator.fdm, self.aircraft.trim["elevator_deg"], self.stage
         gain, about = float(stage.gain[0]), trim if self.aircraft.about == "trim" else 0.0
         fdm["estimable/effect"], fdm["estimable/about-rad"] = gain, np.radians(about)
-        each = self.dt / self.steps
+        each, before = self.dt / self.steps, self.air
+        self.air = self.A[:, 2:] @ before + self.W @ e
         for step in range(self.steps):
             self.commands.append(float(command[0]))
             mean = self._move_elevator(stage, each) + stage.offset[0]
             t = np.array([self.samples * self.dt + (step + 0.5) * each])
-            gust = sum(float(value_of(event, t)[0]) for event in self.gusts)
+            gust = sum(float(value_of(event, t)[0]) for event in self.gusts) + self._alpha_of(
+                before, (step + 0.5) / self.steps
+            )
             upset = sum(
                 float(event.rates(self.aircraft.model)[1]) for event in self.upsets if acts(event, t - each / 2)[0]
             )
-            if self.gusts:  # up, so that it adds to alpha
+            if self.moving_air:  # up, so that it adds to alpha
                 fdm["atmosphere/gust-down-fps"] = -fdm["velocities/vt-fps"] * np.tan(np.radians(gust))
             fdm["estimable/upset-lbsft"] = np.radians(upset) * fdm["inertia/iyy-slugs_ft2"]
             fdm["fcs/elevator-cmd-norm"] = (mean + trim) / FULL
             fdm.run()
         self.samples += 1
         self._place()
+
+    def _alpha_of(self, before: np.ndarray, part: float) -> float:
+        """The angle [deg] of the turbulence at a part of the sample."""
+        if self.aircraft.turbulence is None:
+            return 0.0
+        w = (1 - part) * before[1] + part * self.air[1]
+        return float(np.degrees(w / self.aircraft.turbulence.dryden.airspeed))
 
     def _move_elevator(self, stage: PlantPhase, seconds: float) -> float:
         """Move the elevator, and return its mean position; the delay is that of the last commands."""
@@ -200,6 +220,16 @@ class _Flight:
 
 
 _glide = forks.jit(glide)
+
+
+def _check_turbulence(turbulence: Turbulence | None, faults: checks.Faults) -> None:
+    if turbulence is None or not faults.instance("turbulence", turbulence, Turbulence):
+        return
+    if turbulence.entry != ((f16.STATES[0], "alpha"),) or turbulence.angle != "deg":
+        faults.add(
+            f'`turbulence` of the simulator must enter {f16.STATES[0]!r} only, as Turbulence(dryden, {{"{f16.STATES[0]}": '
+            f'"alpha"}}, angle="deg"). Got {checks.short(turbulence.entry)}, in {turbulence.angle}.'
+        )
 
 
 def _check_events(events: Sequence[Event], model: StateSpace) -> None:

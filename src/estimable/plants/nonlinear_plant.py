@@ -10,6 +10,7 @@ from .. import checks, forks
 from ..annotations import Array, Numbers
 from ..frozen import replace
 from ..kernels.flow import runge_kutta
+from ..kernels.small import factor
 from ..models.controlled import ControlledPlant, read_limits
 from ..models.nonlinear_model import NonlinearModel
 from ..protocols import Plant
@@ -25,8 +26,8 @@ class NonlinearPlant(Plant):
     The position i of an actuator follows its command by di/dt = `actuator` (command - i).
 
     Settings: `model`: continuous. `states` (n,), `inputs` (m,): an equilibrium. `actuator` [1/s]. `limits` (2,) or (2, m): the
-    smallest and the largest command, in absolute units. `changes`: [(time [s], {parameter: value}), ..], for faults. `seed`: of
-    the process noise; None: without.
+    smallest and the largest command, in absolute units. `changes`: [(time [s], {parameter: value}), ..], for faults. `noisy`:
+    whether the process noise of the model acts, with the random numbers of the loop.
 
     >>> from estimable import plants
     >>> upright = NonlinearPlant(plants.pendulum(), np.zeros(4), [0.0], actuator=50.0)
@@ -43,14 +44,13 @@ class NonlinearPlant(Plant):
         actuator: float,
         limits: Numbers | None = None,
         changes: Changes = (),
-        seed: int | None = None,
+        noisy: bool = False,
     ):
         faults = checks.Faults()
         if faults.instance("model", model, NonlinearModel) and not model.is_continuous:
             faults.add("`model` must be continuous (dt = 0).")
         self.bandwidth = faults.number("actuator", actuator, above=0.0, unit="1/s")
-        if seed is not None:
-            faults.whole("seed", seed, 0)
+        faults.flag("noisy", noisy)
         faults.finish()
         about = model.linearised(states, inputs)
         point: Any = about.operating_point
@@ -61,7 +61,7 @@ class NonlinearPlant(Plant):
         faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
         own = read_limits(limits, faults)
         faults.finish()
-        self.model, self.seed, self.states, self.inputs = model, seed, point.states, point.inputs
+        self.model, self.noisy, self.states, self.inputs = model, noisy, point.states, point.inputs
         self.linear = ControlledPlant(
             replace(about, operating_point=None),
             actuator=self.bandwidth,
@@ -82,7 +82,6 @@ class _Run:
     def __init__(self, plant: NonlinearPlant, dt: float):
         self.plant, self.dt, self.samples = plant, dt, 0
         self.x, self.position = plant.states.copy(), plant.inputs.copy()
-        self.random = None if plant.seed is None else np.random.default_rng(plant.seed)
 
     @property
     def state(self) -> np.ndarray:
@@ -94,14 +93,13 @@ class _Run:
         """The positions of the actuators about the equilibrium."""
         return self.position - self.plant.inputs
 
-    def move(self, command: Array) -> None:
-        """Move one sample under a held command (m,)."""
+    def move(self, command: Array, e: Array) -> None:
+        """Move one sample under a held command (m,), with unit normal numbers e (n,)."""
         plant, model = self.plant, self.plant.model
         now = [θ for time, θ in plant.changes if time <= self.samples * self.dt + 1e-9]
         parameters = now[-1] if now else model.parameters
-        e = np.zeros(model.Q.shape[-1]) if self.random is None else self.random.normal(size=model.Q.shape[-1])
         after = _step(replace(model, parameters=parameters), self.x, self.position, command + plant.inputs, plant.bandwidth,
-                      self.dt, e)  # fmt: skip
+                      self.dt, e if plant.noisy else np.zeros(model.n))  # fmt: skip
         self.x, self.position = (np.asarray(part) for part in after)
         self.samples += 1
 
@@ -117,9 +115,10 @@ def _step(
         return model.f(x, moved, model.parameters)
 
     x = runge_kutta(f, x, dt, model.substeps or 8)
-    G = model.G if model.noise_input is None else model.noise_input(x, command, model.parameters)
-    white = jnp.linalg.cholesky(jnp.asarray(model.Q) + 1e-300 * jnp.eye(len(model.Q))) @ e
-    return x + jnp.sqrt(dt) * jnp.asarray(G) @ white, command + (position - command) * jnp.exp(-bandwidth * dt)
+    G = jnp.asarray(model.G if model.noise_input is None else model.noise_input(x, command, model.parameters))
+    return x + factor(dt * G @ jnp.asarray(model.Q) @ G.T) @ e, command + (position - command) * jnp.exp(
+        -bandwidth * dt
+    )
 
 
 def _read_changes(model: NonlinearModel, changes: Changes, faults: checks.Faults) -> list[tuple[float, np.ndarray]]:

@@ -17,7 +17,7 @@ from ..models.events import Event
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..models.turbulence import Turbulence
-from ..protocols import Algorithm, Controller, Link
+from ..protocols import Algorithm, Controller, Link, Plant
 from ..results import ClosedLoop
 from ..simulation.close_loop import close_loop
 from . import f16, f16_in_jsbsim
@@ -40,6 +40,11 @@ class World(NamedTuple):
     dt: float
     prior: Prior
 
+    @property
+    def model(self) -> StateSpace:
+        """The linear model of the plant, with the states of the turbulence."""
+        return (self.plant.linear if isinstance(self.plant, Plant) else self.plant).model
+
     def fly(self, *, seed: int, input_link: Link | None = None, output_link: Link | None = None) -> ClosedLoop:
         """Simulate the loop; the actuators hold what is lost."""
         return close_loop(
@@ -60,9 +65,7 @@ def f16_world(events: Sequence[Event] = (), turbulence: str = "none") -> World:
 
 def jsbsim_world(events: Sequence[Event] = (), turbulence: str = "none", about: str = "trim") -> World:
     """The F-16 of JSBSim under a fixed pitch-rate law, for 16.5 s: three doublets of ±2.5 deg/s."""
-    if turbulence != "none":
-        checks.refuse("the F-16 of JSBSim flies in still air here: turbulence is possible for the short period.")
-    aircraft = JsbsimF16(about=about, events=events)
+    aircraft = JsbsimF16(about=about, events=events, turbulence=_air(turbulence))
     t = np.arange(round(f16.SECONDS * f16.RATE) + 1) / f16.RATE
     law, estimator = f16_in_jsbsim.law(aircraft.model), Kalman(f16_in_jsbsim.with_upset(aircraft.model))
     return World(aircraft, law, estimator, f16_in_jsbsim.doublets(t)[:, None], 1 / f16.RATE, _exact(3))

@@ -52,6 +52,7 @@ class ClosedLoop(Kept):
     - `engine`: the engine that ran.
     - `names`: the names of the columns of the estimator.
     - `events`: what happened to the plant during the run, in order of time.
+    - `schedule`: {channel: (T,)}, the course of the channels that the matrices of the plant or the estimator followed.
     """
 
     t: Annotated[Any, "T"]
@@ -69,6 +70,7 @@ class ClosedLoop(Kept):
     engine: str = static()
     names: Names = static()
     events: Any = ()
+    schedule: Any = None
 
     def __repr__(self) -> str:
         ended = self.outcome.sentence or f"engine {self.engine}"
@@ -82,9 +84,9 @@ class ClosedLoop(Kept):
 class ClosedLoopBank:
     """The result of `close_loop_bank`: many runs of one loop.
 
-    `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t`, `reference` and `events` are common
-    to all runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run. `events`: the events of each
-    run where the runs have different plants, else None.
+    `runs` is a `ClosedLoop` whose arrays have a leading axis, one entry for each run; `t`, `reference`, `events` and `schedule`
+    are common to all runs. `bank[i]` is the `ClosedLoop` of run i. `outcomes` holds the outcome of each run. `events`: the
+    events of each run where the runs have different plants, else None.
     """
 
     runs: ClosedLoop
@@ -99,7 +101,7 @@ class ClosedLoopBank:
         return len(self.outcomes)
 
     def __getitem__(self, i: int) -> ClosedLoop:
-        shared = {name: getattr(self.runs, name) for name in ("t", "reference", "events")}
+        shared = {name: getattr(self.runs, name) for name in ("t", "reference", "events", "schedule")}
         if self.events is not None:
             shared["events"] = self.events[i]
         one = jax.tree_util.tree_map(lambda leaf: leaf[i], replace(self.runs, **dict.fromkeys(shared)))

@@ -3,7 +3,7 @@
 # pyright: reportUnnecessaryIsInstance=false
 """Simulation of a plant under a controller that acts on an estimate."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -12,10 +12,8 @@ import numpy as np
 from .. import forks
 from ..annotations import Array, Numbers
 from ..errors import RunError
+from ..estimation.following import with_model
 from ..filters.actuated import Actuated
-from ..filters.bounded import Bounded
-from ..filters.gated import Gated
-from ..filters.smoothed import Smoothed
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.disturbances import SensorFault
@@ -27,7 +25,7 @@ from ..models.state_space import StateSpace
 from ..protocols import Algorithm, Controller, Link, RecursiveIdentifier
 from ..protocols import Plant as Simulator
 from ..results import ClosedLoop, ClosedLoopBank, Info, Names, Outcome
-from . import plants_apart, python_loop, window_loop
+from . import plants_apart, python_loop, scheduled, window_loop
 from .late_outputs import Reordered, longest_delay
 from .loop import ControlLoop, LoopInputs, intervals_of
 from .loop_checks import check_call, check_run, known_hold
@@ -52,6 +50,7 @@ def close_loop(
     lost: str = "zero",
     on_failure: str = "raise",
     engine: str = "auto",
+    schedule: Mapping[str, Numbers] | None = None,
 ) -> ClosedLoop:
     """Simulate a closed loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or
     (T,).
@@ -71,6 +70,8 @@ def close_loop(
     - `input_link`, `output_link`, `lost`: as in `simulate`. Outputs that arrive late are used if the link says late="use": the
       estimator goes back to the sample at which they were measured (1 + the longest delay times the cost).
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
+    - `schedule`: {channel: values (T,), or one number}, the course of each channel that the matrices of the plant or of the
+      estimator follow.
     - `seed`: of the noises and links.
     - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
 
@@ -85,7 +86,7 @@ def close_loop(
     """
     bank = close_loop_bank(
         plant, controller, estimator, reference=reference, seed=seed, runs=1, prior=prior, dt=dt, start=start,
-        input_link=input_link, output_link=output_link, lost=lost, on_failure=on_failure, engine=engine,
+        input_link=input_link, output_link=output_link, lost=lost, on_failure=on_failure, engine=engine, schedule=schedule,
     )  # fmt: skip
     return bank[0]
 
@@ -107,6 +108,7 @@ def close_loop_bank(
     first: int = 0,
     on_failure: str = "raise",
     engine: str = "auto",
+    schedule: Mapping[str, Numbers] | None = None,
 ) -> ClosedLoopBank:
     """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
@@ -118,6 +120,7 @@ def close_loop_bank(
     several = isinstance(plant, list | tuple)
     plants = [_plant(one) for one in (plant if isinstance(plant, list | tuple) else [plant])]
     runs = len(plants) if runs is None and several else runs
+    plants, estimator, course = scheduled.along(plants, estimator, schedule, reference)
     call = _Call(controller, estimator, Links(input_link, output_link), start, lost, seed)
     followed, step = None, None
     for flown, _ in plants:
@@ -142,7 +145,7 @@ def close_loop_bank(
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     if on_failure == "raise":
         _raise_failures(outcomes, first)
-    closed = _closed(info, t, followed, used, call.knowing(plants[0][0]).names)
+    closed = replace(_closed(info, t, followed, used, call.knowing(plants[0][0]).names), schedule=course or None)
     if several:
         return ClosedLoopBank(closed, outcomes, tuple(flown.events for flown, _ in plants))
     return ClosedLoopBank(replace(closed, events=plants[0][0].events), outcomes)
@@ -177,16 +180,23 @@ class _Call(NamedTuple):
         """The loop of a plant for steps of `step` seconds, and the rows of its runs `which`."""
         estimator = self.knowing(plant)
         commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
+        sigma, covariance = plant.position_sigma, None
+        if (
+            sigma is not None and not commanded and estimator.takes_uncertain_inputs
+        ):  # linear pieces add up as one error a sample
+            estimator, covariance = _with_noise_of_positions(estimator, sigma), np.diag(sigma**2)
         ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
         ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
+        t = np.arange(len(followed)) * step
+        if longest:
+            ready = Reordered(ready, longest, plant.model.m, len(columns))
         loop = ControlLoop(
-            plant.steps(step), Reordered(ready, longest, plant.model.m, len(columns)) if longest else ready, self.controller,
-            self.links, _start(plant, self.start), plant.point.states, np.asarray(step), plant.position_sigma,
-            None if commanded else _input_covariance(plant, estimator), columns=columns, lost=self.lost,
-            commanded=commanded, late=longest > 0, freezes=_freezes(plant),
+            plant.steps(step, t), ready, self.controller, self.links, _start(plant, self.start), plant.point.states,
+            np.asarray(step), sigma, covariance, columns=columns, lost=self.lost, commanded=commanded, late=longest > 0,
+            freezes=_freezes(plant),
         )  # fmt: skip
-        return loop, _rows(loop, plant, np.arange(len(followed)) * step, followed, self.seed, which)
+        return loop, _rows(loop, plant, t, followed, self.seed, which)
 
 
 def _plant(given: Plant | Sequence[Plant]) -> tuple[Any, Any]:
@@ -196,13 +206,16 @@ def _plant(given: Plant | Sequence[Plant]) -> tuple[Any, Any]:
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
 
 
-def _input_covariance(plant: ControlledPlant, estimator: Algorithm[Any]) -> Any:
-    """The variance of the measured positions: over several samples, errors of linear pieces add up as one at each sample."""
-    while isinstance(estimator, Bounded | Smoothed | Gated):
-        estimator = estimator.algorithm
-    if plant.position_sigma is None or not estimator.takes_uncertain_inputs:
-        return None
-    return np.diag(plant.position_sigma**2)
+def _with_noise_of_positions(estimator: Algorithm[Any], sigma: np.ndarray) -> Any:
+    """The estimator with the noise of the measured positions in the outputs that they enter directly, as part of R."""
+
+    def noisy(model: Any) -> Any:
+        if not isinstance(model, StateSpace) or model.R is None or not model.feeds_through(list(range(model.m))):
+            return model
+        R = model.R + (model.D * sigma**2) @ np.swapaxes(model.D, -1, -2)
+        return replace(model, R=R, varying=tuple({*model.varying, *(["R"] if R.ndim == 3 else [])}))
+
+    return with_model(estimator, noisy)
 
 
 def _freezes(plant: ControlledPlant) -> bool:
@@ -253,14 +266,17 @@ def _rows(
 ) -> LoopInputs:
     """The rows of the runs with these indices."""
     T, runs = len(reference), len(which)
-    phases, faults = plant.phase_rows(t), sensed(plant.events, plant.model, t)
-    noises = loop.plant.V.shape[0] + loop.plant.W.shape[-1]
+    stages, phases = plant.plants_at(t)
+    models = [stage.model for stage in stages]
+    faults = sensed(plant.events, models, phases, t)
+    noises = loop.plant.V.shape[-1] + loop.plant.W.shape[-1]
     unused = plant.model.m if plant.mode == "moving" else 0  # one for each actuator, which has no noise
     sizes = (noises + unused, *(0 if link is None else max(link.draws, 1) for link in loop.links),
              0 if faults is None else plant.model.p, 0 if plant.position_sigma is None else plant.model.m)  # fmt: skip
     noise, input_draw, output_draw, sensor, position = (np.asarray(drawn) for drawn in _draw(seed, which, T, sizes))
-    push = pushes(plant.events, [stage.model for stage in plant.stages()], phases, t, float(loop.dt))
-    shared = (reference, np.eye(len(plant.events) + 1)[phases], push, faults)
+    push = pushes(plant.events, models, phases, t, float(loop.dt))
+    weight = np.ones((T, 1)) if plant.varies else np.eye(len(stages))[phases]
+    shared = (reference, weight, push, faults)
     reference, phase, push, faults = jax.tree_util.tree_map(
         lambda rows: np.broadcast_to(rows, (runs, *rows.shape)), shared
     )

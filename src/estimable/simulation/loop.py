@@ -14,7 +14,7 @@ from ..models.plant_steps import Steps
 from ..models.prior import Prior
 from ..protocols import Link
 from ..results import Info, Interval, Sample
-from .plant_motion import acting, effective, move, phase_of, placed
+from .plant_motion import acting, effective, move, phase_of, placed, row_of
 from .transmit import Links
 
 
@@ -99,7 +99,7 @@ class ControlLoop:
 
     def at(self, k: int | Array) -> "ControlLoop":
         """The loop at row k."""
-        return replace(self, estimator=self.estimator.at(k))
+        return replace(self, plant=row_of(self.plant, k), estimator=self.estimator.at(k))
 
     def init(self, prior: Prior | None) -> LoopState:
         """The state before the first sample."""

@@ -13,12 +13,11 @@ from ..estimation.binding import check_hold, check_prior, check_prior_kind, mode
 from ..filters.actuated import Actuated
 from ..filters.wrapped import check_algorithm
 from ..models.controlled import ControlledPlant
-from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..networks.links import DelayLink
 from ..networks.trace import Trace
-from ..protocols import Algorithm, Anticipating, Controller, Link
+from ..protocols import Algorithm, Anticipating, Controller
 from .late_outputs import longest_delay
 from .transmit import Links, check_links, is_link
 
@@ -71,6 +70,11 @@ def check_call(
     followed = faults.array("reference", given, "T r")
     if followed is not None and len(followed) == 0:
         faults.add("`reference` must have at least one row in time.")
+    for who, phase in [("plant", phase) for phase in plant.phases()] + [("estimator", inner)]:
+        if followed is not None and phase.steps not in (None, len(followed)):
+            faults.add(
+                f"the model of the {who} varies over {phase.steps} rows of time, but `reference` has {len(followed)} rows."
+            )
     if start is not None:
         faults.learn("n", model.n, f"the plant has {checks.counted(model.n, 'state')}")
         faults.array("start", start, "n")
@@ -125,12 +129,7 @@ def _check_inputs(
     plant: ControlledPlant, controller: Controller[Any], estimator: Algorithm[Any], links: Links, faults: checks.Faults
 ) -> None:
     """Check which inputs the estimator knows when the controller acts."""
-    model, inner = plant.model, model_of(estimator)
-    if tuple(estimator.names.inputs) != tuple(model.inputs):
-        faults.add(
-            f"the estimator must have the plant's inputs, {checks.listed(model.inputs)}. It has "
-            f"{checks.listed(estimator.names.inputs)}."
-        )
+    inner = model_of(estimator)
     through = any(np.any(phase.D) for phase in plant.phases()) or inner.feeds_through(list(range(inner.m)))
     if controller.acts_on == "filtered" and through and plant.actuator is None:
         faults.add(
@@ -146,14 +145,6 @@ def _check_inputs(
             "`input_link` never acknowledges, so that the estimator would not know the applied inputs: measure them "
             "(ControlledPlant with an actuator), give acknowledged=True, or use JointOutputError(..., arrival=)."
         )
-
-
-def _check_late(link: Link | None, inner: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
-    """Check that outputs that arrive late can be used where the link says so."""
-    if is_link(link) and link.late == "use" and not isinstance(link, DelayLink | Trace):  # pyright: ignore[reportOptionalMemberAccess]
-        faults.add('`output_link`: late="use" is possible with a DelayLink or a Trace, whose longest delay is known.')
-    if longest_delay(link) and isinstance(inner, StateSpace) and inner.varying:
-        faults.add('`estimator` varies in time, and cannot go back to the sample of a late packet: give late="drop".')
 
 
 def _check_first(
@@ -174,4 +165,6 @@ def _check_first(
             "`controller` acts on a prediction, and needs a plant whose inputs act directly: leave out `actuator`."
         )
     for phase in plant.phases():
-        controller.check_plant(phase, faults)
+        for k in range(phase.steps or 1):
+            if not faults.sentences:
+                controller.check_plant(phase.at(k), faults)

@@ -45,6 +45,7 @@ class LoopCase:
     input_link: Any = None
     output_link: Any = None
     lost: str = "zero"
+    schedule: Any = None
 
     def fly(
         self, *, seed: int, runs: int, first: int = 0, on_failure: str = "raise", engine: str = "auto"

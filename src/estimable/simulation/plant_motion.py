@@ -11,7 +11,20 @@ from ..kernels.actuator_motion import ramp, series
 from ..kernels.small import apply
 from ..models.plant_steps import Motion, Piece, Steps
 
-CONSTANT = ("V", "rest", "limits", "reach", "quantum", "resolution")  # the same in all phases
+CONSTANT = ("rest", "limits", "reach", "quantum", "resolution", "rows")  # the same in all phases
+
+
+def row_of(plant: Steps, k: int | Array) -> Steps:
+    """The plant at row k, in one phase; itself where it does not vary from row to row."""
+    if plant.rows is None:
+        return plant
+    phase = plant.rows[k]
+    constant = {name: getattr(plant, name) for name in CONSTANT} | {"rows": None}
+    varying = jax.tree_util.tree_map(
+        lambda stack: jax.lax.dynamic_slice_in_dim(stack, phase, 1) if len(stack) > 1 else stack,
+        replace(plant, **dict.fromkeys(CONSTANT)),
+    )
+    return replace(varying, **constant)
 
 
 def phase_of(plant: Steps, weight: Array) -> Steps:

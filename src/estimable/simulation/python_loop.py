@@ -40,14 +40,14 @@ def _fly(
     """One run, its infos in rows."""
     rows, intervals = drawn
     state = replace(loop.init(prior), x=flight.state, position=flight.input)
-    C, V = np.asarray(loop.plant.C[0]), np.asarray(loop.plant.V)
+    C, V = np.asarray(loop.plant.C[0]), np.asarray(loop.plant.V[0])
     infos = []
     for k in range(len(rows.seen)):
         row, interval = _of_run((rows, intervals), k)
         measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
         decided = _decide(loop, state, measured, standing, row)
         x = flight.state
-        flight.move(np.asarray(decided.applied))
+        flight.move(np.asarray(decided.applied), row.noise[len(V) :])
         state = replace(state, x=flight.state, position=flight.input)
         state, info = _go_on(loop, state, decided, x, standing, flight.input, interval)
         infos.append(select(info, "all"))

@@ -38,6 +38,8 @@ def scan_bank(
         or window is None
         or engine not in ("auto", "native")
         or jax.default_backend() != "cpu"
+        or loop.plant.rows is not None
+        or loop.input_covariance is not None  # its effect depends on the gain
         or not _fits(window)
     ):
         return choice.scan_bank(engine, loop, prior, rows, intervals, **general)

@@ -25,6 +25,7 @@ ADDED: dict[str, dict[str, Any]] = {
     "Progress": {"schedule": None, "gaps": None},
     "Fit": {"covariance_white": None},
     "Names": {"angles": ()},
+    "ClosedLoop": {"schedule": None},
     "Estimate": {"gaps": ()},
     "EstimateBank": {"gaps": ()},
     "SmoothedEstimate": {"origin": None, "gaps": ()},
