@@ -245,15 +245,15 @@ def test_a_noisy_position_is_what_the_estimator_and_the_controller_receive():
         assert 0.9 < np.mean(error[:, 50:] ** 2 / variance[:, 50:]) < 1.15, sigma
 
 
-WINDOWED = es.StateSpace([[-0.2]], [[1.0]], [[1.0]], [[0.5]], Q=[[0.01]], R=[[0.04]], dt=0)
-GAIN = es.UnknownGain(WINDOWED, es.Prior([1.0], [[0.04]]))
+WINDOWED = es.StateSpace([[-0.2]], [[1.0]], Q=[[0.01]], R=[[0.04]], dt=0)
+GAIN = es.UnknownGain(WINDOWED, es.Prior([1.0], [[4.0]]))
 
 
 @pytest.mark.parametrize("estimator", [
-    es.Kalman(WINDOWED), es.MovingWindow(es.Kalman(WINDOWED), 10), es.MovingWindow(GAIN, 20), es.Smoothed(GAIN, 1.0),
+    es.Kalman(WINDOWED), es.MovingWindow(es.Kalman(WINDOWED), 10), es.MovingWindow(GAIN, 20), es.Bounded(GAIN, -9.0, 9.0),
     es.ChangeDetection(GAIN, slots=4, levels=2, seconds_between_false_alarms=1e6),
-], ids=["Kalman", "window", "window of a gain", "smoothed gain", "detector"])  # fmt: skip
-def test_the_noise_of_the_positions_is_counted_inside_wrappers_and_where_the_input_enters_y(estimator):
+], ids=["Kalman", "window", "window of a gain", "bounded gain", "detector"])  # fmt: skip
+def test_the_noise_of_the_positions_is_counted_inside_wrappers(estimator):
     law = es.StateFeedback([[0.5]], reference_gain=[[1.0]])
     plant = es.ControlledPlant(WINDOWED, actuator=5.0, position_sigma=0.5)
     closed = es.close_loop_bank(
@@ -261,7 +261,7 @@ def test_the_noise_of_the_positions_is_counted_inside_wrappers_and_where_the_inp
         law,
         estimator,
         runs=40,
-        reference=np.sin(0.2 * np.arange(200)),
+        reference=3 * np.sin(0.2 * np.arange(200)),
         seed=1,
         dt=0.1,
         prior=es.Prior([0.0], [[0.0]]),
@@ -270,4 +270,12 @@ def test_the_noise_of_the_positions_is_counted_inside_wrappers_and_where_the_inp
     assert 0.85 < np.mean(error[:, 50::10] ** 2 / variance[:, 50::10]) < 1.2
     if closed.info.gain is not None:
         z = (closed.info.gain[:, 50::10, 0] - 1) / np.sqrt(closed.info.gain_covariance[:, 50::10, 0, 0])
-        assert 0.7 < np.sqrt(np.mean(z**2)) < 1.3
+        assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
+
+
+def test_the_noise_of_a_position_that_enters_y_is_refused():
+    model = es.StateSpace([[-0.2]], [[1.0]], [[1.0]], [[0.5]], Q=[[0.01]], R=[[0.04]], dt=0)
+    plant = es.ControlledPlant(model, actuator=5.0, position_sigma=0.5)
+    with pytest.raises(es.InputError, match=r"`position_sigma`: the input enters .* in y and in the state at once"):
+        es.close_loop(plant, es.StateFeedback([[0.5]]), es.Kalman(model), reference=np.zeros((5, 0)), seed=1, dt=0.1,
+                      prior=es.Prior([0.0], [[0.0]]))  # fmt: skip

@@ -187,8 +187,7 @@ FOLLOWING = es.StateSpace(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("engine", ["native", "xla"])
-def test_a_scheduled_plant_is_what_an_integrator_makes_of_it(engine):
+def test_a_scheduled_plant_is_what_an_integrator_makes_of_it():
     """With actuators at their rate limits and late, a failure, a gust, and another model from 2 s on: the same at half speed."""
     half = {"speed": {"at": [0.0, 2.0], **{name: [matrices(0.0)[name], matrices(1.0)[name]] for name in "BC"}}}
     after = es.StateSpace(**matrices(1.0), R=np.zeros((2, 2)), dt=0, states=MODEL.states, schedule=half)
@@ -211,12 +210,13 @@ def test_a_scheduled_plant_is_what_an_integrator_makes_of_it(engine):
     world.push, world.cuts = lambda t: world.A[:, 1] * gust(t), (1.05, 1.88)
     x, p, y = simulated({k: at(k) for k in range(T)}, world)
     y[:, 0] += [COURSE["speed"][k] * gust(t) for k, t in enumerate(TIMES)]
-    closed = fly(FOLLOWING, events, schedule=COURSE, engine=engine)
-    assert_allclose(closed.input, p, atol=1e-9)
-    assert_allclose(closed.state, x, atol=1e-9)
-    assert_allclose(closed.output, y, atol=1e-9)
-    assert closed.engine == engine
-    assert_array_equal(closed.schedule["speed"], COURSE["speed"])
+    for engine in ("native", "xla"):
+        closed = fly(FOLLOWING, events, schedule=COURSE, engine=engine)
+        assert_allclose(closed.input, p, atol=1e-9)
+        assert_allclose(closed.state, x, atol=1e-9)
+        assert_allclose(closed.output, y, atol=1e-9)
+        assert closed.engine == engine
+        assert_array_equal(closed.schedule["speed"], COURSE["speed"])
 
 
 def test_sensors_read_what_their_faults_make_of_the_outputs():

@@ -12,7 +12,6 @@ import numpy as np
 from .. import forks
 from ..annotations import Array, Numbers
 from ..errors import RunError
-from ..estimation.following import with_model
 from ..filters.actuated import Actuated
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
@@ -180,11 +179,8 @@ class _Call(NamedTuple):
         """The loop of a plant for steps of `step` seconds, and the rows of its runs `which`."""
         estimator = self.knowing(plant)
         commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
-        sigma, covariance = plant.position_sigma, None
-        if (
-            sigma is not None and not commanded and estimator.takes_uncertain_inputs
-        ):  # linear pieces add up as one error a sample
-            estimator, covariance = _with_noise_of_positions(estimator, sigma), np.diag(sigma**2)
+        sigma = plant.position_sigma
+        counted = sigma is not None and not commanded and estimator.takes_uncertain_inputs
         ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
         ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
@@ -193,8 +189,8 @@ class _Call(NamedTuple):
             ready = Reordered(ready, longest, plant.model.m, len(columns))
         loop = ControlLoop(
             plant.steps(step, t), ready, self.controller, self.links, _start(plant, self.start), plant.point.states,
-            np.asarray(step), sigma, covariance, columns=columns, lost=self.lost, commanded=commanded, late=longest > 0,
-            freezes=_freezes(plant),
+            np.asarray(step), sigma, np.diag(sigma**2) if counted else None, columns=columns, lost=self.lost,
+            commanded=commanded, late=longest > 0, freezes=_freezes(plant),
         )  # fmt: skip
         return loop, _rows(loop, plant, t, followed, self.seed, which)
 
@@ -204,18 +200,6 @@ def _plant(given: Plant | Sequence[Plant]) -> tuple[Any, Any]:
     if isinstance(given, StateSpace | OutputError):
         return ControlledPlant(given), None
     return (given.linear, given) if isinstance(given, Simulator) else (given, None)
-
-
-def _with_noise_of_positions(estimator: Algorithm[Any], sigma: np.ndarray) -> Any:
-    """The estimator with the noise of the measured positions in the outputs that they enter directly, as part of R."""
-
-    def noisy(model: Any) -> Any:
-        if not isinstance(model, StateSpace) or model.R is None or not model.feeds_through(list(range(model.m))):
-            return model
-        R = model.R + (model.D * sigma**2) @ np.swapaxes(model.D, -1, -2)
-        return replace(model, R=R, varying=tuple({*model.varying, *(["R"] if R.ndim == 3 else [])}))
-
-    return with_model(estimator, noisy)
 
 
 def _freezes(plant: ControlledPlant) -> bool:

@@ -136,6 +136,15 @@ def _check_inputs(
             "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
             "actuator, or delay the input by a sample."
         )
+    if (
+        plant.position_sigma is not None
+        and estimator.takes_uncertain_inputs
+        and inner.feeds_through(list(range(inner.m)))
+    ):
+        faults.add(
+            "`position_sigma`: the input enters the outputs of the estimator directly, so that an error of its measured position "
+            "is in y and in the state at once, which no filter here counts: use an estimator without these outputs."
+        )
     if controller.acts_on == "predicted":
         _check_first(plant, controller, estimator, links, faults)
     if (plant.actuator is None or isinstance(estimator, Actuated)) and not (

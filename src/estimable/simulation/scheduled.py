@@ -43,10 +43,8 @@ def _read(schedule: Mapping[str, Numbers] | None, channels: tuple[str, ...], T: 
             )
     for name, values in (schedule or {}).items():
         if name not in channels:
-            near = checks.suggestion(name, channels)
-            faults.add(
-                f"`schedule` has {name!r}, but the loop follows {checks.listed(channels) or 'no channel'}.{near}"
-            )
+            follows = checks.listed(channels) if channels else "no channel"
+            faults.add(f"`schedule` has {name!r}, but the loop follows {follows}.{checks.suggestion(name, channels)}")
             continue
         read = faults.array(f"schedule of {name!r}", [values] * T if checks.depth(values) == 0 else values, "T")
         if read is not None:
