@@ -32,6 +32,7 @@ class Algorithm(ABC, Generic[State]):
     """
 
     model: Any
+    takes_uncertain_inputs = False  # whether `Interval.u_covariance` may be given
 
     @property
     @abstractmethod
@@ -85,11 +86,6 @@ class Algorithm(ABC, Generic[State]):
     @property
     def takes_unknown_arrivals(self) -> bool:
         """Whether the arrival of inputs may be unknown."""
-        return False
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """Whether `Interval.u_covariance` may be given."""
         return False
 
     @property
@@ -155,11 +151,6 @@ class Wrapper(Algorithm[State]):
     def takes_unknown_arrivals(self) -> bool:
         """Whether the wrapped algorithm supports inputs of unknown arrival."""
         return self.algorithm.takes_unknown_arrivals
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """Whether the wrapped algorithm takes inputs with a covariance."""
-        return self.algorithm.takes_uncertain_inputs
 
     @property
     def has_innovation_covariance(self) -> bool:

@@ -66,7 +66,7 @@ class ExtendedKalman(JumpingGains[Belief], Linearised):
         """Names of states, inputs, outputs, and of the parameters that are estimated, as gains."""
         return nonlinear.names(self)
 
-    gain, takes_uncertain_inputs = property(nonlinear.gain), property(nonlinear.takes_uncertain_inputs)
+    gain, takes_uncertain_inputs = property(nonlinear.gain), True
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
     constant, read_walk, instant_about = nonlinear.constant, nonlinear.read_walk, nonlinear.instant_about

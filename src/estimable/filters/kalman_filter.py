@@ -51,6 +51,7 @@ class Kalman(Smoothable[Belief]):
     True
     """
 
+    takes_uncertain_inputs = True
     model: StateSpace
     _: KW_ONLY
     uncertainty: ModelUncertainty | None = None
@@ -62,11 +63,6 @@ class Kalman(Smoothable[Belief]):
         if self.uncertainty is not None and faults.instance("uncertainty", self.uncertainty, ModelUncertainty):
             self.uncertainty.check(self.model, faults)
         faults.finish()
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """True: an error of the input is process noise."""
-        return True
 
     @property
     def names(self) -> Names:

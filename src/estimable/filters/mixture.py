@@ -131,11 +131,6 @@ class Mixture(Algorithm[Members]):
         return self.algorithms[0].has_state_prior
 
     @property
-    def takes_uncertain_inputs(self) -> bool:
-        """Whether all take inputs with a covariance."""
-        return all(algorithm.takes_uncertain_inputs for algorithm in self.algorithms)
-
-    @property
     def has_innovation_covariance(self) -> bool:
         """Whether all report the covariance of their innovations."""
         return all(algorithm.has_innovation_covariance for algorithm in self.algorithms)

@@ -66,11 +66,6 @@ def gain(self: Any) -> Prior | None:
     return self.parameters
 
 
-def takes_uncertain_inputs(self: Any) -> bool:
-    """True: an error of the input is process noise."""
-    return True
-
-
 def names(self: Any) -> Names:
     """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
     model = self.model

@@ -66,6 +66,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
     ('gain',)
     """
 
+    takes_uncertain_inputs = True
     model: StateSpace
     gain: Prior
     _: KW_ONLY
@@ -135,11 +136,6 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         if variances is not None and np.any(variances < 0):
             faults.add(f"`walk` must be variances per second, at least 0. Got {checks.short(given)}.")
         return None if variances is None else np.diag(variances)
-
-    @property
-    def takes_uncertain_inputs(self) -> bool:
-        """True: an error of the input is process noise."""
-        return True
 
     @property
     def names(self) -> Names:

@@ -75,7 +75,7 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
         """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
         return nonlinear.names(self)
 
-    gain, takes_uncertain_inputs = property(nonlinear.gain), property(nonlinear.takes_uncertain_inputs)
+    gain, takes_uncertain_inputs = property(nonlinear.gain), True
     sampled, at, init, tell = nonlinear.sampled, nonlinear.at, nonlinear.init, nonlinear.tell
 
     def _κ(self, n: int) -> float:

@@ -180,7 +180,7 @@ class _Call(NamedTuple):
         estimator = self.knowing(plant)
         commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
         sigma = plant.position_sigma
-        counted = sigma is not None and not commanded and estimator.takes_uncertain_inputs
+        counted = sigma is not None and not commanded and estimator.innermost.takes_uncertain_inputs
         ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
         ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)

@@ -136,11 +136,8 @@ def _check_inputs(
             "the input enters y directly (`D` is not zero), and the controller acts on y: an algebraic loop. Give the plant an "
             "actuator, or delay the input by a sample."
         )
-    if (
-        plant.position_sigma is not None
-        and estimator.takes_uncertain_inputs
-        and inner.feeds_through(list(range(inner.m)))
-    ):
+    counts = plant.position_sigma is not None and estimator.innermost.takes_uncertain_inputs
+    if counts and not isinstance(estimator, Actuated) and inner.feeds_through(list(range(inner.m))):
         faults.add(
             "`position_sigma`: the input enters the outputs of the estimator directly, so that an error of its measured position "
             "is in y and in the state at once, which no filter here counts: use an estimator without these outputs."
