@@ -90,7 +90,7 @@ def test_it_reports_the_covariance_and_the_noise_that_there_are():
 
 def test_two_records_tell_what_both_tell():
     records = [lossy(400, 2), lossy(600, 3)]
-    fit = identify(OutputErrorML(2, 1, noise_variance=0.1), records)
+    fit = identify(OutputErrorML(2, 1, noise_variance=0.1, level="none", initial="rest"), records)
     M = sum(diagnostics.information(fit.model, record) for record in records)
     assert_allclose(fit.covariance, np.linalg.inv(M), rtol=1e-6)
     assert [e.shape for e in fit.validation.residuals] == [(400, 1), (600, 1)]
@@ -99,7 +99,9 @@ def test_two_records_tell_what_both_tell():
 def test_a_plant_in_motion_needs_a_free_start():
     slow = OutputError([-1.6, 0.8], [0.4, 0.2], noise_variance=0.01, dt=1)
     cut = es.simulate(slow, uniform(160), seed=3).record[60:]
-    free, rest = (identify(OutputErrorML(2, 1, noise_variance=0.01, initial=how), cut) for how in ("free", "rest"))
+    free, rest = (
+        identify(OutputErrorML(2, 1, noise_variance=0.01, initial=how, level="none"), cut) for how in ("free", "rest")
+    )
     wrong = [np.abs(fit.parameters - slow.parameters).max() for fit in (free, rest)]
     assert np.all(np.abs(free.parameters - slow.parameters) < 4 * free.sigma)
     assert wrong[1] > 3 * wrong[0]
@@ -135,7 +137,7 @@ def test_orders_larger_than_the_data_leave_directions_undetermined(rows):
 
 def test_an_input_that_excites_nothing_is_said():
     still = Record(np.random.default_rng(0).normal(size=50), np.zeros(50), dt=1)
-    fit = identify(OutputErrorML(1, 0), still)
+    fit = identify(OutputErrorML(1, 0, initial="rest"), still)
     assert fit.undetermined.shape == (2, 2)
 
 

@@ -23,7 +23,8 @@ def positive_real_margin(model: OutputError) -> np.ndarray:
     ω = np.linspace(0.0, np.pi, 8193)
     lags = np.exp(-1j * np.outer(ω, np.arange(1, model.na + 1)))
     tail = lags @ np.asarray(model.a).T  # A - 1, one column an output
-    return np.min((1 - np.abs(tail) ** 2) / (2 * np.abs(1 + tail) ** 2), axis=0, initial=0.5)
+    size = np.abs(1 + tail) ** 2  # zero at a pole on the unit circle, where |A - 1| = 1
+    return np.min((1 - np.abs(tail) ** 2) / (2 * np.where(size > 0, size, 1.0)), axis=0, initial=0.5)
 
 
 def positive_real_check(model: OutputError, *, needed: bool) -> Check:

@@ -11,28 +11,51 @@ from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..kernels.coloured_noise import beyond, colour, moments, times
 from ..kernels.impulse_start import Datum
+from ..kernels.levenberg_marquardt import Found, search, within
+from .validation import Pole
 
-CONVERGED = (
-    1e-13  # relative change of the parameters, of the sum of squares, and angle to the gradient, that end a search
-)
 ROUNDS = 50  # of fit and noise variance, at most, where only some samples have their own
 SETTLED = 1e-9  # relative change of that variance that ends them
 LEAST = 1e-32  # of the mean square of an output: the square of the rounding unit
 FAR = 1e100  # value of a residual that overflows: a search steps back from it
+BOUND = 0.999  # of the modulus of a pole
+INTEGRATOR_BOUND = 1.05  # where it is tested whether a pole is 1
+CONSISTENT = 2.0  # standard deviations below 1, up to which a pole is an integrator
+GROWING = 4.0  # and above 1: beyond, the plant is unstable
 
 
 class Orders(NamedTuple):
-    """Degrees of A and B, the delay, and the number of impulses z that represent the past before row 0 of a record."""
+    """Degrees of A and B, the delay, the number of impulses z that represent the past before row 0 of a record, and the number
+    of coefficients of the level c_0 + c_1 k (0, 1 or 2). A = F A' with a known factor F.
+    """
 
     na: int
     nb: int
     delay: int
     past: int
+    level: int = 0
+    F: tuple[float, ...] = (1.0,)
+
+    @property
+    def free(self) -> int:
+        """The degree of A'."""
+        return self.na + 1 - len(self.F)
+
+    def parameters(self, m: int) -> tuple[np.ndarray, np.ndarray]:
+        """θ = L η + θ0 of the unknowns η = (a', b)."""
+        size = m * (self.nb + 1)
+        L, θ0 = np.zeros((self.na + size, self.free + size)), np.zeros(self.na + size)
+        θ0[: len(self.F) - 1] = self.F[1:]
+        for i in range(self.free):
+            L[i : i + len(self.F), i] = self.F
+        L[self.na :, self.free :] = np.eye(size)
+        return L, θ0
 
 
 class OneOutput(NamedTuple):
-    """The fit: θ (d,), the noise's variance, the information of θ with the past marginalised, residuals, log-likelihood;
-    whether the search has converged; and the covariance of θ under the spectrum of the residuals."""
+    """The fit: θ (d,), the noise's variance, the information of the unknowns η of the plant, residuals, log-likelihood;
+    whether the search has converged; the covariance of θ under the spectrum of the residuals; the coefficients of the level
+    and their standard deviations (2, level); a pole at its bound; and L = dθ/dη (None: they are the same)."""
 
     parameters: np.ndarray
     noise_variance: float
@@ -41,100 +64,163 @@ class OneOutput(NamedTuple):
     log_likelihood: float
     converged: bool = True
     covariance: np.ndarray | None = None
+    level: np.ndarray = np.zeros((2, 0))
+    pole: Pole | None = None
+    L: np.ndarray | None = None
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """dθ/dη."""
+        return np.eye(len(self.parameters)) if self.L is None else self.L
+
+
+class Fitted(NamedTuple):
+    """One output's orders and data, for its residuals and their derivatives at x = (a', b, level, pasts)."""
+
+    orders: Orders
+    data: Sequence[Datum]
+
+    @property
+    def m(self) -> int:
+        """The number of inputs."""
+        return self.data[0].u.shape[1]
+
+    @property
+    def d(self) -> int:
+        """The number of unknowns of the plant."""
+        return self.orders.free + self.m * (self.orders.nb + 1)
+
+    def parameters(self, x: np.ndarray) -> np.ndarray:
+        """θ = (a, b)."""
+        L, θ0 = self.orders.parameters(self.m)
+        return L @ x[: self.d] + θ0
+
+    def outputs(self, x: np.ndarray) -> list[np.ndarray]:
+        """The outputs of each record."""
+        found = []
+        (na, nb, delay, past, level, _), θ = self.orders, self.parameters(x)
+        a, b, c = θ[:na], θ[na:].reshape(self.m, nb + 1), x[self.d : self.d + level]
+        for i, datum in enumerate(self.data):
+            z = x[self.d + level + i * past : self.d + level + (i + 1) * past]
+            found.append(kernel.response(a, b, delay, datum.u, z) + powers(len(datum.y), level) @ c)
+        return found
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Of the rows that were seen, (N,)."""
+        pairs = zip(self.outputs(x), self.data, strict=True)
+        e = np.concatenate([(out - datum.y)[datum.seen] / _sizes(datum) for out, datum in pairs])
+        return np.nan_to_num(np.clip(e, -FAR, FAR), nan=FAR)
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """The derivative of the residuals, (N, unknowns)."""
+        (na, nb, delay, past, level, _), θ = self.orders, self.parameters(x)
+        L, blocks = self.orders.parameters(self.m)[0], []
+        a, b, start = θ[:na], θ[na:].reshape(self.m, nb + 1), self.d + level
+        for i, datum in enumerate(self.data):
+            z = x[start + i * past : start + (i + 1) * past]
+            ψ = kernel.slopes(a, b, delay, datum.u, kernel.response(a, b, delay, datum.u, z))
+            pasts = np.zeros((len(datum.y), past * len(self.data)))
+            pasts[:, i * past : (i + 1) * past] = kernel.initial_slopes(a, len(datum.y), past)
+            columns = np.concatenate([ψ @ L, powers(len(datum.y), level), pasts], axis=1)[datum.seen]
+            blocks.append((columns.T / _sizes(datum)).T)
+        return np.clip(np.concatenate(blocks), -FAR, FAR)
+
+    def begun(self, a: np.ndarray, bound: float) -> np.ndarray:
+        """x with these coefficients of A', brought within the bound, and all others by linear least squares."""
+        x = np.zeros(self.d + self.orders.level + self.orders.past * len(self.data))
+        x[: len(a)] = within(a, bound)
+        y, n = -self.residuals(x), self.orders.free
+        Φ = self.slopes(x)[:, n:]
+        size = np.linalg.norm(Φ, axis=0)
+        scale = 1 / np.where(size > 0, size, 1.0)
+        x[n:] = scale * np.linalg.lstsq(Φ * scale, y, rcond=1e-10)[0]
+        return x
+
+    def search(self, start: np.ndarray, bound: float) -> Found:
+        """The search from x = `start` with the poles of A' inside the bound."""
+
+        def inside(x: np.ndarray) -> np.ndarray:
+            a = within(x[: self.orders.free], bound)
+            return x if a is x or np.array_equal(a, x[: self.orders.free]) else self.begun(a, bound)
+
+        return search(self.residuals, self.slopes, start, inside)
+
+    def assembled(self, end: Found, noise_variance: float | None) -> OneOutput:
+        """The fit at the end of a search."""
+        e, J = end.e, self.slopes(end.x)
+        determined = len(end.x) - undetermined(J.T @ J).shape[1]
+        spare = max(len(e) - determined, 1)
+        r = float(e @ e / spare) if noise_variance is None else noise_variance
+        size = max((float(np.mean(one.y[one.seen] ** 2)) for one in self.data if one.seen.any()), default=0.0)
+        r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
+        scales = sum(float(np.sum(np.log(_sizes(datum)))) for datum in self.data)
+        log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r) - scales
+        residuals = tuple(datum.y - out for datum, out in zip(self.data, self.outputs(end.x), strict=True))
+        at, L = times([datum.seen for datum in self.data]), self.orders.parameters(self.m)[0]
+        M, Σ = coloured_covariance(J, self.d, e, at, r)
+        return OneOutput(
+            self.parameters(end.x), r, M, residuals, log_likelihood, end.converged, L @ Σ @ L.T,
+            self._level(end.x, J, e, at, r), L=L,
+        )  # fmt: skip
+
+    def _level(self, x: np.ndarray, J: np.ndarray, e: np.ndarray, at: np.ndarray, r: float) -> np.ndarray:
+        """The coefficients of the level and their standard deviations."""
+        columns = np.arange(self.d, self.d + self.orders.level)
+        if not len(columns):
+            return np.zeros((2, 0))
+        J = np.concatenate([J[:, columns], np.delete(J, columns, axis=1)], axis=1)
+        _, Σ = coloured_covariance(J, len(columns), e, at, r)
+        return np.stack([x[columns], np.sqrt(np.diagonal(Σ))])
 
 
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
-    """The best of the searches from `starts` (d,) and from a linearly fitted impulse response."""
-    first = impulse_start.start(orders.na, orders.nb, orders.delay, data)
-    starts = [first, *starts]
+    """The best of the searches from `starts` (d,) and from linearly fitted impulse responses, with every pole inside `BOUND`.
+
+    A real pole at the bound may be an integrator: the bound is then 1.05, and a pole that does not differ significantly from 1
+    is fixed there.
+    """
+    first = [impulse_start.start(orders.na, orders.nb, orders.delay, one) for one in _centred(orders, data)]
     if all(datum.sigma is None for datum in data):
-        return _best(orders, data, starts, noise_variance)
-    return _weighed(orders, data, starts, noise_variance)
+        return _best(Fitted(orders, data), [*first, *starts], noise_variance)
+    return _weighed(Fitted(orders, data), [*first, *starts], noise_variance)
 
 
-def _best(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
-    ends = [_search(orders, data, θ) for θ in starts if θ is not None]
-    best, _, converged = min(ends, key=lambda end: end[1])
-    return _assembled(orders, data, best, noise_variance)._replace(converged=converged)
+def _best(task: Fitted, starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
+    na = task.orders.na
+    stable = [np.asarray(stabilise(np.asarray(θ)[:na])) if na else np.zeros(0) for θ in starts]
+    best = min((task.search(task.begun(a, BOUND), BOUND) for a in stable), key=lambda end: end.cost)
+    found, pole = task.assembled(best, noise_variance), _outermost(best.x[:na])
+    if abs(pole) < BOUND * (1 - 1e-9) or undetermined(found.information).shape[1]:
+        return found
+    if pole.imag or pole.real < 0:
+        return found._replace(pole=Pole(pole, 0.0, BOUND))
+    return _near_one(task, best, noise_variance)
 
 
-def _weighed(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
+def _weighed(task: Fitted, starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
     """The fit with samples of known standard deviations; the others have a variance in common, which is estimated in turn."""
+    data = task.data
     own = [np.full(len(one.y), np.nan) if one.sigma is None else one.sigma for one in data]
     other = [np.isnan(σ) & one.seen for σ, one in zip(own, data, strict=True)]
     N, count = (sum(int(mask.sum()) for mask in masks) for masks in ([one.seen for one in data], other))
-    estimated = count > 0 and noise_variance is None
-
-    def mean_square(values: Sequence[np.ndarray]) -> float:
-        return sum(float(np.sum(one[mask] ** 2)) for one, mask in zip(values, other, strict=True)) / max(count, 1)
-
-    def at(r: float, starts: Sequence[Any]) -> OneOutput:
-        filled = [np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ) for σ in own]
-        return _best(orders, [one._replace(sigma=σ) for one, σ in zip(data, filled, strict=True)], starts, 1.0)
-
-    r = mean_square([one.y for one in data]) if noise_variance is None else noise_variance
-    found = at(r, starts)
-    for _ in range(ROUNDS if estimated else 0):
-        before, r = r, mean_square(found.residuals) / max(1 - len(found.parameters) / N, 1 / N)
+    share = max(1 - len(starts[0]) / N, 1 / N) * count  # of the samples, after what the parameters take
+    r = noise_variance
+    if r is None:
+        r = sum(float(np.sum(one.y[mask] ** 2)) for one, mask in zip(data, other, strict=True)) / max(count, 1)
+    for _ in range(ROUNDS if count and noise_variance is None else 1):
+        scaled = [
+            one._replace(sigma=np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ))
+            for one, σ in zip(data, own, strict=True)
+        ]
+        found = _best(task._replace(data=scaled), starts, 1.0)
+        before, starts = r, [found.parameters]
+        if count and noise_variance is None:
+            r = sum(float(np.sum(e[mask] ** 2)) for e, mask in zip(found.residuals, other, strict=True)) / share
         if abs(r - before) <= SETTLED * r:
             break
-        found = at(r, [found.parameters])
     if not count:
         r = float(np.mean(np.concatenate([σ[one.seen] ** 2 for σ, one in zip(own, data, strict=True)])))
     return found._replace(noise_variance=r)
-
-
-def _search(orders: Orders, data: Sequence[Datum], θ: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """θ and all pasts at the end of one search, the sum of squares there, and whether the search has converged."""
-    from scipy.optimize import least_squares
-
-    θ = np.asarray(θ, float).copy()
-    θ[: orders.na] = np.asarray(stabilise(θ[: orders.na])) if orders.na else θ[: orders.na]
-    start = np.concatenate([θ, np.zeros(orders.past * len(data))])
-    seen = sum(int(datum.seen.sum()) for datum in data)
-    rows = max(len(start) - seen, 0)  # MINPACK needs as many data as unknowns: zero rows add no information
-
-    def residual(x: np.ndarray):
-        return np.append(_residuals(orders, data, x), np.zeros(rows))
-
-    def slopes(x: np.ndarray):
-        return np.vstack([_slopes(orders, data, x), np.zeros((rows, len(x)))])
-
-    end = least_squares(
-        residual,
-        start,
-        jac=slopes,  # type: ignore[arg-type]
-        method="lm",
-        x_scale="jac",
-        xtol=CONVERGED,
-        ftol=CONVERGED,
-        gtol=CONVERGED,
-    )
-    return end.x, float(end.cost), end.status > 0
-
-
-def _parts(orders: Orders, datum: Datum, i: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """a, b and the past of record i."""
-    m = datum.u.shape[1]
-    d = orders.na + m * (orders.nb + 1)
-    return (
-        x[: orders.na],
-        x[orders.na : d].reshape(m, orders.nb + 1),
-        x[d + i * orders.past : d + (i + 1) * orders.past],
-    )
-
-
-def _responses(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> list[np.ndarray]:
-    parts = [_parts(orders, datum, i, x) for i, datum in enumerate(data)]
-    return [kernel.response(a, b, orders.delay, datum.u, z) for datum, (a, b, z) in zip(data, parts, strict=True)]
-
-
-def _residuals(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
-    responses = _responses(orders, data, x)
-    e = np.concatenate([
-        (out - datum.y)[datum.seen] / _sizes(datum) for out, datum in zip(responses, data, strict=True)
-    ])  # fmt: skip
-    return np.clip(e, -FAR, FAR)
 
 
 def _sizes(datum: Datum) -> Any:
@@ -142,38 +228,68 @@ def _sizes(datum: Datum) -> Any:
     return 1.0 if datum.sigma is None else datum.sigma[datum.seen]
 
 
-def _slopes(orders: Orders, data: Sequence[Datum], x: np.ndarray) -> np.ndarray:
-    """The derivative of the residuals, (N, d + pasts)."""
-    blocks = []
-    for i, (datum, response) in enumerate(zip(data, _responses(orders, data, x), strict=True)):
-        a, b, _ = _parts(orders, datum, i, x)
-        ψ = kernel.slopes(a, b, orders.delay, datum.u, response)
-        pasts = np.zeros((len(datum.y), orders.past * len(data)))
-        pasts[:, i * orders.past : (i + 1) * orders.past] = kernel.initial_slopes(a, len(datum.y), orders.past)
-        blocks.append((np.concatenate([ψ, pasts], axis=1)[datum.seen].T / _sizes(datum)).T)
-    return np.clip(np.concatenate(blocks), -FAR, FAR)
+def powers(rows: int, count: int) -> np.ndarray:
+    """1 and k, (T, count)."""
+    return np.arange(rows, dtype=float)[:, None] ** np.arange(count)
 
 
-def _assembled(orders: Orders, data: Sequence[Datum], x: np.ndarray, noise_variance: float | None) -> OneOutput:
-    e, J = _residuals(orders, data, x), _slopes(orders, data, x)
-    d = len(x) - orders.past * len(data)
-    determined = len(x) - undetermined(J.T @ J).shape[1]
-    spare = max(len(e) - determined, 1)
-    r = float(e @ e / spare) if noise_variance is None else noise_variance
-    size = max((float(np.mean(datum.y[datum.seen] ** 2)) for datum in data if datum.seen.any()), default=0.0)
-    r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
-    scales = sum(float(np.sum(np.log(_sizes(datum)))) for datum in data)
-    log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r) - scales
-    residuals = tuple(datum.y - out for datum, out in zip(data, _responses(orders, data, x), strict=True))
-    M = marginal(J.T @ J / r, d)
-    Σ = coloured_covariance(M, J, e, times([datum.seen for datum in data]), r)
-    return OneOutput(x[:d], r, M, residuals, log_likelihood, covariance=Σ)
+def _centred(orders: Orders, data: Sequence[Datum]) -> list[Sequence[Datum]]:
+    """The data as they are and, with a level, about their means."""
+    seen = np.concatenate([one.y[one.seen] for one in data])
+    if not orders.level or not len(seen):
+        return [data]
+    u, y = np.concatenate([one.u for one in data]).mean(axis=0), float(seen.mean())
+    return [data, [one._replace(u=one.u - u, y=one.y - y) for one in data]]
 
 
-def coloured_covariance(M: np.ndarray, J: np.ndarray, e: np.ndarray, at: np.ndarray, r: float) -> np.ndarray:
-    """The covariance of the first d unknowns, M (d, d) their information for white residuals of variance r."""
-    white, own = covariance(M), beyond(J[:, : len(M)], J[:, len(M) :])
-    return white @ moments(own, at, colour(e, at)) @ white / r
+def _near_one(task: Fitted, end: Found, noise_variance: float | None) -> OneOutput:
+    """The fit with an integrator, with a pole between 0.999 and 1, or with a pole fixed at the bound."""
+    poles = np.roots(np.append(1.0, end.x[: task.orders.na]))
+    others = np.delete(poles, np.argmin(np.abs(poles - 1)))
+    growing = _coefficients(np.append(others, 1 + 3 / max(len(one.y) for one in task.data)))
+    starts = [end.x, task.begun(growing, INTEGRATOR_BOUND)]
+    best = min((task.search(x, INTEGRATOR_BOUND) for x in starts), key=lambda one: one.cost)
+    found = task.assembled(best, noise_variance)
+    z, σ = _real_pole(found, task.orders.na)
+    if z < 1 - CONSISTENT * σ:
+        return found
+    at = 1.0 if z < 1 + GROWING * σ else BOUND
+    level = (
+        max(task.orders.level - 1, 0) if at == 1.0 else task.orders.level
+    )  # that of an integrator is its initial state
+    fixed = task._replace(orders=task.orders._replace(F=(1.0, -at), level=level))
+    again = fixed.assembled(fixed.search(fixed.begun(_coefficients(others), BOUND), BOUND), noise_variance)
+    return again._replace(pole=Pole(z, σ, at))
+
+
+def _coefficients(poles: np.ndarray) -> np.ndarray:
+    """a_1 .. of the polynomial with these roots."""
+    return np.atleast_1d(np.real(np.poly(poles)))[1:]
+
+
+def _outermost(a: np.ndarray) -> complex:
+    """The pole of largest modulus, 0 where there is none."""
+    poles = np.roots(np.append(1.0, a))
+    return complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
+
+
+def _real_pole(found: OneOutput, na: int) -> tuple[float, float]:
+    """The pole nearest to 1 and its standard deviation: dz/da_i = - z^(n-i) / A'(z)."""
+    A, Σ = np.append(1.0, found.parameters[:na]), np.asarray(found.covariance)[:na, :na]
+    poles = np.roots(A)
+    z = float(np.real(poles[np.argmin(np.abs(poles - 1))]))
+    g = z ** np.arange(na - 1, -1, -1) / np.polyval(np.polyder(A), z)
+    return z, float(np.sqrt(max(g @ Σ @ g, 0.0)))
+
+
+def coloured_covariance(
+    J: np.ndarray, d: int, e: np.ndarray, at: np.ndarray, r: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The information of the first d unknowns for white residuals of variance r, and their covariance under the spectrum of e."""
+    own = beyond(J[:, :d], J[:, d:])
+    M = own.T @ own / r
+    white = covariance(M)
+    return M, white @ moments(own, at, colour(e, at)) @ white / r
 
 
 def covariance(M: np.ndarray) -> np.ndarray:

@@ -21,9 +21,10 @@ from .one_output import OneOutput, Orders, covariance, fit_output
 from .realised import check_lags
 from .recursive_output_error import RecursiveOutputError
 from .uncertain_inputs import expected, fit_uncertain
-from .validation import search_checks, sigma_check, validated
+from .validation import pole_checks, search_checks, sigma_check, validated
 
 INITIAL = ("rest", "free")
+LEVELS = {"none": 0, "estimated": 1, "trend": 2}
 LEAST_NOISE = 1e-10  # of the mean square of an output: noise variance that the recursion assumes for noise-free data
 
 
@@ -69,7 +70,8 @@ class OutputErrorML(StartedIdentifier):
     _: KW_ONLY
     delay: int = static(default=0)
     noise_variance: Any = None
-    initial: str = static(default="rest")
+    initial: str = static(default="free")
+    level: str = static(default="estimated")
     arrival: Any = None
 
     takes_unknown_inputs = True  # their variance enters the likelihood
@@ -80,6 +82,7 @@ class OutputErrorML(StartedIdentifier):
         for name in ("na", "nb", "delay"):
             faults.whole(name, getattr(self, name), 0, checks.LARGEST_ORDER)
         faults.choice("initial", self.initial, INITIAL)
+        faults.choice("level", self.level, tuple(LEVELS))
         noise = self.noise_variance
         if noise is not None:
             noise = faults.array("noise_variance", np.atleast_1d(noise), "p")
@@ -119,7 +122,7 @@ class OutputErrorML(StartedIdentifier):
             )
         first, noises = records[0], self.noise_variance
         past = max(self.na, self.nb + self.delay) if self.initial == "free" else 0
-        orders = Orders(self.na, self.nb, self.delay, past)
+        orders = Orders(self.na, self.nb, self.delay, past, LEVELS[self.level])
         d = self.na + len(first.inputs) * (self.nb + 1)
         ends = []
         for i, data in enumerate(by_output(records)):
@@ -146,23 +149,44 @@ class OutputErrorML(StartedIdentifier):
     def _assembled(self, records: Sequence[Record], ends: list[OneOutput]) -> Fit:
         first = records[0]
         θ, noise = np.concatenate([end.parameters for end in ends]), np.array([end.noise_variance for end in ends])
+        levels = None if self.level == "none" else [self._level_at_the_end(end, records) for end in ends]
         model = OutputError.of_parameters(
-            θ, na=self.na, nb=self.nb, delay=self.delay, noise_variance=noise, dt=float(first.dt or 0.0), inputs=first.inputs,
-            outputs=first.outputs,
+            θ, na=self.na, nb=self.nb, delay=self.delay, noise_variance=noise, level=levels, dt=float(first.dt or 0.0),
+            inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
-        M = block_diagonal([end.information for end in ends])
-        free, white = undetermined(M), covariance(M)
-        Σ = block_diagonal([covariance(end.information) if end.covariance is None else end.covariance for end in ends])
+        M, L = (
+            block_diagonal(list(blocks))
+            for blocks in zip(*((end.information, end.slopes) for end in ends), strict=True)
+        )
+        free, white = np.linalg.qr(L @ undetermined(M))[0], L @ covariance(M) @ L.T
+        Σ = white if any(end.covariance is None for end in ends) else block_diagonal([end.covariance for end in ends])
         assumed = None if _uncertain(records) else self.noise_variance
         residuals = tuple(np.stack(columns, axis=1) for columns in zip(*(end.residuals for end in ends), strict=True))
-        validation = validated(model, records, assumed, residuals, M)
+        poles = pole_checks([end.pole for end in ends], first.outputs)
+        validation = validated(model, records, assumed, residuals, M, directions=free, stability=poles)
         spread = [] if any(end.covariance is None for end in ends) else [sigma_check(Σ, white, model.parameter_names)]
         validation = validation._replace(checks=(*validation.checks, *spread, *search_checks(ends)))
         return Fit(
             model, θ, Σ, model.parameter_names, validation, None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,
-            covariance_white=white,
+            extra=self._levels(ends, float(first.dt or 0.0)), covariance_white=white,
         )  # fmt: skip
+
+    def _level_at_the_end(self, end: OneOutput, records: Sequence[Record]) -> float:
+        """c_0 + c_1 k at the last row; an integrator has none."""
+        return (
+            float(np.polyval(end.level[0][::-1], len(records[-1]) - 1))
+            if end.level.shape[1] == LEVELS[self.level]
+            else 0.0
+        )
+
+    def _levels(self, ends: list[OneOutput], dt: float) -> dict[str, np.ndarray] | None:
+        """The levels, and the slopes of a trend in units of an output per second, (p, 2) each: values and standard deviations."""
+        if self.level == "none":
+            return None
+        columns = [np.pad(end.level, ((0, 0), (0, LEVELS[self.level] - end.level.shape[1]))) for end in ends]
+        level, *slope = np.stack(columns).transpose(2, 0, 1)
+        return {"level": level, "slope": slope[0] / dt} if slope else {"level": level}
 
 
 def _uncertain(records: Sequence[Record]) -> bool:

@@ -230,9 +230,9 @@ class PredictionError(StartedIdentifier):
             inputs=first.inputs,
             outputs=first.outputs,
         )
-        told = [marginal(end.J.T @ end.J / max(r, 1e-300), d) for end, r in zip(ends, variances, strict=True)]
-        M, names = block_diagonal(told), model.parameter_names
-        free, white, Σ = undetermined(M), covariance(M), self._covariance(records, ends, told)
+        told, spread = zip(*(self._told(records, i, end, d) for i, end in enumerate(ends)), strict=True)
+        M, Σ, names = block_diagonal(list(told)), block_diagonal(list(spread)), model.parameter_names
+        free, white = undetermined(M), covariance(M)
         extra = [excitation_check(M, names, free), sigma_check(Σ, white, names), *search_checks(ends)]
         likelihood = sum(map(_log_likelihood, ends))
         return Fit(
@@ -241,19 +241,14 @@ class PredictionError(StartedIdentifier):
             covariance_white=white,
         )  # fmt: skip
 
-    def _covariance(self, records: Sequence[Record], ends: list[Ended], told: list[np.ndarray]) -> np.ndarray:
-        """The covariance under the spectrum of the errors; where outputs are missing, the inverse of the information."""
-        found = []
-        for i, (end, M) in enumerate(zip(ends, told, strict=True)):
-            if all(record.seen[:, i].all() for record in records):
-                r, at = (
-                    2 * end.cost / max(len(end.e) - len(end.x), 1),
-                    times([np.ones(len(one), bool) for one in records]),
-                )
-                found.append(coloured_covariance(M, end.J, end.e, at, max(r, 1e-300)))
-            else:
-                found.append(covariance(M))
-        return block_diagonal(found)
+    def _told(self, records: Sequence[Record], i: int, end: Ended, d: int) -> tuple[np.ndarray, np.ndarray]:
+        """The information about θ, and its covariance under the spectrum of the errors; where outputs are missing, the inverse
+        of the information."""
+        r = max(2 * end.cost / max(len(end.e) - len(end.x), 1), 1e-300)
+        if not all(record.seen[:, i].all() for record in records):
+            M = marginal(end.J.T @ end.J / r, d)
+            return M, covariance(M)
+        return coloured_covariance(end.J, d, end.e, times([np.ones(len(one), bool) for one in records]), r)
 
 
 def _step(

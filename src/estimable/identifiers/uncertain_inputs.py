@@ -16,7 +16,7 @@ from ..kernels.innovation_information import Search
 from ..kernels.missing_series import conditional
 from ..kernels.uncertain_input_likelihood import Companion
 from ..results import Info, Interval, Sample
-from .one_output import OneOutput, Orders, fit_output, marginal
+from .one_output import OneOutput, Orders, covariance, fit_output, marginal, powers
 
 STRIDE = 2.0  # of the logarithm of the noise variance, in one step of the search
 
@@ -78,21 +78,36 @@ def fit_uncertain(
     noise_variance = first.noise_variance if noise_variance is None and not free else noise_variance
     unknowns = unknowns._replace(noise_variance=noise_variance)
     noise = [np.log(first.noise_variance / 2)] if free else []
-    start = np.concatenate([first.parameters, np.zeros(unknowns.pasts), noise])
+    level = np.pad(first.level[0], (0, orders.level - first.level.shape[1]))
+    start = np.concatenate([first.parameters, np.zeros(unknowns.pasts), level, noise])
     stride = np.full(len(start), np.inf)
     stride[len(start) - len(noise) :] = STRIDE
-    found = search(unknowns.build, [_rows(datum, one) for datum, one in zip(data, inputs, strict=True)], start, stride)
+    rows = [_rows(datum, one, orders.level) for datum, one in zip(data, inputs, strict=True)]
+    found = search(unknowns.build, rows, start, stride)
     r = float(np.exp(found.θ[-1])) if noise_variance is None else noise_variance
     residuals = tuple(
         np.where(datum.seen, e[:, 0] * np.sqrt(_noise_of(datum, r) / V[:, 0, 0]), np.nan)
         for datum, (e, V) in zip(data, found.innovations, strict=True)
     )
     information = marginal(found.information, d)
-    return OneOutput(found.θ[:d], r, information, residuals, found.log_likelihood, found.converged)
+    at = np.arange(d + unknowns.pasts, d + unknowns.pasts + orders.level)
+    spread = np.sqrt(np.maximum(np.diagonal(covariance(found.information))[at], 0.0))
+    return OneOutput(
+        found.θ[:d],
+        r,
+        information,
+        residuals,
+        found.log_likelihood,
+        found.converged,
+        level=np.stack([found.θ[at], spread]),
+    )
 
 
 class Unknowns(NamedTuple):
-    """θ = (a, b, the state before row 0 of each record, log r), of one output; parts that are not free are not in θ."""
+    """θ = (a, b, the state before row 0 of each record, the level, log r), of one output; parts that are not free are not in θ.
+
+    The level enters as known inputs 1 and k, which act on the output alone.
+    """
 
     orders: Orders
     m: int
@@ -115,7 +130,10 @@ class Unknowns(NamedTuple):
         a, b = θ[:na], θ[na:d].reshape(self.m, self.orders.nb + 1)
         past = θ[d + i * self.n : d + (i + 1) * self.n] if self.pasts else np.zeros(self.n)
         r = np.exp(θ[-1]) if self.noise_variance is None else self.noise_variance
-        return UncertainInputStep(kernel.companion(a, b, self.orders.delay, np.asarray(r))), past
+        F, G, D, r = kernel.companion(a, b, self.orders.delay, np.asarray(r))
+        level = θ[d + self.pasts : d + self.pasts + self.orders.level]
+        G = np.concatenate([G, np.zeros((self.n, len(level)))], axis=1)
+        return UncertainInputStep(Companion(F, G, np.concatenate([D, level]), r)), past
 
 
 @frozen
@@ -148,10 +166,12 @@ class UncertainInputStep:
         return state
 
 
-def _rows(datum: Datum, inputs: Expected) -> Sample:
-    """The rows of a record."""
+def _rows(datum: Datum, inputs: Expected, level: int) -> Sample:
+    """The rows of a record, with 1 and k as known inputs."""
     sigma = None if datum.sigma is None else datum.sigma[:, None]
-    return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], inputs.mean, None, inputs.variance, sigma=sigma)
+    mean = np.concatenate([inputs.mean, powers(len(datum.y), level)], axis=1)
+    variance = np.pad(inputs.variance, ((0, 0), (0, level)))
+    return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], mean, None, variance, sigma=sigma)
 
 
 def _unmeasured(datum: Datum) -> bool:

@@ -1,7 +1,7 @@
 """Comparison of a fitted model with the records it was fitted to."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -34,20 +34,23 @@ def validated(
     residuals: Sequence[np.ndarray] | None = None,
     information: np.ndarray | None = None,
     pseudo_linear: bool = False,
+    directions: np.ndarray | None = None,
+    stability: Sequence[Check] = (),
 ) -> Validation:
     """The residuals, the fit and the assumptions of a model.
 
     `noise_variance` (p,): the assumed one, if any. `residuals`: of a model that did not start from rest. `information`
     (d, d) about the parameters in all records; None: computed from rest. `pseudo_linear`: whether the method needs
-    1/A - 1/2 positive real.
+    1/A - 1/2 positive real. `directions` (d, r): the undetermined ones, and `stability`: of poles at their bounds, where the
+    method knows them.
     """
     if residuals is None:
         residuals = tuple(record.y - model.response(record.applied()) for record in records)
     if information is None:
         information = information_of(model, records)
     checks = [
-        excitation_check(information, model.parameter_names),
-        stability_check(model),
+        excitation_check(information, model.parameter_names, directions),
+        *(stability or [stability_check(model)]),
         positive_real_check(model, needed=pseudo_linear),
     ]
     weighed = any(record.sigma is not None for record in records)
@@ -99,6 +102,34 @@ def stability_check(model: OutputError) -> Check:
         1.0,
         f"{found}: an output-error model must be stable. Are input and output swapped?",
     )
+
+
+class Pole(NamedTuple):
+    """A pole at its bound: where the search would leave it, its standard deviation, and where it is fixed."""
+
+    value: complex
+    sigma: float
+    fixed: float
+
+
+def pole_checks(poles: Sequence[Pole | None], outputs: Sequence[str]) -> list[Check]:
+    """What became of the poles at their bounds: an integrator passes, a model that would be unstable fails."""
+    return [_pole_check(pole, name) for pole, name in zip(poles, outputs, strict=True) if pole is not None]
+
+
+def _pole_check(pole: Pole, name: str) -> Check:
+    if pole.fixed == 1:
+        sentence = (
+            f"Stability: {name} integrates: its largest pole is {pole.value.real:.6g} ± {pole.sigma:.2g}, and was fixed at 1. "
+            "Its level is its initial state."
+        )
+        return Check("stability", True, pole.value.real, 1.0, sentence)
+    shown = f"{pole.value.real:.6g}" if not pole.value.imag else f"{abs(pole.value):.6g} in modulus"
+    sentence = (
+        f"Stability: a pole of {name} is at its bound {pole.fixed:g}: the best one is {shown}, and an output-error model must be "
+        'stable. Check the orders, the level (level="trend") and the inputs, or use PredictionError.'
+    )
+    return Check("stability", False, abs(pole.value), pole.fixed, sentence)
 
 
 def sigma_check(Σ: np.ndarray, white: np.ndarray, names: Sequence[str]) -> Check:

@@ -13,6 +13,7 @@ import numpy as np
 from .output_error_response import over
 
 ORDERS = 10  # most of the autoregression of the residuals
+ROUNDING = 1e-7  # of the derivatives with unit columns
 ROWS = 10  # residuals for each of its coefficients, at least
 
 
@@ -95,9 +96,11 @@ def times(masks: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def beyond(J: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """J (N, d) less its projection on the columns of `others` (N, q), which are estimated too."""
+    """J (N, d) less its projection on the columns of `others` (N, q), which are estimated too; zero along a direction of which
+    only rounding is left."""
     if not others.shape[1]:
         return J
-    size = np.linalg.norm(others, axis=0)
-    scaled = others[:, size > 0] / size[size > 0]
-    return J - scaled @ np.linalg.lstsq(scaled, J, rcond=1e-12)[0]
+    size, own = (np.maximum(np.linalg.norm(X, axis=0), np.finfo(float).tiny) for X in (others, J))
+    scaled, J = others / size, J / own
+    U, s, V = np.linalg.svd(J - scaled @ np.linalg.lstsq(scaled, J, rcond=1e-12)[0], full_matrices=False)
+    return (U * np.where(s > ROUNDING, s, 0.0)) @ V * own

@@ -18,14 +18,15 @@ from .state_space import StateSpace, between_samples
 class OutputError(polynomials.Polynomials):
     """A linear system in polynomial form, with noise on the measured outputs only.
 
-    Model: y_i[k] = x°_i[k] + v_i[k] with x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], for each output i and input j. x° is the
+    Model: y_i[k] = level_i + x°_i[k] + v_i[k] with x°_i[k] = Σ_j B_ij(z)/A_i(z) u°_j[k], for each output i and input j. x° is the
     output without noise, and u° the input that the actuator applied. The polynomials are A_i = 1 + a_i1 z^-1 + .. + a_i,na
     z^-na and B_ij = z^-delay (b_ij0 + .. + b_ij,nb z^-nb). The noise v is white, and that of one output is independent of
     that of another. The orders na and nb are degrees: Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here.
 
     Settings: `a` (p, na), or (na,) for one output; `b` (p, m, nb+1), or (nb+1,) for one output and one input; `delay` in
     steps, the same for all; `noise_variance` of v: one number or (p,), in squared units of the outputs; `dt` in seconds,
-    greater than 0; `inputs` and `outputs` name the channels (default u1.., y1..).
+    greater than 0; `level` (p,): a constant that is added to each output (default None: none); `inputs` and `outputs` name
+    the channels (default u1.., y1..).
 
     Reference: H. Fang (2009), (3.1), (3.2), (3.5).
 
@@ -40,6 +41,7 @@ class OutputError(polynomials.Polynomials):
     delay: int = static(default=0)
     noise_variance: Any
     dt: float = static()
+    level: Any = None
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
@@ -53,12 +55,13 @@ class OutputError(polynomials.Polynomials):
             if faults.sizes.get(axis) == 0:
                 faults.add(f"`b` must be (p, m, nb+1) with {what}. Got {np.shape(self.b)}.")
         noise = read_variance("noise_variance", self.noise_variance, faults)
+        level = None if self.level is None else faults.array("level", np.atleast_1d(self.level), "p")
         names = {
             "inputs": faults.names("inputs", self.inputs, "m", "u"),
             "outputs": faults.names("outputs", self.outputs, "p", "y"),
         }
         faults.finish()
-        set_field(self, a=a, b=b, noise_variance=noise, dt=dt, **names)
+        set_field(self, a=a, b=b, noise_variance=noise, dt=dt, level=level, **names)
 
     @staticmethod
     def of_parameters(
@@ -69,6 +72,7 @@ class OutputError(polynomials.Polynomials):
         delay: int = 0,
         noise_variance: Numbers,
         dt: float,
+        level: Numbers | None = None,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
     ) -> "OutputError":
@@ -94,7 +98,7 @@ class OutputError(polynomials.Polynomials):
         rows = given.reshape(p, na + m * (nb + 1))
         return OutputError(
             rows[:, :na], rows[:, na:].reshape(p, m, nb + 1), delay=delay, noise_variance=noise_variance, dt=dt,
-            inputs=inputs, outputs=outputs,
+            level=level, inputs=inputs, outputs=outputs,
         )  # fmt: skip
 
     @property
@@ -133,9 +137,8 @@ class OutputError(polynomials.Polynomials):
         given = faults.numbers("u", u)
         inputs: Any = None if given is None else faults.array("u", given[:, None] if given.ndim == 1 else given, "T m")
         faults.finish()
-        return np.stack(
-            [kernel.response(a, b, self.delay, inputs) for a, b in zip(self.a, self.b, strict=True)], axis=1
-        )
+        x = np.stack([kernel.response(a, b, self.delay, inputs) for a, b in zip(self.a, self.b, strict=True)], axis=1)
+        return x if self.level is None else x + self.level
 
     def to_state_space(self, hold: str = "zero_order") -> StateSpace:
         """The same system as a `StateSpace` without process noise: one observable companion form for each output.
@@ -149,6 +152,7 @@ class OutputError(polynomials.Polynomials):
         model = StateSpace(
             A, B, C, D, Q=np.zeros_like(A), R=np.diag(self.noise_variance), dt=self.dt,
             inputs=self.inputs, outputs=self.outputs,
+            operating_point=None if self.level is None else {"states": np.zeros(len(A)), "outputs": self.level},
         )  # fmt: skip
         return between_samples(model, hold)
 

@@ -123,7 +123,7 @@ def table(example: int, draws: int) -> Reproduced:
 def _reachable(example: int, run: int) -> tuple[float, float]:
     """The relative error of maximum likelihood on one draw, and the bound of that draw, in %."""
     record, size = simulation(example, run).record, np.linalg.norm(θ) / 100
-    error = np.linalg.norm(OutputErrorML(2, 1).fit([record]).parameters - θ)
+    error = np.linalg.norm(OutputErrorML(2, 1, level="none", initial="rest").fit([record]).parameters - θ)
     return float(error / size), float(np.sqrt(np.trace(cramer_rao(PLANT, record))) / size)
 
 

@@ -24,6 +24,8 @@ ADDED: dict[str, dict[str, Any]] = {
     "ModelFile": {"uncertainty": None},
     "Progress": {"schedule": None, "gaps": None},
     "Fit": {"covariance_white": None},
+    "OutputError": {"level": None},
+    "OutputErrorML": {"level": "none"},
     "Names": {"angles": ()},
     "ClosedLoop": {"schedule": None},
     "Estimate": {"gaps": ()},
