@@ -75,7 +75,7 @@ def test_the_likelihood_is_that_of_the_samples():
     from scipy.optimize import least_squares
 
     record = drawn(PLANT, 3)
-    fit = es.identify(es.OutputErrorML(2, 1, delay=1), record)
+    fit = es.identify(es.OutputErrorML(2, 1, delay=1, initial="rest", level="none"), record)
 
     def error(θ):
         x = np.zeros(len(record) + 2)

@@ -35,22 +35,27 @@ class OutputErrorML(StartedIdentifier):
     Model: `OutputError`; each output has its own polynomials. Outputs may be missing, and inputs are those that the actuator
     applied. Unknown inputs (not logged, or of unknown arrival as with UDP) enter with their means and variances.
 
-    Assumes right orders. The estimate is the most accurate one for white Gaussian v. In other noise the method is nonlinear
-    least squares: still consistent, with the covariance right to first order. The plant need not be at rest when a record
-    begins (`initial="free"`). For on-line data, `RecursiveOutputError` is nearly as good.
+    Assumes right orders, and a stable plant or an integrator. The estimate is the most accurate one for white Gaussian v. In
+    other noise the method is nonlinear least squares: still consistent, with the covariance right to first order. Signals may
+    be in absolute units, and the plant need not be at rest when a record begins. For on-line data, `RecursiveOutputError` is
+    nearly as good.
 
     Settings: `na`, `nb`: degrees of A and B (Ljung's (na, nb, nk) is (na, nb - 1, delay = nk) here); `delay` in steps;
-    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "rest": the plant is at rest before row 0; "free":
-    the past before row 0 is estimated too, max(na, nb + delay) numbers per output and record. `arrival`: the rate at which
+    `noise_variance` of v: one number, (p,), or None: estimated. `initial`: "free" (default):
+    the past before row 0 is estimated too, max(na, nb + delay) numbers per output and record; "rest": the plant is at rest
+    before row 0. `level`: "estimated" (default): a constant is added to each output, the same in all records; "trend": also a
+    ramp from row 0 of each record; "none". `fit.extra["level"]` and `["slope"]` (per second) are (p, 2): values and standard
+    deviations; `fit.model.level` is the level at the last row. `arrival`: the rate at which
     inputs of unknown arrival arrive (default None: every arrival is known). Inputs that were not logged (NaN) are assumed to
     be like the logged ones.
 
     `sigma` of a record is the standard deviation of v of each sample. `noise_variance` is then that of the samples for which it
     is NaN; `fit.model` has that, or where there are none the mean square of `sigma`.
 
-    The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method (MINPACK, in SciPy) with
-    exact derivatives, from several starts: a long impulse response fitted linearly and, in `identify`, the estimate of
-    `RecursiveOutputError`. The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that
+    The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method with exact derivatives, from
+    several starts: a long impulse response fitted linearly and, in `identify`, the estimate of `RecursiveOutputError`. Poles
+    beyond .999 are mirrored and cut to it. A real pole there that does not differ from 1 significantly is fixed at 1 (an
+    integrator: its level is its initial state); otherwise the check "stability" fails with the pole. The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that
     it holds in noise of any colour; `fit.covariance_white` is the inverse of the information. Directions of the parameters
     without information are in `fit.undetermined`, and the covariance is that of the other directions.
 
