@@ -55,9 +55,11 @@ class OutputErrorML(StartedIdentifier):
     The likelihood is that of the seen outputs. It is maximised by the Levenberg-Marquardt method with exact derivatives, from
     several starts: a long impulse response fitted linearly and, in `identify`, the estimate of `RecursiveOutputError`. Poles
     beyond .999 are mirrored and cut to it. A real pole there that does not differ from 1 significantly is fixed at 1 (an
-    integrator: its level is its initial state); otherwise the check "stability" fails with the pole. The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that
-    it holds in noise of any colour; `fit.covariance_white` is the inverse of the information. Directions of the parameters
-    without information are in `fit.undetermined`, and the covariance is that of the other directions.
+    integrator: its level is its initial state); otherwise the check "stability" fails with the pole.
+
+    The covariance is H^-1 M H^-1 with the spectrum of the residuals (an autoregression) in M, so that it holds in noise of any
+    colour; `fit.covariance_white` is the inverse of the information. Directions of the parameters without information are in
+    `fit.undetermined`, and the covariance is that of the other directions.
 
     Cost: about 20 passes over the T samples, each of O(T d) operations for d parameters: 10 ms at T = 1000.
 

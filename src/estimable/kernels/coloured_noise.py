@@ -96,8 +96,8 @@ def times(masks: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def beyond(J: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """J (N, d) less its projection on the columns of `others` (N, q), which are estimated too; zero along a direction of which
-    only rounding is left."""
+    """J (N, d) less its projection on the columns of `others` (N, q), which are estimated too; zero along a direction
+    where only rounding remains."""
     if not others.shape[1]:
         return J
     size, own = (np.maximum(np.linalg.norm(X, axis=0), np.finfo(float).tiny) for X in (others, J))
