@@ -397,5 +397,4 @@ class Plant(ABC):
 
     @abstractmethod
     def begin(self, dt: float) -> Any:
-        """A run with samples `dt` seconds apart: it has `state` (n,) and `input` (m,), as deviations, and `move(command, e)`
-        with unit normal numbers e, as many as `linear` has process noises."""
+        """A run with steps `dt`: it has the deviations `state`, `input`, and `move(command, e)` with unit normal e (n,)."""

@@ -180,7 +180,7 @@ class _Call(NamedTuple):
         estimator = self.knowing(plant)
         commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
         sigma = plant.position_sigma
-        counted = sigma is not None and not commanded and estimator.innermost.takes_uncertain_inputs
+        counts = not commanded and estimator.innermost.takes_uncertain_inputs
         ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
         ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
@@ -189,7 +189,7 @@ class _Call(NamedTuple):
             ready = Reordered(ready, longest, plant.model.m, len(columns))
         loop = ControlLoop(
             plant.steps(step, t), ready, self.controller, self.links, _start(plant, self.start), plant.point.states,
-            np.asarray(step), sigma, np.diag(sigma**2) if counted else None, columns=columns, lost=self.lost,
+            np.asarray(step), sigma, np.diag(sigma**2) if counts and sigma is not None else None, columns=columns, lost=self.lost,
             commanded=commanded, late=longest > 0, freezes=_freezes(plant),
         )  # fmt: skip
         return loop, _rows(loop, plant, t, followed, self.seed, which)
