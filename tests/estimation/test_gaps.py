@@ -204,6 +204,19 @@ def test_a_nonlinear_model_is_bridged_or_needs_a_prior_for_a_break():
     assert {gap.done for gap in again.gaps} == {"break"}
 
 
+def test_columns_of_the_record_in_another_order_change_nothing():
+    two = es.StateSpace(A, np.hstack([B, [[5.0], [0.0]]]), Q=Q, R=R, dt=0, inputs=["a", "b"], outputs=["p", "q"])
+    u = np.where(INSIDE[:, None], np.nan, np.hstack([U, 0.1 * np.sin(U)]))
+    ordered = es.Record(Y, u, dt=DT, inputs=["a", "b"], outputs=["p", "q"])
+    mixed = es.Record(
+        Y[:, ::-1], np.stack([U[:, 0], u[:, 1], u[:, 0]], 1), dt=DT, inputs=["other", "b", "a"], outputs=["q", "p"]
+    )
+    for how in ("bridge", "break", "auto"):
+        found, exact = (es.estimate(es.Kalman(two), one, prior=PRIOR, gaps=how) for one in (mixed, ordered))
+        assert_allclose(found.covariance, exact.covariance, rtol=1e-12)
+        assert_allclose(found.mean, exact.mean, atol=1e-12)
+
+
 def test_an_input_that_is_not_logged_while_outputs_are():
     u = np.where(INSIDE[:, None], np.nan, U)
     record = es.Record(Y, u, dt=DT, hold="first_order")

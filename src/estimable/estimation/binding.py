@@ -11,7 +11,7 @@ from ..data.messy import without_wild
 from ..data.record import Record, match
 from ..data.record_arguments import scatter
 from ..filters.belief import Belief
-from ..filters.restarting import Restarting
+from ..filters.restarting import restarting
 from ..filters.wrapped import check_algorithm
 from ..identifiers.channels import Channels
 from ..models import angles
@@ -24,7 +24,7 @@ from ..protocols import Algorithm, RecursiveIdentifier
 from ..results import Gap, Info, Interval, Names, Outcome, Sample, Stacked
 from .declared_angles import check_undeclared, of_both, ranged, with_angles
 from .following import along_record
-from .gapped import Gapped, expanded, treated
+from .gapped import Gapped, expanded, fresh_of, restarts_of, treated
 from .gaps import Given
 from .gaps import read as read_gaps
 from .time_unit import check_time_unit, warn_of_placing
@@ -118,7 +118,7 @@ def bind(
     u, arrived = _inputs_of(algorithm, record, rows, inputs, faults)
     gapped = None
     if arrived is None and not unknown_arrivals(record, rows):
-        gapped = treated(algorithm, record, rows, u, inputs, settings, algorithms is not None, faults)
+        gapped = treated(algorithm, record, rows, u, settings, algorithms is not None, faults)
     if gapped is None and not faults.sentences:
         check_known(u, names.inputs, faults)
     faults.finish()
@@ -126,10 +126,11 @@ def bind(
     _check_at(algorithm, prior, u, faults)
     warn_of_placing(model_of(algorithm), tuple(record.outputs[i] for i in outputs), record)
     samples, intervals, clock = _laid_out(algorithm, record, rows, outputs, (u, arrived), gapped)
-    fresh = None if gapped is None or gapped.plan.restart is None else gapped.fresh(settings)
+    fresh = None if gapped is None or gapped.plan.restart is None else fresh_of(gapped.known, settings)
     complete = prior is not None and prior.diffuse is None and bool(samples.seen.all()) and fresh is None
     stacked = None if algorithms is None else len(jax.tree_util.tree_leaves(algorithms)[0])
-    ready = prepared(algorithms or algorithm, clock, complete, fresh, stacked)
+    anew = None if gapped is None or fresh is None else restarts_of(gapped.known, settings)
+    ready = prepared(algorithms or algorithm, clock, complete, anew, stacked)
     names = names._replace(units=record.units, angles=turns, **ready.result_names)
     return Bound(ready, samples, intervals, names, rows.t, clock, complete, gapped, fresh)
 
@@ -209,7 +210,11 @@ def unknown_arrivals(record: Record, rows: Record) -> bool:
 
 
 def prepared(
-    algorithm: Algorithm[Any], clock: Clock, complete: bool, fresh: Belief | None = None, stacked: int | None = None
+    algorithm: Algorithm[Any],
+    clock: Clock,
+    complete: bool,
+    fresh: Belief | tuple[Belief, ...] | None = None,
+    stacked: int | None = None,
 ) -> Any:
     """The algorithm sampled for a record. `complete`: every output was seen, and the prior is proper. `fresh`: the belief
     after a break. `stacked`: the number of algorithms in a stack.
@@ -218,7 +223,7 @@ def prepared(
     ready = ready.where_all_is_seen if complete else ready
     if fresh is not None and stacked is not None:
         fresh = jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (stacked, *np.shape(leaf))), fresh)
-    return ready if fresh is None else Restarting(ready, fresh)
+    return ready if fresh is None else restarting(ready, fresh)
 
 
 def _arrivals(

@@ -53,15 +53,22 @@ class Bridge:
 class Known:
     """What is known about an algorithm and of the inputs of its record, for the decision and for a restart."""
 
-    def __init__(self, algorithm: Algorithm[Any], inputs: list[int], hold: str, settings: "GapSettings", stacked: bool):
-        self.algorithm, self.inputs, self.hold, self.settings = algorithm, inputs, hold, settings
+    def __init__(self, algorithm: Algorithm[Any], hold: str, settings: "GapSettings", stacked: bool):
+        self.algorithm, self.hold, self.settings, self.stacked = algorithm, hold, settings, stacked
         self.model = algorithm.innermost.model
+        self.inputs = [self.model.inputs.index(name) for name in algorithm.names.inputs]
         self.linear = isinstance(self.model, StateSpace)
         self.exact = self.linear and not isinstance(algorithm.innermost, Linearised)
         varying = bool(getattr(self.model, "varying", ()))
         self.steps_may_vary = (
             not varying and not (stacked and not self.model.is_continuous) and (self.linear or self.model.is_continuous)
         )
+
+    def of(self, algorithm: Algorithm[Any]) -> "Known":
+        """The same about another algorithm with the same inputs."""
+        other = Known(algorithm, self.hold, self.settings, self.stacked)
+        other.logged, other.moves = self.logged, self.moves
+        return other
 
     def see(self, u: np.ndarray, record: Record) -> None:
         """Look at the logged inputs (.., T, m): their variance, and how they move from sample to sample."""

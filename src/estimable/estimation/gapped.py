@@ -8,12 +8,13 @@ import numpy as np
 from .. import checks
 from ..data.record import Record, groups, scatter
 from ..filters.belief import Belief, believe
+from ..filters.mixture import Mixture
 from ..frozen import replace
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
-from ..protocols import Algorithm
+from ..protocols import Algorithm, Wrapper
 from ..results import Info, Interval
 from . import gaps
 from .gap_numbers import Known
@@ -51,16 +52,25 @@ class Gapped(NamedTuple):
             restart=None if restart is None else np.broadcast_to(restart, shape),
         )
 
-    def fresh(self, settings: Gaps) -> Belief:
-        """The belief about the deviation of x after a break."""
-        known = self.known
-        if settings.restart is not None:
-            given = settings.restart
-            point = known.states if known.linear else 0.0
-            return believe(replace(given, mean=given.mean - point))
-        found = known.spread_of(known.moves)
-        diffuse = found.diffuse if found.diffuse.shape[1] else None
-        return believe(Prior(np.zeros(len(found.covariance)), _rounded(found.covariance), diffuse=diffuse))
+
+def fresh_of(known: Known, settings: Gaps) -> Belief:
+    """The belief about the deviation of x after a break."""
+    if settings.restart is not None:
+        point = known.states if known.linear else 0.0
+        return believe(replace(settings.restart, mean=settings.restart.mean - point))
+    found = known.spread_of(known.moves)
+    diffuse = found.diffuse if found.diffuse.shape[1] else None
+    return believe(Prior(np.zeros(len(found.covariance)), _rounded(found.covariance), diffuse=diffuse))
+
+
+def restarts_of(known: Known, settings: Gaps) -> Belief | tuple[Belief, ...]:
+    """The same, for a `Mixture` of each of its algorithms, whose models may have further states."""
+    algorithm = known.algorithm
+    while isinstance(algorithm, Wrapper):
+        algorithm = algorithm.algorithm
+    if not isinstance(algorithm, Mixture):
+        return fresh_of(known, settings)
+    return tuple(fresh_of(known.of(one), settings) for one in algorithm.algorithms)
 
 
 def _rounded(P: np.ndarray) -> np.ndarray:
@@ -69,14 +79,14 @@ def _rounded(P: np.ndarray) -> np.ndarray:
 
 
 def treated(
-    algorithm: Algorithm[Any], record: Record, rows: Record, u: np.ndarray, inputs: list[int], settings: Gaps, stacked: bool,
+    algorithm: Algorithm[Any], record: Record, rows: Record, u: np.ndarray, settings: Gaps, stacked: bool,
     faults: checks.Faults,
 ) -> Gapped | None:  # fmt: skip
     """What is done with the gaps of a record, if it has any."""
     model = algorithm.innermost.model
     if not isinstance(model, StateSpace | NonlinearModel) or not gaps.present(record, u):
         return None
-    known = Known(algorithm, inputs, record.hold, settings, stacked)
+    known = Known(algorithm, record.hold, settings, stacked)
     known.see(u, record)
     plan = gaps.plan(record, rows, u, settings, known, faults)
     if plan is not None and plan.restart is not None and not known.linear and settings.restart is None:

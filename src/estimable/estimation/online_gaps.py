@@ -6,14 +6,14 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Tree
-from ..filters.belief import Belief, believe
-from ..filters.restarting import Restarting
+from ..filters.belief import Belief
+from ..filters.restarting import restarting
 from ..frozen import replace
-from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..protocols import Algorithm
 from ..results import Gap, Interval
 from .gap_numbers import Known
+from .gapped import restarts_of
 from .gaps import LONG, SHARE, Gaps, Given, read
 
 
@@ -50,33 +50,23 @@ class OnlineGaps:
     """What a run does where its input is unknown."""
 
     def __init__(self, algorithm: Algorithm[Any], settings: Gaps, hold: str):
-        model = algorithm.innermost.model
-        inputs = [model.inputs.index(name) for name in algorithm.names.inputs]
-        self.known = Known(algorithm, inputs, hold, settings, False)
+        self.known = Known(algorithm, hold, settings, False)
         self.settings, self.hold, self.algorithm = settings, hold, algorithm
-        zeros = np.zeros(len(inputs))
+        zeros = np.zeros(len(self.known.inputs))
         self.known.logged = zeros if settings.spread is None else settings.spread
         self.known.moves = zeros if settings.diffusion is None else settings.diffusion
         self.anchor: Anchor | None = None
         self.found: list[Gap] = []
         self.fresh = self._anew() if settings.how in ("auto", "break") else None
 
-    def _anew(self) -> Belief | None:
-        settings, known = self.settings, self.known
-        if settings.restart is not None:
-            point = known.states if known.linear else 0.0
-            return believe(replace(settings.restart, mean=settings.restart.mean - point))
-        if not known.linear:
+    def _anew(self) -> Belief | tuple[Belief, ...]:
+        if self.settings.restart is None and not self.known.linear:
             checks.refuse("a nonlinear model has no stationary spread: give gaps=Gaps(..., restart=Prior(...)).")
-        found = known.spread_of(known.moves)
-        diffuse = found.diffuse if found.diffuse.shape[1] else None
-        values, vectors = np.linalg.eigh(found.covariance)
-        P = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        return believe(Prior(np.zeros(len(P)), P, diffuse=diffuse))
+        return restarts_of(self.known, self.settings)
 
     def with_room(self, algorithm: Algorithm[Any]) -> Any:
         """The algorithm whose state has room for the diffuse directions of a break."""
-        return algorithm if self.fresh is None else Restarting(algorithm, self.fresh)
+        return algorithm if self.fresh is None else restarting(algorithm, self.fresh)
 
     def covers(self, u: np.ndarray, u_end: np.ndarray, dt: float, regular: float | None) -> bool:
         """Whether a step is part of a gap: an input is NaN, or the step is too long for one."""

@@ -116,8 +116,10 @@ class MovingWindow(Wrapper[Copies]):
         return replace(state, copies=copies), jax.tree_util.tree_map(lambda leaf: leaf[-1], infos)
 
     def restarted(self, state: Copies, fresh: Callable[[Any], Any]) -> Copies:
-        """Where the record breaks, x restarts in every copy."""
-        return replace(state, copies=self.algorithm.restarted(state.copies, fresh))
+        """Where the record breaks, x restarts in every copy but the newest, which begins there."""
+        after = self.algorithm.restarted(state.copies, fresh)
+        copies = jax.tree_util.tree_map(lambda new, old: jnp.concatenate([old[:1], new[1:]]), after, state.copies)
+        return replace(state, copies=copies)
 
     def predict(self, state: Copies, interval: Interval) -> Copies:
         """Move to the next sample: a copy begins and the oldest ends."""

@@ -16,6 +16,7 @@ from ..models.prior import Prior, diffuse_columns
 from ..protocols import Wrapper
 from ..results import Interval, Sample
 from .belief import Belief
+from .mixture import Mixture
 
 
 @frozen
@@ -82,6 +83,16 @@ class Restarting(Wrapper[Any]):
             if instant.E is not None:
                 E = jnp.concatenate([jnp.where(broken[:, None], 0.0, instant.E), E], axis=1)
         return instant._replace(transition=Transition(F, c, W), E=E)
+
+
+def restarting(algorithm: Any, fresh: Belief | tuple[Belief, ...]) -> Any:
+    """A sampled algorithm that restarts. `fresh` is a tuple for a `Mixture`: each of its algorithms restarts by itself."""
+    if not isinstance(fresh, tuple):
+        return Restarting(algorithm, fresh)
+    if isinstance(algorithm, Mixture):
+        members = zip(algorithm.algorithms, fresh, strict=True)
+        return replace(algorithm, algorithms=tuple(Restarting(one, anew) for one, anew in members))
+    return replace(algorithm, algorithm=restarting(algorithm.algorithm, fresh))
 
 
 def restarted(tree: Tree, fresh: Belief) -> Any:
