@@ -85,7 +85,6 @@ def of_the_navigation(nav):
             yield from [entry] if isinstance(entry, str) else of_the_navigation(entry)
 
 
-@pytest.mark.xdist_group("site")
 def test_every_page_is_in_the_navigation_once():
     from mkdocs.config import load_config
 
@@ -93,7 +92,6 @@ def test_every_page_is_in_the_navigation_once():
     assert sorted(listed) == sorted(str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md"))
 
 
-@pytest.mark.xdist_group("site")
 def test_the_site_loads_nothing_from_a_host(site, pages):
     assert len(pages) == len(list(DOCS.rglob("*.md")))
     for path, page in pages.items():
@@ -105,7 +103,6 @@ def test_the_site_loads_nothing_from_a_host(site, pages):
         assert "@import" not in path.read_text()
 
 
-@pytest.mark.xdist_group("site")
 def test_every_link_of_the_site_leads_to_a_place(site, pages):
     looked_at = 0
     for path, page in pages.items():
@@ -121,7 +118,6 @@ def test_every_link_of_the_site_leads_to_a_place(site, pages):
     assert looked_at > 1000
 
 
-@pytest.mark.xdist_group("site")
 def test_every_method_has_a_page_which_is_on_the_list(site, pages):
     listed = pages[site / "methods" / "index.html"].links
     assert {f"{path.stem}.html" for path in METHODS} <= set(listed)
@@ -130,7 +126,6 @@ def test_every_method_has_a_page_which_is_on_the_list(site, pages):
         assert (DOCS / "methods" / f"{entry.name}.md") in METHODS
 
 
-@pytest.mark.xdist_group("site")
 def test_the_reference_has_every_public_name(site, pages):
     places = set().union(*(page.places for path, page in pages.items() if path.parent == site / "api"))
     modules = set(estimable.__all__) & {"catalogue", "diagnostics", "packaged", "plants", "report", "results"}
@@ -139,7 +134,6 @@ def test_the_reference_has_every_public_name(site, pages):
     assert {f"estimable.{name}" for name in names} <= places
 
 
-@pytest.mark.xdist_group("site")
 def test_formulas_are_markup_and_no_source_is_left(site, pages):
     assert pages[site / "methods" / "kalman.html"].formulas > 2
     for path in pages:
@@ -155,7 +149,6 @@ def test_a_page_about_a_method_has_its_parts(page):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.environ.get("ESTIMABLE_DOCS_FIGURES") != "1", reason="two minutes: set ESTIMABLE_DOCS_FIGURES=1")
-@pytest.mark.xdist_group("site")
 def test_the_build_draws_a_figure_for_every_method(tmp_path):
     site = build(tmp_path / "site", figures="1")
     for path in METHODS:
