@@ -108,6 +108,7 @@ _HOMES = {
     "close_loop": "simulation.close_loop",
     "close_loop_bank": "simulation.close_loop",
     "compare": "identification.compare",
+    "covariance_analysis": "analysis.covariance_analysis",
     "dead_time": "identification.dead_time",
     "detectable_loss": "estimation.detectable_loss",
     "diagnostics": "diagnostics",

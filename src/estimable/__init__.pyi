@@ -6,6 +6,7 @@ from . import packaged as packaged
 from . import plants as plants
 from . import report as report
 from . import results as results
+from .analysis.covariance_analysis import covariance_analysis as covariance_analysis
 from .analysis.estimability import estimability as estimability
 from .analysis.excitation import excitation as excitation
 from .analysis.gain_information import gain_information as gain_information

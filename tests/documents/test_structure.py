@@ -50,10 +50,14 @@ ROOMS = (  # each may know those before it
 )
 LAZY = {  # (room, room): imports inside a function that go the other way
     ("results", "figures"),  # .plot()
+    ("analysis", "figures"),  # CovarianceAnalysis.plot()
     ("results", "estimation"),  # Estimate.outputs() samples the model of its record
     ("results", "analysis"),  # TransKalman.margin() is the rho_margin of its error
 }
-LAZY_NAMES = {"Online"}  # of `results`, from a later room: it runs engines, and changes
+LAZY_NAMES = {  # of `results`, from a later room
+    "Online",  # it runs engines, and changes
+    "CovarianceAnalysis",  # it answers changed questions about its model
+}
 NAMED = {"": estimable, "results": estimable.results}  # packages that load their names when they are asked for
 LEVEL = {room: level for level, rooms in enumerate(ROOMS) for room in rooms}
 MODULES = {str(path.relative_to(SOURCE).with_suffix("")).removesuffix("__init__").strip("/"): path for path in FILES}

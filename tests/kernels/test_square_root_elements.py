@@ -34,7 +34,7 @@ def drawn(seed):
 
 
 def spread_of(belief):
-    return el.lengths(el.spread(belief).F)
+    return el.lengths(el.state_error(belief).F)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -71,7 +71,7 @@ def test_the_shares_of_the_sources_add_up_and_are_derivatives(seed):
         belief, own = el.sources_then(belief, own, first, of_first)
         for E in (el.sources_then(step, parts, step, parts), (step, parts)):
             belief, own = el.sources_then(belief, own, *E)
-        F, _, inverse = el.spread(belief)
+        F, _, inverse = el.state_error(belief)
         return el.lengths(F) ** 2, np.array([el.share(belief, part, inverse, np.eye(n)) for part in own])
 
     variance, shares = found(np.ones(3))
@@ -88,11 +88,11 @@ def nothing(n, z):
 def test_a_diffuse_direction_is_infinite_until_it_is_seen():
     A, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     belief = el.then(el.of_prior(np.zeros((2, 0)), np.eye(2)), el.of_sample(C, np.array([[0.1]])))
-    F, N, _ = el.spread(belief)
+    F, N, _ = el.state_error(belief)
     assert np.allclose(N / N[1], [[0.0], [1.0]])
     assert np.allclose(F @ F.T, [[0.01, 0.0], [0.0, 0.0]])
     belief = el.then(belief, el.of_step(A, np.zeros((2, 0)), C, np.array([[0.1]])))
-    F, N, _ = el.spread(belief)
+    F, N, _ = el.state_error(belief)
     assert N.shape == (2, 0)
     assert np.allclose(F @ F.T, [[0.01, 0.01], [0.01, 0.02]], rtol=1e-14)
 
@@ -126,7 +126,7 @@ def test_continuous_steps_have_no_limit_of_stiffness(seconds):
     assert np.allclose(spread_of(el.then(prior, E)), exact, rtol=1e-11)
     own = [nothing(4, 4), nothing(4, 4), el.Source(np.zeros((4, 4)), np.eye(4))]
     belief, own = el.sources_then(prior, own, fine, [*parts, nothing(4, len(fine.Z))])
-    _, _, inverse = el.spread(belief)
+    _, _, inverse = el.state_error(belief)
     shares = sum(el.share(belief, part, inverse, np.eye(4)) for part in own)
     assert np.allclose(shares, exact**2, rtol=1e-5)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..kernels import noise_free
 from ..kernels import square_root_elements as el
-from ..kernels.square_root_elements import Element, lengths, spread
+from ..kernels.square_root_elements import Element, lengths, state_error
 from ..kernels.step_factors import halvings, of_short_time, pencil, sources_of_short_time
 from ..kernels.undetectable import split, undetectable
 from .covariance_problem import Question, Stage
@@ -17,7 +17,7 @@ OCTAVES = 50  # of steps: 2^50
 ALL = 32  # steps up to which a constant model is shown at every sample
 FORGOTTEN = 1e-14  # of Φ: what came before has no effect
 TOUCHES = 1e-9  # share of a quantity in a direction, of its parts, below which it is rounding
-SETTLED = 1e-9  # relative change over the last octave of a sigma that has settled
+SETTLED = 1e-6  # relative change over the last octave of a sigma that has settled
 MOST_ROWS = 20_000  # of a noise-free channel without a horizon
 
 
@@ -43,7 +43,7 @@ def sigma_of(belief: Element, H: Real) -> Real:
     """The sigma of H x: infinite where a diffuse direction touches it."""
     if not all(np.all(np.isfinite(part)) for part in belief):
         return np.full(len(H), np.inf)
-    F, N, _ = spread(belief)
+    F, N, _ = state_error(belief)
     return np.where(touched(H, N), np.inf, lengths(H @ F))
 
 
@@ -121,28 +121,51 @@ def starts(question: Question) -> tuple[Element, Element]:
     return el.then(alone, el.of_sample(question.first.C, question.first.sensors)), alone
 
 
-def by_octaves(question: Question, h: float, last: int | None) -> Spreads:
-    """A constant model. The undetectable part is split off first."""
-    stage = question.first
+class Frames(NamedTuple):
+    """A constant question in a frame that splits off the undetectable part, the question of the other states alone (None: there
+    is no undetectable part), the frame, and which quantities have an undetectable part."""
+
+    whole: Question
+    part: Question | None
+    frame: Real
+    hidden: Real
+
+
+def split_off(question: Question) -> Frames:
+    """The undetectable part is split off first."""
+    stage, n = question.first, len(question.first.A)
     U = undetectable(stage.A, stage.C, continuous=question.continuous)
     hidden = touched(question.H, U)
     if U.shape[1] == 0:
-        return _octaves(question, h, last, hidden)
+        return Frames(question, None, np.eye(n), hidden)
     frame = split(stage.A, U)
-    r = len(frame) - U.shape[1]
+    r = n - U.shape[1]
     A, C = frame.T @ stage.A @ frame, stage.C @ frame
     A[:r, r:] = C[:, r:] = 0
     turned = Stage(A, [frame.T @ g for g in stage.g], C, stage.V)
     whole = question._replace(first=turned, L=frame.T @ question.L, D=frame.T @ question.D, H=question.H @ frame)
-    found = _octaves(whole, h, last, hidden)
-    if r and not hidden.all():
-        part = Stage(A[:r, :r], [g[:r] for g in turned.g], C[:, :r], stage.V)
-        seen = _octaves(
-            whole._replace(first=part, L=whole.L[:r], D=whole.D[:r], H=whole.H[:, :r]), h, last, hidden & False
-        )
+    if r == 0 or hidden.all():
+        return Frames(whole, None, frame, hidden)
+    part = Stage(A[:r, :r], [g[:r] for g in turned.g], C[:, :r], stage.V)
+    return Frames(whole, whole._replace(first=part, L=whole.L[:r], D=whole.D[:r], H=whole.H[:, :r]), frame, hidden)
+
+
+def by_octaves(question: Question, h: float, last: int | None) -> Spreads:
+    """A constant model."""
+    whole, part, frame, hidden = split_off(question)
+    seen = None if part is None else _octaves(part, h, last, hidden & False)
+    found = _octaves(whole, h, last, hidden, enough=None if seen is None else seen.steps[-1])
+    if seen is not None:
         found = _merged(found, seen, hidden)
     belief, alone = (Element(frame @ E.Φ, frame @ E.S, E.Z) for E in (found.belief, found.alone))
     return found._replace(belief=belief, alone=alone)
+
+
+def of_quantity(question: Question, i: int) -> Question:
+    """The constant question of one quantity, in the frame in which `by_octaves` answers it."""
+    whole, part, _, hidden = split_off(question)
+    one = whole if part is None or hidden[i] else part
+    return one._replace(H=one.H[i : i + 1])
 
 
 def _merged(whole: Spreads, seen: Spreads, hidden: Real) -> Spreads:
@@ -155,7 +178,8 @@ def _merged(whole: Spreads, seen: Spreads, hidden: Real) -> Spreads:
     )
 
 
-def _octaves(question: Question, h: float, last: int | None, hidden: Real) -> Spreads:
+def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, enough: int | None = None) -> Spreads:
+    """Until nothing is remembered, or for `enough` steps, where there is no `last`."""
     powers = Powers(question, h=h)
     start, alone = starts(question)
     steps, sigma, open_, until = [], [], [], None
@@ -170,12 +194,16 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real) -> Sp
             steps.append(k)
             sigma.append(sigma_of(belief, question.H))
             open_.append(sigma_of(prior, question.H))
-            if last is None and k == 2 ** (k.bit_length() - 1) and np.abs(powers.at(max(k.bit_length() - 1, 0)).Φ).max(
-                initial=0.0) < FORGOTTEN:  # fmt: skip
+            if last is None and (k == enough or (enough is None and k & (k - 1) == 0 and _forgotten(powers, k))):
                 break
     σ, σ0 = np.array(sigma), np.array(open_)
     settled, limit = _limit(σ, steps, last)
     return Spreads(steps, σ, σ0, belief, prior, settled, limit, hidden, until)
+
+
+def _forgotten(powers: Powers, k: int) -> bool:
+    """Whether a start has no effect after k steps, a power of two."""
+    return k > 0 and bool(np.abs(powers.at(k.bit_length() - 1).Φ).max(initial=0.0) < FORGOTTEN)
 
 
 def _limit(σ: Real, steps: list[int], last: int | None) -> tuple[Real, Real]:
@@ -185,7 +213,7 @@ def _limit(σ: Real, steps: list[int], last: int | None) -> tuple[Real, Real]:
     with np.errstate(invalid="ignore"):
         settled = (np.abs(now - then) <= SETTLED * now) | (np.isinf(now) & np.isinf(then)) | ((now == 0) & (then == 0))
         falls = now < 0.75 * then
-    settled = settled & (steps[-1] > 2 * len(σ) or last is None)
+    settled = settled & (steps[-1] >= 2)
     limit = np.where(settled, now, np.where(falls & (last is None), 0.0, np.nan))
     return settled | (falls & (last is None)), limit
 
@@ -251,7 +279,7 @@ def shares(question: Question, h: float, steps: int, *, constant: bool) -> Real:
         belief, parts = _constant_shares(question, h, steps)
     else:
         belief, parts = _shares_in_rows(question, steps)
-    F, _, inverse = spread(belief)
+    F, _, inverse = state_error(belief)
     whole = lengths(question.H @ F) ** 2
     found = np.array([el.share(belief, part, inverse, question.H) for part in parts])
     return found / np.where(whole > 0, whole, 1.0)

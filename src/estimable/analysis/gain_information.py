@@ -63,14 +63,14 @@ def gain_information(
     passing = gain_blocks.read_feedthrough(feedthrough, directions, faults)
     _check_prior("state", state, model.n, "state", faults)
     _check_prior("gain", gain, p, "gain", faults)
-    inputs, seen, clock = _read_inputs(model, u, dt, faults)
+    inputs, seen, clock = applied(model, u, dt, faults)
     added = None if dither is None else faults.array("dither", dither, "T m")
     for name, given_input in (("u", inputs), ("dither", added)):
         if given_input is not None and np.abs(given_input).max(initial=0.0) > checks.HUGE:
             faults.add(f"`{name}` must hold numbers of at most {checks.HUGE:g}, whose squares are finite.")
     faults.finish()
     blocks = gain_blocks.in_blocks(model, p, directions=given, feedthrough=passing)
-    rows = _rows(sample(blocks, clock), inputs, added, seen, p)
+    rows = gain_rows(sample(blocks, clock), inputs, added, seen, p)
     try:
         factor = information_factor(rows, model.n, model.n + p * (1 if dither is None else 2))
     except np.linalg.LinAlgError:
@@ -86,7 +86,7 @@ def _check_prior(name: str, prior: Prior | None, size: int, what: str, faults: c
         faults.add(f"`{name}` must be a prior of {checks.counted(size, what)}. Got {prior.size}.")
 
 
-def _read_inputs(model: StateSpace, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
+def applied(model: StateSpace, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
     """The applied inputs (T, m), the mask of seen outputs (T, p), and the steps."""
     if isinstance(u, Record):
         return _from_record(model, u, dt, faults)
@@ -128,7 +128,7 @@ def _check_length(model: StateSpace, u: np.ndarray | None, faults: checks.Faults
         faults.add(f"`u` must have {model.steps} rows, as many as the time-varying model. Got {len(u)}.")
 
 
-def _rows(ready: SampledModel, u: np.ndarray, dither: np.ndarray | None, seen: np.ndarray, p: int) -> Any:
+def gain_rows(ready: SampledModel, u: np.ndarray, dither: np.ndarray | None, seen: np.ndarray, p: int) -> Any:
     """(A, N, C, M, Q, R, Ω V', seen) of every row, with columns for (x[0], θ by u, θ by the dither)."""
     n, point = ready.A.shape[-1], np.asarray(ready.point.inputs)
     acts = [u - point] if dither is None else [u - point, np.asarray(dither)]

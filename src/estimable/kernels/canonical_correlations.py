@@ -10,12 +10,12 @@ Stability of Numerical Algorithms, 2002, Theorem 19.4). Singular values by Jacob
 Matrix Anal. Appl. 13 (1992) 1204-1245), which keeps that of graded matrices.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .shapes import Float
-from .square_root_elements import lower
+from .square_root_elements import lengths, lower
 
 Real = np.ndarray
 CERTAIN = 1e-13  # singular value of L with rows of norm 1, below which a direction has no variance
@@ -57,7 +57,7 @@ class Pairs(NamedTuple):
 def pairs(moments: StateFactors) -> Pairs:
     """The canonical pairs of (Π - P, Π)."""
     L, S, M = moments
-    size = np.linalg.norm(L, axis=1)
+    size = lengths(L)
     unit = np.where(size > 0, size, 1.0)[:, None]
     U, σ, _ = np.linalg.svd(L / unit)
     σ = np.append(σ, np.zeros(len(L) - len(σ)))
@@ -79,7 +79,9 @@ def pairs(moments: StateFactors) -> Pairs:
 
 def _jacobi(X: Real) -> tuple[Real, Real]:
     """Singular values of X (r, s), falling, and its left singular vectors; each row may have its own size."""
-    from scipy.linalg import lapack
+    import scipy.linalg
+
+    lapack: Any = scipy.linalg.lapack
 
     r = len(X)
     if r == 0 or not X.any():

@@ -1,5 +1,7 @@
 """The real Schur form of A by falling growth. NumPy and LAPACK, outside jit."""
 
+from typing import Any
+
 import numpy as np
 
 from .shapes import Float
@@ -12,9 +14,11 @@ def growth_frame(A: Float[Real, "n n"], *, continuous: bool = False) -> tuple[Re
 
     LAPACK's trexc moves one block at a time, the largest first.
     """
-    from scipy.linalg import lapack, schur
+    import scipy.linalg
 
-    T, Q = schur(A, output="real")[:2]
+    lapack: Any = scipy.linalg.lapack
+
+    T, Q = scipy.linalg.schur(A, output="real")[:2]
     done = 0
     while done < len(A):
         sizes = {i: size for i, size in growths(T, continuous=continuous).items() if i >= done}

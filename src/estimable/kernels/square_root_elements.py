@@ -76,7 +76,7 @@ def _array(g: Real, C: Real, V: Real) -> tuple[Real, Real, Real]:
 
 def sources_of_step(g: list[Real], C: Real, V: list[Real]) -> list[Source]:
     """The sources of `of_step`, with g and V given by source (columns of both add up to those of the step)."""
-    s, K, _ = _array(np.hstack(g), C, np.hstack(V))
+    s, K, _ = _array(np.hstack([np.zeros((C.shape[1], 0)), *g]), C, np.hstack(V))
     ζ = [solve_lower(s, C @ each) for each in g]
     of_noise = [Source(each - K @ one, one) for each, one in zip(g, ζ, strict=True)]      # (I - K s^-1 C) g
     ζ = [solve_lower(s, each) for each in V]
@@ -133,11 +133,11 @@ class StateError(NamedTuple):
     inverse: Float[Real, "r z"]
 
 
-def spread(E: Element) -> StateError:
+def state_error(E: Element) -> StateError:
     """The error of the estimate of x, for an element that begins with a prior.
 
     >>> known = then(of_prior(np.eye(1), np.zeros((1, 0))), of_sample(np.eye(1), np.eye(1)))
-    >>> round(float(spread(known).F[0, 0] ** 2), 12)
+    >>> round(float(state_error(known).F[0, 0] ** 2), 12)
     0.5
     """
     n, r = E.Φ.shape
@@ -157,7 +157,7 @@ def spread(E: Element) -> StateError:
 
 
 def share(E: Element, source: Source, inverse: Float[Real, "r z"], H: Float[Real, "q n"]) -> Float[Real, " q"]:
-    """The variance of H x that belongs to a source, with the inverse of `spread`."""
+    """The variance of H x that belongs to a source, with the inverse of `state_error`."""
     return lengths(H @ source.e - (H @ E.Φ) @ (inverse @ source.ζ)) ** 2
 
 

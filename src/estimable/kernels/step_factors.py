@@ -34,6 +34,10 @@ def halvings(M: Real) -> int:
 
 def noise_factors(A: Float[Real, "n n"], g: list[Real], h: float) -> tuple[Real, list[Real]]:
     """e^{A h}, and for each g a factor of ∫_0^h e^{A t} g g' e^{A't} dt, by Gauss's rule with ten nodes and doubling."""
+    from scipy.linalg import matrix_balance
+
+    units: Real = matrix_balance(A, permute=False, separate=True)[1][0]
+    A, g = A * (units / units[:, None]), [each / units[:, None] for each in g]
     m = halvings(A * h)
     step = h / 2**m
     moves = [exponential(A * (step * (1 + t) / 2)) for t in NODES]
@@ -43,7 +47,7 @@ def noise_factors(A: Float[Real, "n n"], g: list[Real], h: float) -> tuple[Real,
     for _ in range(m):
         found = [compressed(np.hstack([Φ @ S, S])) for S in found]
         Φ = Φ @ Φ
-    return Φ, found
+    return Φ * (units[:, None] / units), [units[:, None] * S for S in found]
 
 
 def of_short_time(A: Real, Q: Real, information: Real, h: float) -> Element:
@@ -59,7 +63,7 @@ def sources_of_short_time(
     δ = h / 2**FINE
     Φ, half = exponential(A * δ), exponential(A * (δ / 2))
     s = lower(np.hstack(V))
-    E = Element(Φ, np.sqrt(δ) * np.hstack(g), np.sqrt(δ) * solve_lower(s, C @ half))
+    E = Element(Φ, np.sqrt(δ) * np.hstack([np.zeros((len(A), 0)), *g]), np.sqrt(δ) * solve_lower(s, C @ half))
     n, p = C.shape[1], len(C)
     parts = [Source(np.sqrt(δ) * each, np.zeros((p, each.shape[1]))) for each in g]
     parts += [Source(np.zeros((n, each.shape[1])), solve_lower(s, each)) for each in V]

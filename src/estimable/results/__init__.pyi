@@ -1,11 +1,14 @@
 """The public names of `estimable.results`, for editors and type checkers; `__init__.py` loads each when it is first asked for."""
 
+from ..analysis.covariance_analysis import CovarianceAnalysis as CovarianceAnalysis
 from ..estimation.online import Online as Online
 from ..models.files import ModelFile as ModelFile
 from ..networks.delivery import Delivery as Delivery
 from .comparisons import Comparison as Comparison
 from .comparisons import Divided as Divided
 from .comparisons import Ranked as Ranked
+from .covariance_analyses import CovarianceQuestion as CovarianceQuestion
+from .covariance_analyses import Remedy as Remedy
 from .designs import DisturbanceAccommodation as DisturbanceAccommodation
 from .designs import Optimum as Optimum
 from .designs import RhoSynthesis as RhoSynthesis
