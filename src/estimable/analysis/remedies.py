@@ -72,7 +72,7 @@ def remedies(found: AnsweredQuestion, again: Callable[..., Any]) -> tuple[Remedy
 
 
 def _changes(found: AnsweredQuestion, considered: np.ndarray) -> list[tuple[str, dict[str, Any]]]:
-    """Each change in words, and the changed arguments."""
+    """Each change, and the changed arguments."""
     model, prior = _model(found), found.question.prior
     budget = found.error_budget
     shares = [budget[name] for name, one in zip(found.names, considered, strict=True) if one]
