@@ -36,7 +36,8 @@ def flights(runs, seconds=SECONDS, seed=1):
 
 
 def figure(runs, seconds=SECONDS):
-    """{model: (rms of z over all flights at 20 instants, mean gain at the end, its sigma)}, z = (gain - 1) / sigma."""
+    """{model: (rms of z over all flights at 20 instants, mean gain at the end, its sigma, standard error of the rms)}, with
+    z = (gain - 1) / sigma. The standard error takes each flight as one draw."""
     record, found = flights(runs, seconds).items.record, {}
     noise = 0.02 * np.random.default_rng(1).normal(size=record.y.shape) * [0.0, 0.0, 1.0]
     noisy = replace(record, y=record.y * (1 + noise))
@@ -51,7 +52,10 @@ def figure(runs, seconds=SECONDS):
         sigma = np.sqrt(bank.gain_covariance[..., 0, 0])
         z = (bank.gain[..., 0] - 1) / sigma
         rows = np.linspace(0, z.shape[1] - 1, 21).astype(int)[1:]
-        found[name] = float(np.sqrt(np.mean(z[:, rows] ** 2))), float(np.mean(bank.gain[:, -1])), float(sigma[0, -1])
+        each = np.mean(z[:, rows] ** 2, axis=1)
+        rms = float(np.sqrt(np.mean(each)))
+        error = float(np.std(each, ddof=1) / np.sqrt(runs) / (2 * rms))
+        found[name] = rms, float(np.mean(bank.gain[:, -1])), float(sigma[0, -1]), error
     return found
 
 
@@ -59,8 +63,8 @@ def main():
     """Print the figure."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--runs", type=int, default=50)
-    for name, (z, gain, sigma) in figure(options.parse_args().runs).items():
-        print(f"{name}: rms z {z:.2f}; gain at the end {gain:.3f}, reported sigma {sigma:.4f}; true gain 1")
+    for name, (z, gain, sigma, error) in figure(options.parse_args().runs).items():
+        print(f"{name}: rms z {z:.3f} ± {error:.3f}; gain at the end {gain:.3f}, reported sigma {sigma:.4f}; true gain 1")
 
 
 if __name__ == "__main__":
