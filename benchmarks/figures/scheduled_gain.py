@@ -64,7 +64,9 @@ def main():
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--runs", type=int, default=50)
     for name, (z, gain, sigma, error) in figure(options.parse_args().runs).items():
-        print(f"{name}: rms z {z:.3f} ± {error:.3f}; gain at the end {gain:.3f}, reported sigma {sigma:.4f}; true gain 1")
+        print(
+            f"{name}: rms z {z:.3f} ± {error:.3f}; gain at the end {gain:.3f}, reported sigma {sigma:.4f}; true gain 1"
+        )
 
 
 if __name__ == "__main__":

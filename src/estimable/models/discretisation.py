@@ -51,6 +51,13 @@ def over(A: np.ndarray, B: np.ndarray, GQG: np.ndarray, h: Numbers, *, hold: str
     return Φ, (Γ - ramp) @ B, ramp @ B, Qd
 
 
+def transition(A: np.ndarray, h: Numbers) -> np.ndarray:
+    """Φ over steps h; leading axes of A and h are broadcast."""
+    size = _sizes(A)
+    units = size[..., :, None] / size[..., None, :]
+    return units * exponential(A / units * np.asarray(h, float)[..., None, None])
+
+
 def _sizes(A: np.ndarray) -> np.ndarray:
     """Powers of two (.., n): the units of the states in which rows and columns of A have similar sizes.
 

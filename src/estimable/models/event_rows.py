@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..frozen import frozen
-from .discretisation import over
+from .discretisation import over, transition
 from .disturbances import Gust, SensorFault, Upset
 from .events import Event
 from .state_space import StateSpace
@@ -140,10 +140,5 @@ def _gust_over(event: Gust, model: StateSpace, j: int, a: float, b: float, since
     M[n + 1, n + 2], M[n + 2, n + 1] = -ω, ω
     start = np.zeros(n + 3)
     start[n:] = 1.0, np.cos(ω * (since + a)), np.sin(ω * (since + a))
-    moved = _free(M, b - a) @ start
-    return _free(model.A, dt - b) @ moved[:n]
-
-
-def _free(A: np.ndarray, h: float) -> np.ndarray:
-    n = len(A)
-    return over(A, np.zeros((n, 1)), np.zeros((n, n)), h, hold="zero_order")[0]
+    moved = transition(M, b - a) @ start
+    return transition(model.A, dt - b) @ moved[:n]

@@ -143,6 +143,11 @@ class Change(Event):
             faults.add(
                 "`events`: a Change must be to a model with as many states, inputs and outputs, and the same dt."
             )
+        elif not model.is_continuous and self.model.G.shape[-1] != model.G.shape[-1]:
+            faults.add(
+                f"`events`: a Change must be to a model with as many process noises ({model.G.shape[-1]}). It has "
+                f"{self.model.G.shape[-1]}: give it `G` and `Q` of that size."
+            )
         other, point = self.model.operating_point, model.operating_point
         if other is not None and (
             point is None or any(np.any(getattr(other, part) != getattr(point, part)) for part in PARTS)

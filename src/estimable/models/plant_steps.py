@@ -9,12 +9,13 @@ from ..annotations import Array
 from ..frozen import frozen, static
 from ..kernels.small import factors
 from .actuator import Actuator, ages, parts_of
-from .discretisation import over
+from .discretisation import over, transition
 from .events import PlantPhase
 from .operating_point import OperatingPoint
 
 LONGEST_SERIES = 128  # terms: enough for a lag whose time constant is a fiftieth of the step
 ROUNDING = 4e-15  # of the largest value of a response: what its series may leave out
+MOST = 2_000_000  # numbers of the matrices whose exponentials are computed together
 FASTEST = 1e300  # a rate without a limit, as a number whose product with zero is zero
 
 
@@ -122,8 +123,7 @@ class Steps:
 
 def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float, rows: np.ndarray | None = None) -> Steps:
     """The step of a `ControlledPlant` over `dt` seconds."""
-    sampled = [_matrices(phase, dt) for phase in phases]
-    A, B, W = (_by_phase(matrices) for matrices in zip(*sampled, strict=True))
+    A, B, W = map(_by_phase, _matrices(phases, dt))
     C, D = (_by_phase([getattr(phase.model, name) for phase in phases]) for name in "CD")
     noises = [phases[0].model.R if phase.model.R is None else phase.model.R for phase in phases]
     point = plant.point
@@ -140,11 +140,14 @@ def steps_of(phases: list[PlantPhase], plant: PlantInSteps, dt: float, rows: np.
     )  # fmt: skip
 
 
-def _matrices(phase: PlantPhase, dt: float):
-    """A, B and W of the plant over a step."""
-    model = phase.model
-    now = model.discretise(dt) if model.is_continuous else model
-    return now.A, now.B, now.G @ np.asarray(factors(now.Q))
+def _matrices(phases: list[PlantPhase], dt: float):
+    """A, B and W of the plant over a step, by phase."""
+    models = [phase.model for phase in phases]
+    A, B = (np.stack([getattr(model, name) for model in models]) for name in "AB")
+    if not models[0].is_continuous:
+        return A, B, np.stack([model.G @ np.asarray(factors(model.Q)) for model in models])
+    A, B, _, Q = over(A, B, np.stack([model.G @ model.Q @ model.G.T for model in models]), dt, hold="zero_order")
+    return A, B, np.asarray(factors(Q))
 
 
 def _by_phase(values: Sequence[Array] | np.ndarray) -> np.ndarray:
@@ -201,11 +204,8 @@ def _pieces(
     parts, pieces = parts_of(delay, dt, held=mode == "direct"), []
     for part, chosen in zip(parts, ages(parts), strict=True):
         responses = [
-            [
-                _response(phase, i, moving[k][i], part.seconds[k, i], part.after[k, i], mode, limited)
-                for i in range(phase.model.m)
-            ]
-            for k, phase in enumerate(phases)
+            _response(phases, i, [row[i] for row in moving], (part.seconds[:, i], part.after[:, i]), mode, limited)
+            for i in range(phases[0].model.m)
         ]
         scale = np.divide(2.0, part.seconds, out=np.zeros_like(part.seconds), where=part.seconds > 0)
         pieces.append(Piece(*map(_by_phase, (part.seconds, scale, chosen)), *_gathered(responses)))
@@ -213,7 +213,8 @@ def _pieces(
 
 
 class ActuatorResponse(NamedTuple):
-    """The fields `decay`, `step`, `lag`, `ramp`, `ramp_series` of one actuator; the last axis of series is that of the terms."""
+    """The fields `decay`, `step`, `lag`, `ramp`, `ramp_series` of one actuator, by phase; the last axis of series is that of the
+    terms."""
 
     decay: Any
     step: Any = None
@@ -223,77 +224,89 @@ class ActuatorResponse(NamedTuple):
 
 
 def _response(
-    phase: PlantPhase, i: int, actuator: Actuator, seconds: float, after: float, mode: str, limited: bool
+    phases: list[PlantPhase],
+    i: int,
+    actuators: list[Actuator],
+    part: tuple[np.ndarray, np.ndarray],
+    mode: str,
+    limited: bool,
 ) -> ActuatorResponse:
-    """Responses to actuator i over a part of a step, `after` seconds before its end."""
-    A, B = (phase.model.A, phase.model.B[:, i]) if mode == "moving" else (np.zeros((0, 0)), np.zeros(0))
+    """Responses to input i, moved by an actuator in each phase, over parts of a step: their lengths (P,) and the times from them
+    to the end of the step."""
+    seconds, after = part
+    n = phases[0].model.n if mode == "moving" else 0
+    A = np.stack([phase.model.A[:n, :n] for phase in phases])
+    B = np.stack([phase.model.B[:n, i] for phase in phases])
 
     def at(τ: np.ndarray) -> np.ndarray:
-        return _responses(A, B, actuator, τ, after)
+        return _responses(A, B, actuators, τ, after)
 
-    n, now = len(A), at(np.array([seconds]))[0]
+    now = at(seconds[:, None])[:, 0]
     if not limited:
-        return ActuatorResponse(now[-1], *((now[:n], now[2 * n : -1]) if mode == "moving" else ()))
+        return ActuatorResponse(now[:, -1], *((now[:, :n], now[:, 2 * n : -1]) if mode == "moving" else ()))
     terms = chebyshev(at, seconds)
     if mode != "moving":
-        return ActuatorResponse(terms[-1])
-    return ActuatorResponse(terms[-1], now[:n], terms[2 * n : -1], now[n : 2 * n], terms[n : 2 * n])
+        return ActuatorResponse(terms[:, -1])
+    return ActuatorResponse(terms[:, -1], now[:, :n], terms[:, 2 * n : -1], now[:, n : 2 * n], terms[:, n : 2 * n])
 
 
-def _responses(A: np.ndarray, B: np.ndarray, actuator: Actuator, τ: np.ndarray, after: float) -> np.ndarray:
-    """Γ0, Γ1, Γl (n each) and E at the times τ, (T, 3n + 1); the plant then moves freely for `after` seconds.
+def _responses(A: np.ndarray, B: np.ndarray, actuators: list[Actuator], τ: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Γ0, Γ1, Γl (n each) and E of each phase at its times τ (P, T), (P, T, 3n + 1); the plant then moves freely for `after`
+    seconds, (P,).
 
     One exponential of x0' = A x0 + B, x1' = A x1 + B s, xl' = A xl + B q with s' = 1, q' = b (1 - q).
     """
-    n, b = len(A), actuator.bandwidth
-    lagging = b < np.inf
-    M = np.zeros((3 * n + 3, 3 * n + 3))
+    P, n = B.shape
+    lagging = np.array([actuator.bandwidth < np.inf for actuator in actuators])
+    b = np.where(lagging, [actuator.bandwidth for actuator in actuators], 0.0)
+    arrives = ~lagging & [
+        actuator.rate is not None for actuator in actuators
+    ]  # a ramp ends there: nothing is left to jump
+    M = np.zeros((P, 3 * n + 3, 3 * n + 3))
     one, s, q = 3 * n, 3 * n + 1, 3 * n + 2
-    for j, driver in enumerate((one, s, q if lagging else one)):
-        M[j * n : (j + 1) * n, j * n : (j + 1) * n] = A
-        M[j * n : (j + 1) * n, driver] = B
-    M[s, one] = 1.0
-    if lagging:
-        M[q, one], M[q, q] = b, -b
-    nothing = np.zeros((len(M), 1)), np.zeros_like(M)
-    found = over(M, *nothing, τ, hold="zero_order")[0][..., one]
-    arrives = not lagging and actuator.rate is not None  # a ramp ends at the command: nothing is left to jump
-    E = 1 - found[:, q] if lagging else np.full(len(τ), 1.0 if arrives else 0.0)
-    if n and arrives:
-        found[:, 2 * n : 3 * n] = 0.0
-    if n and after > 0:
-        Φ = over(A, np.zeros((n, 1)), np.zeros((n, n)), after, hold="zero_order")[0]
-        found[:, : 3 * n] = (found[:, : 3 * n].reshape(-1, 3, n) @ Φ.T).reshape(-1, 3 * n)
-    return np.concatenate([found[:, : 3 * n], E[:, None]], axis=1)
+    for j, driver in enumerate((one, s, q)):
+        M[:, j * n : (j + 1) * n, j * n : (j + 1) * n] = A
+        M[:, j * n : (j + 1) * n, driver] = B
+    M[~lagging, 2 * n : one, one], M[~lagging, 2 * n : one, q] = B[~lagging], 0.0
+    M[:, s, one], M[:, q, one], M[:, q, q] = 1.0, b, -b
+    together = max(1, MOST // (τ.shape[1] * M[0].size))
+    found = np.concatenate(
+        [transition(M[k : k + together, None], τ[k : k + together])[..., one] for k in range(0, P, together)]
+    )
+    E = np.where(lagging[:, None], 1 - found[..., q], arrives[:, None].astype(float))
+    found[arrives, :, 2 * n : one] = 0.0
+    if n and np.any(after > 0):
+        Φ = transition(A, after)
+        found[..., :one] = np.einsum("pij,ptkj->ptki", Φ, found[..., :one].reshape(P, -1, 3, n)).reshape(P, -1, one)
+    return np.concatenate([found[..., :one], E[..., None]], axis=2)
 
 
-def chebyshev(function: Callable[[np.ndarray], np.ndarray], seconds: float) -> np.ndarray:
-    """Chebyshev coefficients (functions, terms) on [0, seconds] of functions of a time: (T,) -> (T, functions)."""
+def chebyshev(function: Callable[[np.ndarray], np.ndarray], seconds: np.ndarray) -> np.ndarray:
+    """Chebyshev coefficients (P, functions, terms) on [0, seconds] of functions of a time: (P, T) -> (P, T, functions)."""
     for count in (8, 16, 32, 64, LONGEST_SERIES):
         angles = np.pi * (np.arange(count) + 0.5) / count
-        values = function(seconds * (1 + np.cos(angles)) / 2)
+        values = function(seconds[:, None] * (1 + np.cos(angles)) / 2)
         terms = 2 / count * np.cos(np.outer(np.arange(count), angles)) @ values
-        terms[0] /= 2
-        small = np.abs(terms) <= ROUNDING * np.abs(values).max(axis=0)
-        if np.all(small[-2:]):
+        terms[:, 0] /= 2
+        small = np.abs(terms) <= ROUNDING * np.abs(values).max(axis=1, keepdims=True)
+        if np.all(small[:, -2:]):
             break
-    last = np.flatnonzero(~small.all(axis=1)).max(initial=0)
-    return terms[: last + 1].T
+    last = np.flatnonzero(~small.all(axis=(0, 2))).max(initial=0)
+    return np.swapaxes(terms[:, : last + 1], 1, 2)
 
 
-def _gathered(responses: list[list[ActuatorResponse]]) -> list[Any]:
-    """The fields of a `Piece`: by phase, with the actuators as the last axis and the terms of a series as the first."""
+def _gathered(responses: list[ActuatorResponse]) -> list[Any]:
+    """The fields of a `Piece`: by phase, with the actuators as the last axis and the terms of a series before the states."""
     fields = []
     for name in ActuatorResponse._fields:
-        values = [[getattr(one, name) for one in row] for row in responses]
-        if values[0][0] is None:
+        values = [getattr(one, name) for one in responses]
+        if values[0] is None:
             fields.append(None)
             continue
-        values = [[np.asarray(value) for value in row] for row in values]
-        if (name == "decay" and values[0][0].ndim) or name == "ramp_series" or values[0][0].ndim == 2:
-            terms = max(value.shape[-1] for row in values for value in row)
-            values = [[np.moveaxis(_padded(value, terms), -1, 0) for value in row] for row in values]
-        fields.append(_by_phase([np.stack(row, axis=-1) for row in values]))
+        if values[0].ndim == 3 or (name == "decay" and values[0].ndim == 2):
+            terms = max(value.shape[-1] for value in values)
+            values = [np.moveaxis(_padded(value, terms), -1, 1) for value in values]
+        fields.append(_by_phase(np.stack(values, axis=-1)))
     return fields
 
 
