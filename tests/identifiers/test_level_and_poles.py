@@ -98,3 +98,32 @@ def test_the_search_finds_the_minimum_and_says_so():
     assert_allclose(found.x, 1.0, atol=1e-10)
     bounded = search(lambda x: x - 3.0, lambda x: np.eye(1), np.zeros(1), lambda x: np.minimum(x, 2.0))
     assert_allclose(bounded.x, 2.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", [es.Subspace(2, weighting="n4sid"), es.HoKalman(2)])
+def test_one_sinusoid_does_not_determine_two_states(method):
+    u = 5 * np.sin(0.3 * np.arange(400))
+    y = lfilter([0, 1.0], [1, 0.8, 0.5], u) + 0.05 * np.random.default_rng(0).normal(size=400)
+    fit = es.identify(method, es.Record(y, u, dt=1))
+    (check,) = (one for one in fit.validation.checks if one.name == "excitation")
+    assert not check.passed
+    assert "the input has 2 frequencies" in check.sentence
+    assert np.all(np.isinf(fit.sigma))
+    assert np.isnan(es.diagnostics.step_response(fit).sigma).all()
+
+
+def test_the_predictor_of_a_plant_without_process_noise_is_stable_and_says_so():
+    A = np.array([1, -2 * 0.97 * np.cos(0.22), 0.97**2])
+    edges = 0
+    for seed in range(5):
+        g = np.random.default_rng(seed)
+        u = g.normal(size=400)
+        y = lfilter([0, 0.1, 0.05], A, u) + 0.05 * g.normal(size=400)
+        fit = es.identify(es.PredictionError(2, 1, 2, delay=1), es.Record(y, u, dt=1))
+        largest = np.abs(np.roots(np.append(1, fit.parameters[4:]))).max()
+        edge = "invertibility" in {one.name for one in fit.validation.checks if not one.passed}
+        assert largest <= 0.999 + 1e-9
+        assert edge == (largest > 0.9989) == bool(np.isinf(fit.sigma[4:]).all())
+        assert np.isfinite(fit.sigma[:4]).all()
+        edges += edge
+    assert 0 < edges < 5

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Fit
 from .markov_parameters import WEIGHTINGS, MarkovParameters
-from .realised import check_moving, check_records, impulse_names, whole
+from .realised import check_moving, check_records, impulse_names, persistence_check, whole
 from .standing import validation_of
 
 LENGTH = 20  # default number of Markov parameters; or two for each state and two more
@@ -121,10 +122,14 @@ class HoKalman(Identifier):
         moves = self._tangents(M, root(fitted.covariance), base)
         own, dM = (np.moveaxis(one, -3, -1) for one in impulse_moves(base, moves, length))
         columns = dM.reshape(len(dM), -1)
+        extra: dict[str, Any] = {"singular_values": found.singular_values}
+        excited = persistence_check(records, len(M) // 2, self.order)
+        if excited.passed:
+            extra["tangents"] = moves
         return Fit(
             model, own.ravel(), columns.T @ columns, impulse_names(length, first.inputs, first.outputs),
-            validation_of(model, records), method=type(self).__name__,
-            extra={"singular_values": found.singular_values, "tangents": moves},
+            validation_of(model, records, [excited]), method=type(self).__name__, extra=extra,
+            undetermined=None if excited.passed else np.eye(columns.shape[1]),
         )  # fmt: skip
 
     def _tangents(self, M: np.ndarray, L: np.ndarray, base: Dynamics) -> Dynamics:

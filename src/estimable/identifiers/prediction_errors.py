@@ -17,11 +17,12 @@ from ..kernels.auxiliary_model import stabilise
 from ..kernels.coloured_noise import times
 from ..kernels.impulse_start import Datum
 from ..kernels.innovation_information import Search
+from ..kernels.levenberg_marquardt import search, within
 from ..kernels.regression import lagged, regress
 from ..kernels.uncertain_input_likelihood import Companion, companion
 from ..models.armax import ARMAX
 from ..protocols import StartedIdentifier
-from ..results import Fit, Sample
+from ..results import Check, Fit, Sample
 from .least_squares import LeastSquares
 from .one_output import FAR, coloured_covariance, covariance, marginal
 from .output_error_ml import block_diagonal, by_output
@@ -31,6 +32,8 @@ from .uncertain_inputs import STRIDE, UncertainInputStep
 from .validation import search_checks, sigma_check
 
 LONG = 3  # times na + nc: order of the ARX model whose residuals approximate e at the start
+BOUND = 0.999  # of the modulus of a root of C
+EDGE = BOUND * (1 - 1e-6)  # at the bound
 CONVERGED = 1e-10  # relative change of parameters and sum of squares, and angle to the gradient, that end a search
 
 
@@ -60,11 +63,12 @@ class PredictionError(StartedIdentifier):
     Settings: `na`, `nb`, `nc`: degrees of A, B and C (Ljung's (na, nb, nc, nk) is (na, nb - 1, nc, delay = nk) here); `delay`
     in steps.
 
-    Where all outputs were seen, the sum of squared prediction errors is minimised by the Levenberg-Marquardt method (MINPACK,
-    in SciPy). It starts from C = 1, and from the residuals of a long ARX model (Hannan and Rissanen). The covariance is
-    H^-1 M H^-1 with H = ψ'ψ, ψ the derivatives of the errors, and the spectrum of the errors in M; `fit.covariance_white`
-    is σ² (ψ'ψ)^-1. Where outputs are missing, the likelihood of the seen ones is maximised
-    by Fisher scoring, and the covariance is the inverse of the information. Both allow for the fitted past before row 0.
+    Where all outputs were seen, the sum of squared prediction errors is minimised by the Levenberg-Marquardt method, with the
+    roots of C inside .999: where one is at this bound, the check "invertibility" fails and c has no sigma. It starts from C = 1,
+    and from the residuals of a long ARX model (Hannan and Rissanen). The covariance is H^-1 M H^-1 with H = ψ'ψ, ψ the
+    derivatives of the errors, and the spectrum of the errors in M; `fit.covariance_white` is σ² (ψ'ψ)^-1. Where outputs are
+    missing, the likelihood of the seen ones is maximised by Fisher scoring, and the covariance is the inverse of the
+    information. Both allow for the fitted past before row 0.
 
     Cost: about 15 passes over the T samples, each of O(T d) operations for d parameters: 20 ms at T = 1000, with gaps or
     without. Gaps need a second of compilation before.
@@ -126,11 +130,11 @@ class PredictionError(StartedIdentifier):
                 )
         faults.finish()
 
-    def search(self, data: Sequence[Datum], search: Search | None = None) -> Ended:
+    def search(self, data: Sequence[Datum], climb: Search | None = None) -> Ended:
         """The best of the searches, for one output."""
         starts = [self._begun(data, θ) for θ in self._starts(data)]
-        if search is not None and not all(one.seen.all() for one in data):
-            return min((self._searched_in_gaps(data, x, search) for x in starts), key=lambda end: end.cost)
+        if climb is not None and not all(one.seen.all() for one in data):
+            return min((self._searched_in_gaps(data, x, climb) for x in starts), key=lambda end: end.cost)
         return min((self._searched(data, x) for x in starts), key=lambda end: end.cost)
 
     def _begun(self, data: Sequence[Datum], θ: np.ndarray) -> np.ndarray:
@@ -158,17 +162,15 @@ class PredictionError(StartedIdentifier):
         return starts
 
     def _searched(self, data: Sequence[Datum], start: np.ndarray) -> Ended:
-        from scipy.optimize import least_squares
+        d = len(start) - self.past * len(data)
 
-        found = least_squares(
-            lambda x: self._errors(data, x), start, jac=lambda x: self._slopes(data, x), method="lm", x_scale="jac",  # type: ignore[arg-type]
-            xtol=CONVERGED, ftol=CONVERGED, gtol=CONVERGED,
-        )  # fmt: skip
-        return Ended(
-            found.x, self._errors(data, found.x), np.asarray(found.jac), float(found.cost), 0.0, found.status > 0
-        )
+        def inside(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([x[: d - self.nc], within(x[d - self.nc : d], BOUND), x[d:]])
 
-    def _searched_in_gaps(self, data: Sequence[Datum], start: np.ndarray, search: Search) -> Ended:
+        found = search(lambda x: self._errors(data, x), lambda x: self._slopes(data, x), start, inside, CONVERGED)
+        return Ended(found.x, found.e, self._slopes(data, found.x), found.cost, 0.0, found.converged)
+
+    def _searched_in_gaps(self, data: Sequence[Datum], start: np.ndarray, climb: Search) -> Ended:
         """The search by the likelihood of the seen samples; its last unknown is log r."""
         variance = np.var(np.concatenate([one.y[one.seen] for one in data])) / 2 or 1.0
         stride = np.append(np.full(len(start), np.inf), STRIDE)
@@ -177,7 +179,7 @@ class PredictionError(StartedIdentifier):
             a, b, c, z = self._parts(θ[:-1], data[i].u.shape[1], i)
             return _step(a, b, c, self.delay, np.exp(θ[-1] / 2), z)
 
-        found = search(build, [_rows(one) for one in data], np.append(start, np.log(variance)), stride)
+        found = climb(build, [_rows(one) for one in data], np.append(start, np.log(variance)), stride)
         r, pairs = float(np.exp(found.θ[-1])), zip(data, found.innovations, strict=True)
         e, V = np.concatenate([np.stack([e[one.seen, 0], V[one.seen, 0, 0] / r], 1) for one, (e, V) in pairs]).T
         e = e / np.sqrt(V) * np.exp(np.log(V).mean() / 2)
@@ -234,12 +236,20 @@ class PredictionError(StartedIdentifier):
         M, Σ, names = block_diagonal(list(told)), block_diagonal(list(spread)), model.parameter_names
         free, white = undetermined(M), covariance(M)
         extra = [excitation_check(M, names, free), sigma_check(Σ, white, names), *search_checks(ends)]
+        extra += [
+            _invertibility_check(name, row) for name, row in zip(first.outputs, c, strict=True) if _largest(row) >= EDGE
+        ]
+        free = np.linalg.qr(np.concatenate([free, np.eye(len(M))[:, self._noise_at_its_bound(c, d)]], axis=1))[0]
         likelihood = sum(map(_log_likelihood, ends))
         return Fit(
             model, model.parameters, Σ, names, validation_of(model, records, extra), None,
             likelihood, free if free.shape[1] else None, method=type(self).__name__,
             covariance_white=white,
         )  # fmt: skip
+
+    def _noise_at_its_bound(self, c: np.ndarray, d: int) -> list[int]:
+        """Where c of an output with a root at the bound is in the parameters: it has no standard deviation."""
+        return [i * d + d - j - 1 for i, row in enumerate(c) if _largest(row) >= EDGE for j in range(self.nc)]
 
     def _told(self, records: Sequence[Record], i: int, end: Ended, d: int) -> tuple[np.ndarray, np.ndarray]:
         """The information about θ, and its covariance under the spectrum of the errors; where outputs are missing, the inverse
@@ -249,6 +259,19 @@ class PredictionError(StartedIdentifier):
             M = marginal(end.J.T @ end.J / r, d)
             return M, covariance(M)
         return coloured_covariance(end.J, d, end.e, times([np.ones(len(one), bool) for one in records]), r)
+
+
+def _largest(c: np.ndarray) -> float:
+    """The largest modulus of a root of C."""
+    return float(np.abs(np.roots(np.append(1.0, c))).max(initial=0.0))
+
+
+def _invertibility_check(name: str, c: np.ndarray) -> Check:
+    sentence = (
+        f"Invertibility: C of {name} is at its bound: a root has modulus {_largest(c):.4g}. There is no process noise, or the "
+        "signals were differenced: use OutputErrorML. The coefficients c have no standard deviation."
+    )
+    return Check("invertibility", False, _largest(c), BOUND, sentence)
 
 
 def _step(

@@ -11,7 +11,9 @@ from ..errors import AssumptionError
 from ..kernels.realisation import markov
 from ..kernels.riccati import dare
 from ..models.state_space import StateSpace
+from ..results import Check
 
+EXCITED = 1e-8  # of the largest eigenvalue of the covariance of the input at all lags
 HIGH = 100  # lags from which a fit takes long
 
 
@@ -80,6 +82,29 @@ def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:
         faults.add(
             f"inputs {checks.listed(records[0].inputs)} are linearly dependent: one is a combination of the others. Leave it out."
         )
+
+
+def persistence_check(records: Sequence[Record], i: int, n: int) -> Check:
+    """Check that the input excites as many directions of its 2i lags as i block rows and n states need.
+
+    Reference: L. Ljung (1999), §13.2.
+    """
+    inputs = [record.applied() - record.applied().mean(axis=0) for record in records]
+    m, total = inputs[0].shape[1], np.zeros((2 * i * inputs[0].shape[1],) * 2)
+    for u in inputs:
+        if len(u) >= 2 * i:
+            H = np.lib.stride_tricks.sliding_window_view(u, 2 * i, axis=0).reshape(-1, 2 * i * m)
+            total += H.T @ H
+    values = np.linalg.eigvalsh(total)
+    order, needed = int((values > EXCITED * values[-1]).sum()), m * (i + n)
+    if order >= needed:
+        sentence = f"Excitation: the input excites {order} directions, and order {n} needs {needed}."
+        return Check("excitation", True, float(order), float(needed), sentence)
+    sentence = (
+        f"Excitation: the input has {checks.counted(-(-order // 2), 'frequency')} ({order} directions of its lags), but order "
+        f"{n} needs {needed} directions: other responses fit as well. Apply an input with more frequencies, or lower the order."
+    )
+    return Check("excitation", False, float(order), float(needed), sentence)
 
 
 def innovations_model(matrices: Sequence[np.ndarray], noise: np.ndarray, record: Record) -> StateSpace:

@@ -23,6 +23,7 @@ from .realised import (
     impulse,
     impulse_names,
     innovations_model,
+    persistence_check,
     stationary_gain,
     whole,
 )
@@ -101,14 +102,17 @@ class Subspace(Identifier):
         model, values = self.model(records)
         first, length = records[0], 2 * self.order
         extra: dict[str, Any] = {"singular_values": values}
-        Σ, moves = None, self._spread(model, records)
+        excited = persistence_check(records, self._check(records), self.order)
+        Σ, moves = None, self._spread(model, records) if excited.passed else None
+        names = impulse_names(length, first.inputs, first.outputs)
         if moves is not None:
             base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
             columns = np.moveaxis(impulse_moves(base, moves, length)[1], 1, -1).reshape(self.draws, -1)
             extra["tangents"], Σ = moves, columns.T @ columns
         return Fit(
-            model, impulse(model, length), Σ, impulse_names(length, first.inputs, first.outputs),
-            validation_of(model, records), method=type(self).__name__, extra=extra,
+            model, impulse(model, length), Σ if excited.passed else np.zeros((len(names),) * 2), names,
+            validation_of(model, records, [excited]), method=type(self).__name__, extra=extra,
+            undetermined=None if excited.passed else np.eye(len(names)),
         )  # fmt: skip
 
     def _spread(self, model: StateSpace, records: Sequence[Record]) -> Dynamics | None:
