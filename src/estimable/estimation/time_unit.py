@@ -7,6 +7,7 @@ import numpy as np
 from .. import checks
 from ..data.one_grid import placing_warnings
 from ..data.record import Record
+from ..identifiers.channels import Channels
 from ..models.nonlinear_model import NonlinearModel
 from ..models.state_space import StateSpace
 
@@ -38,9 +39,9 @@ def check_time_unit(model: StateSpace, record: Record, faults: checks.Faults) ->
         log.warning(sentence)
 
 
-def warn_of_placing(model: StateSpace | NonlinearModel, outputs: tuple[str, ...], record: Record) -> None:
-    """Warn of outputs that placing on a grid moved by a good part of their noise."""
-    if not record.placing or model.R is None or checks.is_traced(model.R):
+def warn_of_placing(model: StateSpace | NonlinearModel | Channels, outputs: tuple[str, ...], record: Record) -> None:
+    """Warn of outputs that placing on a grid moved by a good part of their noise. An identifier has a check for it."""
+    if not record.placing or isinstance(model, Channels) or model.R is None or checks.is_traced(model.R):
         return
     variance = np.diagonal(np.asarray(model.R), axis1=-2, axis2=-1).reshape(-1, model.p).min(axis=0)
     for sentence in placing_warnings(record.placing, dict(zip(outputs, np.sqrt(variance), strict=True))):

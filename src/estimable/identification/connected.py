@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import checks
 from ..data.record import Record
 from ..frozen import field_names, replace
-from ..identifiers.output_error_ml import OutputErrorML
+from ..identifiers.output_error_ml import OutputErrorML, at_stamps, nominal_step
 from ..identifiers.subspace import Subspace
 from ..kernels.missing_series import conditional, runs_of
 from ..models.state_space import StateSpace, between_samples
@@ -19,6 +20,7 @@ LONG = 10  # rows of an unknown input, after which a record is cut: a new state 
 GAP = 100  # missing rows at which a record is cut before they are inserted
 JITTER = 0.1  # of the residuals' standard deviation: scatter of stamps below it changes nothing
 SHORTEST = 4  # rows of a part
+MISSING = 1.5  # times the median: a step in which rows are missing
 
 
 class Connected(NamedTuple):
@@ -31,7 +33,12 @@ class Connected(NamedTuple):
 
 def connected(method: Method, records: Sequence[Record]) -> Connected:
     """The records on a grid, cut at breaks and where an input is unknown for long; for a batch identifier that needs every input
-    the other unknown ones are estimated. With first-order hold a method with a delay gets the direct term."""
+    the other unknown ones are estimated. With first-order hold a method with a delay gets the direct term. Stamps that are
+    multiples of no step stay as they are, for `OutputErrorML`."""
+    if why := next((said for one in records if (said := off_grid(one))), ""):
+        if not isinstance(method, OutputErrorML) or max(map(len, records)) < SHORTEST:
+            checks.refuse(f"{why} OutputErrorML can be fitted to the stamps themselves.")
+        return stamped(method, records)
     found = [one for record in records for one in gridded(record)]
     same = len(found) == len(records) and all(a is b for a, b in zip(found, records, strict=True))
     done = [] if same else [_grid_check(records, found)]
@@ -46,6 +53,50 @@ def connected(method: Method, records: Sequence[Record]) -> Connected:
             done += estimated
     method, direct = with_direct_term(method, found)
     return Connected(method, found, (*done, *direct))
+
+
+def off_grid(record: Record) -> str:
+    """Why the stamps of a record are multiples of no step; empty where they are, or where the record has none."""
+    if record.dt is not None or record.t is None or len(record) < 3:
+        return ""
+    try:
+        gridded(record)
+    except checks.InputError as error:
+        return str(error)
+    return ""
+
+
+def stamped(method: OutputErrorML, records: Sequence[Record]) -> Connected:
+    """Records with their stamps, cut at breaks and wherever an input was not logged, and a check that says so."""
+    parts = [part for one in records for part in cut(one, 0)]
+    parts = [replace(part, dt=None) for part in parts if len(part) >= SHORTEST] or list(records)
+    step = nominal_step(parts)
+    scatter = float(np.std(np.concatenate([np.diff(one.t) for one in parts]))) / step
+    sentence = (
+        "Stamps: they are multiples of no step, and the model is fitted to them as they are: its coefficients are those for "
+        f"steps of {step:.6g} s, from which the steps differ by {scatter:.2g} (rms, of a step)."
+    )
+    anywhere = _from_any_state(method) if len(parts) > len(records) else method
+    return Connected(anywhere, parts, (Check("stamps", True, scatter, np.inf, sentence),))
+
+
+def at_own_stamps(method: Method, records: Sequence[Record], fit: Fit) -> Connected | None:
+    """The records with the stamps that a grid moved too far for a fit, cut where rows are missing between different inputs; None
+    where the grid did no harm, or the method cannot be fitted to stamps."""
+    checked = () if fit.validation is None else fit.validation.checks
+    if not isinstance(method, OutputErrorML) or all(one.passed for one in checked if one.name == "stamps"):
+        return None
+    apart = []
+    for one in records:
+        long = np.diff(one.t) > MISSING * np.median(np.diff(one.t))
+        moved = np.any(one.u[1:] != one.u[:-1], axis=1)
+        apart.append(replace(one, breaks=tuple(sorted({*one.breaks, *(np.flatnonzero(long & moved) + 1).tolist()}))))
+    done = stamped(method, apart)
+    try:
+        done.method.check(done.records)  # type: ignore[attr-defined]
+    except checks.InputError:
+        return None
+    return done
 
 
 def parts_of(records: Sequence[Record]) -> list[Record]:
@@ -66,10 +117,10 @@ def gridded(record: Record) -> list[Record]:
     return [part.on_grid(longest) if len(part) > 1 else replace(part, dt=longest) for part in parts]
 
 
-def cut(record: Record) -> list[Record]:
-    """The parts of a record between its breaks and the runs of more than `LONG` rows in which an input was not logged."""
+def cut(record: Record, longest: int = LONG) -> list[Record]:
+    """The parts of a record between its breaks and the runs of more than `longest` rows in which an input was not logged."""
     unknown = np.isnan(record.u).any(axis=1)
-    long = [run for run in runs_of(unknown) if run[1] - run[0] > LONG]
+    long = [run for run in runs_of(unknown) if run[1] - run[0] > longest]
     if not long and not record.breaks:
         return [record]
     outside = np.ones(len(record), bool)
@@ -140,7 +191,20 @@ def with_checks(fit: Fit, done: Connected) -> Fit:
         return fit
     scatter = _jitter_check(fit, done.records)
     found += [scatter] if scatter is not None else []
+    found += _real_checks(fit, done.records)
     return replace(fit, validation=fit.validation._replace(checks=(*fit.validation.checks, *found))) if found else fit
+
+
+def _real_checks(fit: Fit, records: Sequence[Record]) -> list[Check]:
+    """A failed check where a model that was fitted to stamps has a pole that no continuous system has."""
+    if not at_stamps(records):
+        return []
+    poles = [complex(pole) for one in fit.model.poles for pole in one]
+    negative = [pole.real for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 0]
+    if not negative:
+        return []
+    sentence = f"Stamps: no continuous system of this order has the pole {negative[0]:.3g} of the fit: change na."
+    return [Check("stamps", False, negative[0], 0.0, sentence)]
 
 
 def _jitter_check(fit: Fit, records: Sequence[Record]) -> Check | None:
@@ -153,7 +217,7 @@ def _jitter_check(fit: Fit, records: Sequence[Record]) -> Check | None:
         ratio = float(np.nanmax(np.max(moved, axis=0) / np.where(residual > 0, residual, np.inf)))
     found = f"Stamps: their scatter moves the outputs by at most {ratio:.2g} of the residuals (limit {JITTER:g})"
     advice = (
-        "" if ratio <= JITTER else ": standard deviations are too small; fit a continuous model to the stamps instead"
+        "" if ratio <= JITTER else ": standard deviations are too small; fit OutputErrorML, to the stamps themselves"
     )
     return Check("stamps", ratio <= JITTER, ratio, JITTER, f"{found}{advice}.")
 

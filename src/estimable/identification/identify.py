@@ -15,12 +15,13 @@ from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select
 from ..frozen import frozen
+from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.realised import check_lags
 from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
-from .connected import connected, with_checks
+from .connected import at_own_stamps, connected, with_checks
 from .search import maximise
 
 Records = Record | Sequence[Record]
@@ -41,7 +42,8 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     the last one for records longer than 100,000). Where the arrival of inputs is unknown, as for
     `JointOutputError(..., arrival=)`, only stability is checked.
 
-    Stamps that are multiples of one step within a tenth of it are put on that grid (`Record.on_grid`). A batch method is fitted
+    Stamps that are multiples of one step within a tenth of it are put on that grid (`Record.on_grid`); where they scatter more,
+    or their scatter shows in the residuals, `OutputErrorML` is fitted to the stamps themselves. A batch method is fitted
     to parts of a record that is broken, or in which an input is unknown for more than 10 rows; shorter runs are estimated, and
     `OutputErrorML` counts their error. With first-order hold u[k] enters y[k]: a delay of d steps becomes d - 1 with one more
     coefficient. Checks of `fit.validation` say what was done. `sigma` of a record weighs its samples; methods whose noise is
@@ -55,9 +57,12 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     >>> bool(abs(fit.parameters[0] + 0.5) < 4 * fit.sigma[0])
     True
     """
-    done = connected(method, _read(method, record, engine))
+    records = _read(method, record, engine)
+    done = connected(method, records)
     _check(done.method, done.records)
-    return with_checks(_fitted(done.method, done.records, engine), done)
+    fit = with_checks(_fitted(done.method, done.records, engine), done)
+    stamped = at_own_stamps(done.method, records, fit)
+    return fit if stamped is None else with_checks(_fitted(stamped.method, stamped.records, engine), stamped)
 
 
 def _fitted(method: Method, records: list[Record], engine: str) -> Fit:
@@ -108,7 +113,7 @@ def _check(method: Method, records: list[Record]) -> None:
     faults = checks.Faults()
     _check_sigma(method, records, faults)
     for i, one in enumerate(records):
-        _check_alike(one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
+        _check_alike(method, one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
     faults.finish()
 
 
@@ -124,13 +129,13 @@ def _check_sigma(method: Method, records: list[Record], faults: checks.Faults) -
         faults.add("`sigma` must be greater than 0 in identify: a sample without noise has an infinite weight.")
 
 
-def _check_alike(record: Record, first: Record, which: str, faults: checks.Faults) -> None:
+def _check_alike(method: Method, record: Record, first: Record, which: str, faults: checks.Faults) -> None:
     """Check that a record has inputs, a regular step, and the channels and step of the first."""
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
         faults.add(f"{which} has other channels than record 0: all records need the same channels, in the same order.")
-    if record.dt is None:
+    if record.dt is None and not (isinstance(method, OutputErrorML) and record.t is not None):
         faults.add(f"{which} needs a regular step `dt`, in seconds.")
-    elif first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
+    elif record.dt is not None and first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
         faults.add(f"{which} has a step of {record.dt:g} s, but record 0 of {first.dt:g} s: they must be equal.")
     if not record.inputs:
         faults.add(f"{which} has no input: give `u`.")

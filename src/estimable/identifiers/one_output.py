@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
-from ..kernels import impulse_start
+from ..kernels import impulse_start, response_at_stamps
 from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
 from ..kernels.coloured_noise import beyond, colour, moments, times
@@ -102,7 +102,7 @@ class Fitted(NamedTuple):
         a, b, c = θ[:na], θ[na:].reshape(self.m, nb + 1), x[self.d : self.d + level]
         for i, datum in enumerate(self.data):
             z = x[self.d + level + i * past : self.d + level + (i + 1) * past]
-            found.append(kernel.response(a, b, delay, datum.u, z) + powers(len(datum.y), level) @ c)
+            found.append(_response(a, b, delay, datum, z) + powers(datum, level) @ c)
         return found
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
@@ -118,10 +118,10 @@ class Fitted(NamedTuple):
         a, b, start = θ[:na], θ[na:].reshape(self.m, nb + 1), self.d + level
         for i, datum in enumerate(self.data):
             z = x[start + i * past : start + (i + 1) * past]
-            ψ = kernel.slopes(a, b, delay, datum.u, kernel.response(a, b, delay, datum.u, z))
+            ψ, own = _slopes(a, b, delay, datum, z)
             pasts = np.zeros((len(datum.y), past * len(self.data)))
-            pasts[:, i * past : (i + 1) * past] = kernel.initial_slopes(a, len(datum.y), past)
-            columns = np.concatenate([ψ @ L, powers(len(datum.y), level), pasts], axis=1)[datum.seen]
+            pasts[:, i * past : (i + 1) * past] = own
+            columns = np.concatenate([ψ @ L, powers(datum, level), pasts], axis=1)[datum.seen]
             blocks.append((columns.T / _sizes(datum)).T)
         return np.clip(np.concatenate(blocks), -FAR, FAR)
 
@@ -199,27 +199,27 @@ def _best(task: Fitted, starts: Sequence[Any], noise_variance: float | None) -> 
 
 def _weighed(task: Fitted, starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
     """The fit with samples of known standard deviations; the others have a variance in common, which is estimated in turn."""
-    data = task.data
-    own = [np.full(len(one.y), np.nan) if one.sigma is None else one.sigma for one in data]
-    other = [np.isnan(σ) & one.seen for σ, one in zip(own, data, strict=True)]
-    N, count = (sum(int(mask.sum()) for mask in masks) for masks in ([one.seen for one in data], other))
-    share = max(1 - len(starts[0]) / N, 1 / N) * count  # of the samples, after what the parameters take
-    r = noise_variance
-    if r is None:
-        r = sum(float(np.sum(one.y[mask] ** 2)) for one, mask in zip(data, other, strict=True)) / max(count, 1)
-    for _ in range(ROUNDS if count and noise_variance is None else 1):
-        scaled = [
-            one._replace(sigma=np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ))
-            for one, σ in zip(data, own, strict=True)
-        ]
-        found = _best(task._replace(data=scaled), starts, 1.0)
-        before, starts = r, [found.parameters]
-        if count and noise_variance is None:
-            r = sum(float(np.sum(e[mask] ** 2)) for e, mask in zip(found.residuals, other, strict=True)) / share
+    own = [np.full(len(one.y), np.nan) if one.sigma is None else one.sigma for one in task.data]
+    other = [np.isnan(σ) & one.seen for σ, one in zip(own, task.data, strict=True)]
+    N, count = (sum(int(mask.sum()) for mask in masks) for masks in ([one.seen for one in task.data], other))
+
+    def mean_square(values: Sequence[np.ndarray]) -> float:
+        return sum(float(np.sum(one[mask] ** 2)) for one, mask in zip(values, other, strict=True)) / max(count, 1)
+
+    def at(r: float, starts: Sequence[Any]) -> OneOutput:
+        filled = [np.where(np.isnan(σ), np.sqrt(max(r, 1e-200)), σ) for σ in own]
+        data = [one._replace(sigma=σ) for one, σ in zip(task.data, filled, strict=True)]
+        return _best(task._replace(data=data), starts, 1.0)
+
+    r = mean_square([one.y for one in task.data]) if noise_variance is None else noise_variance
+    found = at(r, starts)
+    for _ in range(ROUNDS if count and noise_variance is None else 0):
+        before, r = r, mean_square(found.residuals) / max(1 - len(found.parameters) / N, 1 / N)
         if abs(r - before) <= SETTLED * r:
             break
+        found = at(r, [found.parameters])
     if not count:
-        r = float(np.mean(np.concatenate([σ[one.seen] ** 2 for σ, one in zip(own, data, strict=True)])))
+        r = float(np.mean(np.concatenate([σ[one.seen] ** 2 for σ, one in zip(own, task.data, strict=True)])))
     return found._replace(noise_variance=r)
 
 
@@ -228,9 +228,27 @@ def _sizes(datum: Datum) -> Any:
     return 1.0 if datum.sigma is None else datum.sigma[datum.seen]
 
 
-def powers(rows: int, count: int) -> np.ndarray:
-    """1 and k, (T, count)."""
-    return np.arange(rows, dtype=float)[:, None] ** np.arange(count)
+def _response(a: np.ndarray, b: np.ndarray, delay: int, datum: Datum, z: np.ndarray) -> np.ndarray:
+    """The output of one record, (T,); `z`: the impulses before it or, at stamps, its state at row 0."""
+    if datum.steps is None:
+        return kernel.response(a, b, delay, datum.u, z)
+    return response_at_stamps.response(a, b, delay, datum.u, datum.steps, z if len(z) else None)
+
+
+def _slopes(a: np.ndarray, b: np.ndarray, delay: int, datum: Datum, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Its derivatives with respect to θ (T, d) and to z."""
+    if datum.steps is None:
+        x = kernel.response(a, b, delay, datum.u, z)
+        return kernel.slopes(a, b, delay, datum.u, x), kernel.initial_slopes(a, len(datum.y), len(z))
+    ψ = response_at_stamps.slopes(a, b, delay, datum.u, datum.steps, z if len(z) else None)
+    return ψ, response_at_stamps.free(a, b, delay, datum.steps)[:, : len(z)]
+
+
+def powers(datum: Datum, count: int) -> np.ndarray:
+    """1 and k, (T, count); at stamps k is the time in nominal steps."""
+    T = len(datum.y)
+    k = np.arange(T, dtype=float) if datum.steps is None else np.concatenate([[0.0], np.cumsum(datum.steps)])
+    return k[:, None] ** np.arange(count)
 
 
 def _centred(orders: Orders, data: Sequence[Datum]) -> list[Sequence[Datum]]:

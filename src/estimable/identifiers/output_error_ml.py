@@ -49,6 +49,9 @@ class OutputErrorML(StartedIdentifier):
     inputs of unknown arrival arrive (default None: every arrival is known). Inputs that were not logged (NaN) are assumed to
     be like the logged ones.
 
+    Stamps that scatter are used as they are. The poles are then those of a continuous system, whose coefficients at the median
+    step are reported; nb + delay is at most na, and the input is held from stamp to stamp.
+
     `sigma` of a record is the standard deviation of v of each sample. `noise_variance` is then that of the samples for which it
     is NaN; `fit.model` has that, or where there are none the mean square of `sigma`.
 
@@ -104,8 +107,9 @@ class OutputErrorML(StartedIdentifier):
         set_field(self, noise_variance=noise, arrival=arrival)
 
     def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
-        """The recursion whose estimate is a second start; None where inputs are unknown, which it does not support."""
-        if _uncertain(records):
+        """The recursion whose estimate is a second start; None where inputs are unknown, or at stamps that are multiples
+        of no step: it supports neither."""
+        if _uncertain(records) or at_stamps(records):
             return None
         noise = self.noise_variance
         if noise is None:
@@ -115,7 +119,7 @@ class OutputErrorML(StartedIdentifier):
         return RecursiveOutputError(self.na, self.nb, delay=self.delay, noise_variance=noise)
 
     def fit(self, records: Sequence[Record], start: Array | None = None, search: Search | None = None) -> Fit:
-        """The fit to records of equal channels and step; `start` (d,) is one more start.
+        """The fit to records of equal channels, and of one step or with stamps; `start` (d,) is one more start.
 
         `search` maximises the likelihood where inputs are unknown: `identify` gives it.
 
@@ -151,14 +155,30 @@ class OutputErrorML(StartedIdentifier):
         never = [name for i, name in enumerate(first.outputs) if not seen[:, i].any()]
         if never:
             faults.add(f"output {checks.listed(never)} was never seen: there is nothing to fit. Leave it out.")
+        if at_stamps(records):
+            self._check_stamps(records, faults)
         faults.finish()
+
+    def _check_stamps(self, records: Sequence[Record], faults: checks.Faults) -> None:
+        """Check that a continuous system with known, held inputs has this form."""
+        if self.nb + self.delay > self.na:
+            faults.add(
+                f"at stamps that are multiples of no step `nb` + `delay` must be at most na = {self.na}: no continuous system "
+                f"responds otherwise. Got {self.nb + self.delay}."
+            )
+        if any(record.hold != "zero_order" for record in records):
+            faults.add(
+                'at stamps that are multiples of no step the input must be constant between them: hold = "zero_order".'
+            )
+        if _uncertain(records):
+            faults.add("at stamps that are multiples of no step every input must be known: cut the records there.")
 
     def _assembled(self, records: Sequence[Record], ends: list[OneOutput]) -> Fit:
         first = records[0]
         θ, noise = np.concatenate([end.parameters for end in ends]), np.array([end.noise_variance for end in ends])
         levels = None if self.level == "none" else [self._level_at_the_end(end, records) for end in ends]
         model = OutputError.of_parameters(
-            θ, na=self.na, nb=self.nb, delay=self.delay, noise_variance=noise, level=levels, dt=float(first.dt or 0.0),
+            θ, na=self.na, nb=self.nb, delay=self.delay, noise_variance=noise, level=levels, dt=nominal_step(records),
             inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
         M, L = (
@@ -166,23 +186,24 @@ class OutputErrorML(StartedIdentifier):
             for blocks in zip(*((end.information, end.slopes) for end in ends), strict=True)
         )
         free, white = np.linalg.qr(L @ undetermined(M))[0], L @ covariance(M) @ L.T
-        Σ = white if any(end.covariance is None for end in ends) else block_diagonal([end.covariance for end in ends])
+        coloured = [end.covariance for end in ends if end.covariance is not None]
+        Σ = block_diagonal(coloured) if len(coloured) == len(ends) else white
         assumed = None if _uncertain(records) else self.noise_variance
         residuals = tuple(np.stack(columns, axis=1) for columns in zip(*(end.residuals for end in ends), strict=True))
         poles = pole_checks([end.pole for end in ends], first.outputs)
         validation = validated(model, records, assumed, residuals, M, directions=free, stability=poles)
-        spread = [] if any(end.covariance is None for end in ends) else [sigma_check(Σ, white, model.parameter_names)]
+        spread = [] if len(coloured) < len(ends) else [sigma_check(Σ, white, model.parameter_names)]
         validation = validation._replace(checks=(*validation.checks, *spread, *search_checks(ends)))
         return Fit(
             model, θ, Σ, model.parameter_names, validation, None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,
-            extra=self._levels(ends, float(first.dt or 0.0)), covariance_white=white,
+            extra=self._levels(ends, nominal_step(records)), covariance_white=white,
         )  # fmt: skip
 
     def _level_at_the_end(self, end: OneOutput, records: Sequence[Record]) -> float:
         """c_0 + c_1 k at the last row; an integrator has none."""
         return (
-            float(np.polyval(end.level[0][::-1], len(records[-1]) - 1))
+            float(np.polyval(end.level[0][::-1], _elapsed(records)))
             if end.level.shape[1] == LEVELS[self.level]
             else 0.0
         )
@@ -210,11 +231,32 @@ def block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
 
 def by_output(records: Sequence[Record]) -> list[list[Datum]]:
     """The data of each output, record by record."""
-    inputs = [np.asarray(record.applied()) for record in records]
+    inputs, step, stamped = [np.asarray(one.applied()) for one in records], nominal_step(records), at_stamps(records)
     return [
         [
-            Datum(u, record.y[:, i], record.seen[:, i], None if record.sigma is None else record.sigma[:, i])
+            Datum(
+                u, record.y[:, i], record.seen[:, i], None if record.sigma is None else record.sigma[:, i],
+                np.diff(record.t) / step if stamped else None,
+            )
             for u, record in zip(inputs, records, strict=True)
         ]
         for i in range(len(records[0].outputs))
-    ]
+    ]  # fmt: skip
+
+
+def at_stamps(records: Sequence[Record]) -> bool:
+    """Whether the rows of some record have stamps that are multiples of no step."""
+    return any(record.dt is None and record.t is not None for record in records)
+
+
+def nominal_step(records: Sequence[Record]) -> float:
+    """The step of the records; at stamps the median one."""
+    if not at_stamps(records):
+        return float(records[0].dt or 0.0)
+    return float(f"{np.median(np.concatenate([np.diff(record.t) for record in records])):.9g}")
+
+
+def _elapsed(records: Sequence[Record]) -> float:
+    """The length of the last record, in nominal steps."""
+    last = records[-1]
+    return float(last.t[-1] - last.t[0]) / nominal_step(records) if at_stamps(records) else len(last) - 1

@@ -169,7 +169,7 @@ class UncertainInputStep:
 def _rows(datum: Datum, inputs: Expected, level: int) -> Sample:
     """The rows of a record, with 1 and k as known inputs."""
     sigma = None if datum.sigma is None else datum.sigma[:, None]
-    mean = np.concatenate([inputs.mean, powers(len(datum.y), level)], axis=1)
+    mean = np.concatenate([inputs.mean, powers(datum, level)], axis=1)
     variance = np.pad(inputs.variance, ((0, 0), (0, level)))
     return Sample(np.nan_to_num(datum.y)[:, None], datum.seen[:, None], mean, None, variance, sigma=sigma)
 

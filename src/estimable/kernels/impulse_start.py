@@ -15,12 +15,13 @@ RIDGE = 1e-8  # of the largest: directions without excitation stay zero
 
 class Datum(NamedTuple):
     """One record of one output: inputs applied u (T, m), output y (T,), which were seen (T,), and sigma of their noise (T,), NaN
-    or None where it is not known."""
+    or None where it is not known; `steps` (T - 1,): the lengths of the intervals in nominal steps, None: all 1."""
 
     u: np.ndarray
     y: np.ndarray
     seen: np.ndarray
     sigma: np.ndarray | None = None
+    steps: np.ndarray | None = None
 
 
 def start(na: int, nb: int, delay: int, data: Sequence[Datum]) -> np.ndarray:
