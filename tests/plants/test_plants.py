@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import estimable as es
+from estimable.frozen import replace
+from estimable.models.schedule import last_known
 from estimable.plants import multirotors, tanks
 
 LINEAR = {"dc_motor": 0.05, "quarter_car": 0.005, "f16_lateral": 0.02, "multirotor": 0.004}
@@ -128,6 +130,37 @@ def test_the_tanks_follow_their_set_point_and_a_leak_lowers_them():
         ends[name] = loop_of(plant, [0.1, 10.0], 1.0, reference, [1], 2.0).state[-1, 1]
     assert abs(ends["healthy"] - 1.0) < 0.1
     assert ends["leak"] < ends["healthy"] - 0.2
+
+
+def test_in_a_loop_with_a_simulator_an_estimator_follows_a_measured_output_or_a_given_course():
+    """As over the record: also where the channel is lost, and with the course in place of the measurement."""
+    levels, inputs = tanks.equilibrium()
+    plant = es.plants.NonlinearPlant(
+        es.plants.two_tanks(), levels, inputs, actuator=1.0, limits=[[0.0, 0.5], [30.0, 1.0]], noisy=True
+    )
+    near, channel = plant.linear.model, plant.linear.model.outputs[1]
+
+    def at(level):
+        return {"A": near.A * (1 - 0.1 * level)}
+
+    model = replace(near, schedule=es.StateSpace(near.A, dt=0, R=near.R, schedule={channel: at}).schedule)
+    F = es.lqr_gain(near, np.diag([0.1, 10.0]), np.eye(2)).feedback
+    law, prior = es.StateFeedback(F, reference_gain=F[:, 1:]), es.Prior(np.zeros(2), 0.01 * np.eye(2))
+    given = {"reference": np.ones((40, 1)), "seed": 1, "prior": prior, "dt": 2.0, "output_link": es.BernoulliLink(0.7)}
+    flown = es.close_loop(plant, law, es.Kalman(model), **given)
+    record = es.Record(
+        flown.output, flown.known_input, dt=2.0, hold="first_order", inputs=near.inputs, outputs=near.outputs
+    )
+    offline = es.estimate(es.Kalman(model), record, prior=prior)
+    assert 5 < np.isnan(flown.output[:, 1]).sum() < 20
+    assert np.allclose(flown.mean, offline.mean, atol=1e-10)
+    assert np.abs(flown.mean - es.estimate(es.Kalman(near), record, prior=prior).mean).max() > 1e-3
+    course = {channel: last_known(flown.output[:, 1])}
+    assert np.allclose(
+        es.close_loop(plant, law, es.Kalman(model), schedule=course, **given).mean, flown.mean, atol=1e-10
+    )
+    with pytest.raises(es.InputError, match="must not be a list of simulators"):
+        es.close_loop_bank([plant, plant], law, es.Kalman(near), **given)
 
 
 def test_nonlinear_plants_are_filtered_as_machine_code():

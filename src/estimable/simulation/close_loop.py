@@ -27,7 +27,7 @@ from ..results import ClosedLoop, ClosedLoopBank, Info, Names, Outcome
 from . import plants_apart, python_loop, scheduled, window_loop
 from .late_outputs import Reordered, longest_delay
 from .loop import ControlLoop, LoopInputs, intervals_of
-from .loop_checks import check_call, check_run, known_hold
+from .loop_checks import check_call, check_run, check_simulators, known_hold
 from .transmit import Links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
@@ -70,7 +70,7 @@ def close_loop(
       estimator goes back to the sample at which they were measured (1 + the longest delay times the cost).
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
     - `schedule`: {channel: values (T,), or one number}, the course of each channel that the matrices of the plant or of the
-      estimator follow.
+      estimator follow. With a simulator as the plant, the estimator reads a channel without a course from the outputs.
     - `seed`: of the noises and links.
     - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
 
@@ -119,8 +119,8 @@ def close_loop_bank(
     several = isinstance(plant, list | tuple)
     plants = [_plant(one) for one in (plant if isinstance(plant, list | tuple) else [plant])]
     runs = len(plants) if runs is None and several else runs
-    plants, estimator, course = scheduled.along(plants, estimator, schedule, reference)
-    call = _Call(controller, estimator, Links(input_link, output_link), start, lost, seed)
+    along = scheduled.along(plants, estimator, schedule, reference)
+    plants, call = along.plants, _Call(controller, along.estimator, Links(input_link, output_link), start, lost, seed)
     followed, step = None, None
     for flown, _ in plants:
         known = call.knowing(flown)
@@ -128,6 +128,7 @@ def close_loop_bank(
     assert followed is not None
     assert step is not None
     check_run(seed, runs, first, on_failure, engine, len(plants) if several else None)
+    check_simulators([one for _, one in plants if one is not None], several, call.links, along.measured)
     which, simulator = first + np.arange(runs or 0), plants[0][1]
     if several:
         apart = [call.prepared(flown, followed, step, which[i : i + 1]) for i, (flown, _) in enumerate(plants)]
@@ -138,13 +139,14 @@ def close_loop_bank(
         if simulator is None:
             used, run = window_loop.scan_bank(engine, *given, select=_everything)
         else:
-            used, run = python_loop.scan_bank(simulator, *given, select=_everything)
+            follow = None if not along.measured else lambda k, y: call.ready(plants[0][0], step, along.at(k, y))
+            used, run = python_loop.scan_bank(simulator, *given, select=_everything, follow=follow)
     info, codes, failed_at = jax.tree_util.tree_map(np.asarray, (run.info, run.code, run.failed_at))
     t = np.arange(len(followed)) * step
     outcomes = tuple(Outcome.of(int(c), int(k), t) for c, k in zip(codes, failed_at, strict=True))
     if on_failure == "raise":
         _raise_failures(outcomes, first)
-    closed = replace(_closed(info, t, followed, used, call.knowing(plants[0][0]).names), schedule=course or None)
+    closed = replace(_closed(info, t, followed, used, call.knowing(plants[0][0]).names), schedule=along.course or None)
     if several:
         return ClosedLoopBank(closed, outcomes, tuple(flown.events for flown, _ in plants))
     return ClosedLoopBank(replace(closed, events=plants[0][0].events), outcomes)
@@ -173,24 +175,30 @@ class _Call(NamedTuple):
             return self.estimator.for_channels(plant.model.inputs, plant.model.outputs)
         return self.estimator
 
+    def ready(self, plant: ControlledPlant, step: float, estimator: Algorithm[Any]) -> Any:
+        """An estimator prepared for steps of `step` seconds."""
+        if isinstance(estimator, Actuated):
+            estimator = estimator.from_rest(plant.point.inputs)
+        ready, longest = (
+            estimator.sampled(Clock.every(step, known_hold(plant, estimator))),
+            longest_delay(self.links.output),
+        )
+        return Reordered(ready, longest, plant.model.m, len(estimator.names.outputs)) if longest else ready
+
     def prepared(
         self, plant: ControlledPlant, followed: np.ndarray, step: float, which: np.ndarray
     ) -> tuple[ControlLoop, LoopInputs]:
         """The loop of a plant for steps of `step` seconds, and the rows of its runs `which`."""
         estimator = self.knowing(plant)
-        commanded, longest = isinstance(estimator, Actuated), longest_delay(self.links.output)
-        sigma = plant.position_sigma
+        commanded, sigma = isinstance(estimator, Actuated), plant.position_sigma
         counts = not commanded and estimator.innermost.takes_uncertain_inputs
-        ready = estimator.from_rest(plant.point.inputs) if commanded else estimator
-        ready = ready.sampled(Clock.every(step, known_hold(plant, estimator)))
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
         t = np.arange(len(followed)) * step
-        if longest:
-            ready = Reordered(ready, longest, plant.model.m, len(columns))
         loop = ControlLoop(
-            plant.steps(step, t), ready, self.controller, self.links, _start(plant, self.start), plant.point.states,
-            np.asarray(step), sigma, np.diag(sigma**2) if counts and sigma is not None else None, columns=columns, lost=self.lost,
-            commanded=commanded, late=longest > 0, freezes=_freezes(plant),
+            plant.steps(step, t), self.ready(plant, step, estimator), self.controller, self.links, _start(plant, self.start),
+            plant.point.states, np.asarray(step), sigma, np.diag(sigma**2) if counts and sigma is not None else None,
+            columns=columns, lost=self.lost, commanded=commanded, late=longest_delay(self.links.output) > 0,
+            freezes=_freezes(plant),
         )  # fmt: skip
         return loop, _rows(loop, plant, t, followed, self.seed, which)
 

@@ -158,6 +158,12 @@ class ControlLoop:
         """The last commands, the newest first."""
         return applied[None] if state.commands is None else jnp.concatenate([applied[None], state.commands[:-1]])
 
+    def delivered(self, state: LoopState, measured: Array, row: LoopInputs) -> Any:
+        """The readings of the sensors that arrive at this sample, NaN for the others."""
+        measured = self._read(state, measured, row)[0]
+        delay = _measure(self.links.output, state.links[1], measured, row.output_draw)[0]
+        return jnp.where(delay == 0, measured, jnp.nan)
+
     def decide(self, state: LoopState, measured: Array, standing: Array, row: LoopInputs) -> Decided:
         """Correct with the outputs that arrive, act, and send the command."""
         measured, output = self._read(state, measured, row)

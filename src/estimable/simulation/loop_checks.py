@@ -1,6 +1,7 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """The checks of a call of `close_loop`: that its blocks fit together."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..models.state_space import StateSpace
 from ..networks.links import DelayLink
 from ..networks.trace import Trace
 from ..protocols import Algorithm, Anticipating, Controller
+from ..protocols import Plant as Simulator
 from .late_outputs import longest_delay
 from .transmit import Links, check_links, is_link
 
@@ -37,6 +39,19 @@ def check_run(seed: int, runs: int | None, first: int, on_failure: str, engine: 
     faults.whole("first", first, 0)
     faults.choice("on_failure", on_failure, ("raise", "keep"))
     choice.check(engine, faults)
+    faults.finish()
+
+
+def check_simulators(simulators: Sequence[Simulator], several: bool, links: Links, measured: Mapping[str, int]) -> None:
+    """Check what a loop in Python cannot do."""
+    faults = checks.Faults()
+    if several and simulators:
+        faults.add("`plant` must not be a list of simulators, which fly one by one: call close_loop for each of them.")
+    if measured and longest_delay(links.output):
+        faults.add(
+            f"the matrices of the estimator follow {checks.listed(list(measured))} as measured, so that it cannot go back to the "
+            'sample of a late packet: give late="drop", or the course.'
+        )
     faults.finish()
 
 

@@ -1,6 +1,7 @@
 """Loops with a simulator that no engine can run as the plant: the same blocks, sample by sample in Python."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import jax
 import numpy as np
@@ -15,13 +16,23 @@ from ..protocols import Plant
 from ..results import Info, Interval
 from .loop import ControlLoop, Decided, LoopInputs, LoopState
 
+Follow: TypeAlias = Callable[[int, np.ndarray], Any]
+
 
 def scan_bank(
-    simulator: Plant, loop: ControlLoop, prior: Prior | None, rows: LoopInputs, intervals: Interval, *, select: Select
+    simulator: Plant,
+    loop: ControlLoop,
+    prior: Prior | None,
+    rows: LoopInputs,
+    intervals: Interval,
+    *,
+    select: Select,
+    follow: Follow | None = None,
 ) -> tuple[str, xla.Run]:
-    """The result of `choice.scan_bank`, for loops that differ in their rows."""
+    """The result of `choice.scan_bank`, for loops that differ in their rows. `follow`: the estimator at a row with the last known
+    outputs, where it follows them."""
     infos = [
-        _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select)
+        _fly(simulator.begin(float(loop.dt)), loop, prior, _of_run((rows, intervals), i), select, follow)
         for i in range(len(rows.seen))
     ]
     info = jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
@@ -35,23 +46,38 @@ def _of_run(part: tuple[LoopInputs, Interval], i: int) -> Any:
 
 
 def _fly(
-    flight: Any, loop: ControlLoop, prior: Prior | None, drawn: tuple[LoopInputs, Interval], select: Select
+    flight: Any,
+    loop: ControlLoop,
+    prior: Prior | None,
+    drawn: tuple[LoopInputs, Interval],
+    select: Select,
+    follow: Follow | None,
 ) -> Info:
     """One run, its infos in rows."""
     rows, intervals = drawn
-    state = replace(loop.init(prior), x=flight.state, position=flight.input)
+    state = replace(loop.at(0).init(prior), x=flight.state, position=flight.input)
     C, V = np.asarray(loop.plant.C[0]), np.asarray(loop.plant.V[0])
-    infos = []
+    infos, known = [], np.full(len(C), np.nan)
     for k in range(len(rows.seen)):
         row, interval = _of_run((rows, intervals), k)
         measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
-        decided = _decide(loop, state, measured, standing, row)
+        now = loop.at(k)
+        if follow is not None:
+            delivered = np.asarray(_delivered(now, state, measured, row))
+            known = np.where(np.isnan(delivered), known, delivered)
+            now = replace(now, estimator=follow(k, known))
+        decided = _decide(now, state, measured, standing, row)
         x = flight.state
         flight.move(np.asarray(decided.applied), row.noise[len(V) :])
         state = replace(state, x=flight.state, position=flight.input)
-        state, info = _go_on(loop, state, decided, x, standing, flight.input, interval)
+        state, info = _go_on(now, state, decided, x, standing, flight.input, interval)
         infos.append(select(info, "all"))
     return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *infos)
+
+
+@forks.jit
+def _delivered(loop: ControlLoop, state: LoopState, measured: Array, row: LoopInputs) -> Array:
+    return loop.delivered(state, measured, row)
 
 
 @forks.jit

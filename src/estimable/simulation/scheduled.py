@@ -1,35 +1,66 @@
-"""Loops whose plant or estimator follows a schedule: the course of its channels over the run."""
+"""Loops whose plant or estimator follows a schedule: the course of its channels over the run, or their measurements."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..annotations import Numbers
-from ..estimation.following import along_values, channels_of
+from ..estimation.following import along_values, channels_of, nominal
 from ..models.controlled import ControlledPlant
 from ..protocols import Algorithm
 
 
+class Followed(NamedTuple):
+    """The plants with their simulators, and the estimator, along the `course` of their channels, {channel: (T,)}.
+
+    `scheduled`: the estimator before, where it reads some of its channels from the outputs of a simulator, from the columns
+    `measured`; the estimator here is then the nominal one. Else None.
+    """
+
+    plants: list[tuple[Any, Any]]
+    estimator: Any
+    course: dict[str, np.ndarray]
+    scheduled: Any
+    measured: dict[str, int]
+
+    def at(self, k: int, y: np.ndarray) -> Any:
+        """The estimator at row k, with the last known outputs y of the plant."""
+        for name, column in self.measured.items():
+            if np.isnan(y[column]):
+                checks.refuse(
+                    f"the matrices of the estimator follow {name!r}, whose first reading is lost: give its course."
+                )
+        values = {name: float(row[k]) for name, row in self.course.items()}
+        return along_values(self.scheduled, values | {name: float(y[j]) for name, j in self.measured.items()})
+
+
 def along(
     plants: Sequence[tuple[Any, Any]], estimator: Any, schedule: Mapping[str, Numbers] | None, reference: Numbers
-) -> tuple[list[tuple[Any, Any]], Any, dict[str, np.ndarray]]:
-    """The plants and the estimator along the course of their channels, and that course, {channel: (T,)}.
-
-    Raises `InputError` with every fault.
-    """
+) -> Followed:
+    """The plants and the estimator of a loop along a schedule. Raises `InputError` with every fault."""
     followed = [plant.scheduled_by for plant, _ in plants if isinstance(plant, ControlledPlant)]
-    followed += [channels_of(estimator)] if isinstance(estimator, Algorithm) else []
-    channels = tuple(dict.fromkeys(name for names in followed for name in names))
+    own = channels_of(estimator) if isinstance(estimator, Algorithm) else ()
+    channels = tuple(dict.fromkeys(name for names in (*followed, own) for name in names))
     if not channels and schedule is None:
-        return list(plants), estimator, {}
-    course = _read(schedule, channels, len(np.atleast_1d(np.asarray(reference, object))))
+        return Followed(list(plants), estimator, {}, None, {})
+    plant, simulator = plants[0]
+    outputs = () if simulator is None else plant.model.outputs
+    measured = {name: outputs.index(name) for name in own if name in outputs and name not in (schedule or {})}
+    course = _read(schedule, [name for name in channels if name not in measured], _rows(reference))
     flown = [(p.along(course) if isinstance(p, ControlledPlant) else p, simulator) for p, simulator in plants]
-    return flown, along_values(estimator, course) if isinstance(estimator, Algorithm) else estimator, course
+    if measured:
+        return Followed(flown, nominal(estimator), course, estimator, measured)
+    known = along_values(estimator, course) if isinstance(estimator, Algorithm) else estimator
+    return Followed(flown, known, course, None, {})
 
 
-def _read(schedule: Mapping[str, Numbers] | None, channels: tuple[str, ...], T: int) -> dict[str, np.ndarray]:
+def _rows(reference: Numbers) -> int:
+    return len(np.atleast_1d(np.asarray(reference, object)))
+
+
+def _read(schedule: Mapping[str, Numbers] | None, channels: Sequence[str], T: int) -> dict[str, np.ndarray]:
     """The course of each channel, (T,)."""
     if schedule is not None and not isinstance(schedule, Mapping):
         checks.refuse(f"`schedule` must be a mapping of channels to values. Got {checks.short(schedule)}.")
