@@ -54,6 +54,30 @@ def test_turbulence_moves_the_aircraft_and_is_among_the_true_states(run, tmp_pat
     assert abs(np.std(felt) - 0.03) < 0.003
 
 
+def test_the_f16_of_jsbsim_flies_in_turbulence_with_a_fault(run, tmp_path):
+    pytest.importorskip("jsbsim", reason="needs the extra flight (jsbsim)")
+    out = tmp_path / "J.csv"
+    given = (
+        "--plant",
+        "jsbsim",
+        "--turbulence",
+        "moderate",
+        "--fault",
+        "stuck:elevator@9",
+        "--seed",
+        "1",
+        "--out",
+        str(out),
+    )
+    assert run("simulate", "f16", *given).code == 0
+    true = json.loads((tmp_path / "J.truth.json").read_text())
+    gust = np.degrees(np.array(true["states"]["gust_w"]) / worlds.AIRSPEED)
+    felt = pd.read_csv(out)["alpha_deg"] - true["states"]["alpha"] - gust
+    assert abs(np.std(felt) - 0.03) < 0.003
+    assert 0.2 < np.std(gust) < 1.0
+    assert len(np.unique(true["inputs"]["elevator_deg"][901:])) == 1
+
+
 @pytest.mark.parametrize(("arguments", "sentences"), [
     (("--turbulence", "awful"), ("`--turbulence` must be one of 'none', 'light', 'moderate', 'severe'",)),
     (("--fault", "stuk:elevator@4.5", "--fault", "bias:pitch@3"), ("no kind 'stuk'", "Did you mean 'stuck'", "needs a value")),

@@ -7,6 +7,7 @@ import pytest
 from scipy import linalg, signal
 
 import estimable as es
+from estimable.frozen import replace
 
 V, L, SPAN = 150.0, 300.0, 9.144
 AIR = es.Dryden([1.0, 2.0, 3.0], L, V, SPAN)
@@ -106,6 +107,27 @@ def test_turbulence_enters_through_the_aerodynamic_columns():
     inertial = es.with_turbulence(AIRCRAFT, AIR, entry, angle="deg", vanes=())
     assert np.all(inertial.C[:, 2:] == 0)
     assert np.array_equal(model.A[2:, 2:], AIR.model().A)
+
+
+def test_turbulence_acts_through_the_matrices_of_a_schedule():
+    """First the turbulence and then the value, or first the value: the same model. Also where the plant of a loop follows it."""
+    air = es.Turbulence(AIR, ENTRY, angle="deg")
+    A, C = AIRCRAFT.A, AIRCRAFT.C
+    table = {"at": [1.0, 3.0], "A": [A, 3 * A], "C": [C, 3 * C]}
+    for given in (table, lambda v: {"A": v * A, "C": (v * C).tolist()}):
+        own = replace(
+            AIRCRAFT, schedule=es.StateSpace(A, AIRCRAFT.B, C, R=AIRCRAFT.R, dt=0, schedule={"v": given}).schedule
+        )
+        for value in (1.0, 2.2):
+            first, then = air.into(own).along({"v": value}), air.into(own.along({"v": value}))
+            for name in "ABCDGQR":
+                assert np.allclose(getattr(first, name), getattr(then, name), rtol=1e-14), name
+    plant = es.ControlledPlant(own, actuator=20.0, turbulence=air)
+    law, given = es.StateFeedback([[0.0, -0.5]]), {"seed": 1, "prior": es.Prior([0.0, 0.0], np.eye(2)), "dt": 0.01}
+    flown = es.close_loop(
+        plant, law, es.Kalman(own), reference=np.zeros((20, 0)), schedule={"v": np.linspace(1, 2, 20)}, **given
+    )
+    assert flown.state.shape == (20, 6)
 
 
 def test_a_filter_that_knows_of_the_turbulence_is_consistent_and_one_that_does_not_is_not():

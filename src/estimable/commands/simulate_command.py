@@ -90,7 +90,7 @@ def simulate(
     true positions. A fault is KIND:CHANNEL@TIME, with =VALUE or @TIME-UNTIL where the kind has one. Kinds of an input:
     effectiveness, stuck, floating, hard-over, offset, rate, limits, bandwidth, delay; of a state: upset, gust; of an output:
     bias, scale, drift, noise, frozen, dropout. The beginning of a channel's name is enough. `estimable simulate multirotor`
-    does the same with a quadrotor, which follows roll doublets for 20 s.
+    does the same with a quadrotor, which follows roll doublets for 20 s, and `--plant jsbsim` with the F-16 of JSBSim.
 
     \b
     Example:

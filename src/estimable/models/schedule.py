@@ -43,6 +43,15 @@ class Schedule:
         table = f"a table of {len(self.at)} values from {self.at[0]:g} to {self.at[-1]:g}"
         return f"{', '.join(self.tables)} by {table}; the matrices above are nominal"
 
+    def mapped(self, change: Callable[[Matrices], Matrices]) -> "Schedule":
+        """The schedule of another model: `change` gives its matrices {name: matrix} from those of this one, linearly in each."""
+        if (function := self.function) is not None:
+            return Schedule(self.channel, function=lambda value: change(dict(function(value))))
+        rows = [change({name: table[i] for name, table in self.tables.items()}) for i in range(len(self.at))]
+        return Schedule(
+            self.channel, at=self.at, tables={name: np.stack([row[name] for row in rows]) for name in rows[0]}
+        )
+
     def matrices(self, values: np.ndarray, faults: checks.Faults) -> Matrices:
         """{name: (T, .., ..)} at the values (T,) of the channel."""
         return self._interpolated(values, faults) if self.function is None else self._evaluated(values, faults)

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..frozen import frozen, set_field, static
+from ..annotations import Numbers
+from ..frozen import frozen, replace, set_field, static
 from .dryden import COMPONENTS, Dryden, diagonal
 from .operating_point import OperatingPoint
 from .prior import Prior
@@ -58,12 +59,25 @@ class Turbulence:
         set_field(self, entry=entry, vanes=vanes, kinematics=pairs)
 
     def into(self, model: StateSpace) -> StateSpace:
-        """The model with the states of the turbulence after its own. Raises `InputError` with every fault."""
+        """The model with the states of the turbulence after its own; where it has a schedule, the turbulence acts through the
+        scheduled A. Raises `InputError` with every fault."""
         faults = checks.Faults()
         if not faults.instance("model", model, StateSpace):
             faults.finish()
         _check_model(self, model, faults)
         faults.finish()
+        if not model.schedule:
+            return self._into(model)
+        here = replace(self, vanes=self._vanes_of(model))
+
+        def joined(matrices: Mapping[str, Numbers]) -> dict[str, Any]:
+            read = {name: np.asarray(M, float) for name, M in matrices.items()}
+            both = here._into(replace(model.nominal, **read))
+            return {name: getattr(both, name) for name in read}
+
+        return replace(here._into(model.nominal), schedule=tuple(one.mapped(joined) for one in model.schedule))
+
+    def _into(self, model: StateSpace) -> StateSpace:
         air = self.dryden.model(self._which)
         E = self._effects(model, air.states)
         aerodynamic = model.A.copy()
@@ -122,8 +136,8 @@ def with_turbulence(
 ) -> StateSpace:
     """A model of an aircraft with the states of the turbulence that acts on it, for filters and simulations.
 
-    `model`: continuous, constant, without cross noise. The other arguments are the settings of `Turbulence`, whose `prior` gives
-    the prior.
+    `model`: continuous, constant or with a schedule, without cross noise. The other arguments are the settings of `Turbulence`,
+    whose `prior` gives the prior.
 
     Returns a `StateSpace`. Raises `InputError` with every fault of the call.
 
@@ -164,8 +178,10 @@ def _read_pairs(given: Iterable[tuple[str, str]], faults: checks.Faults) -> tupl
 
 
 def _check_model(turbulence: Turbulence, model: StateSpace, faults: checks.Faults) -> None:
-    if not model.is_continuous or model.varying or model.schedule:
-        faults.add("`model` must be continuous (dt = 0) and constant: turbulence enters its derivatives.")
+    if not model.is_continuous or model.varying:
+        faults.add(
+            "`model` must be continuous (dt = 0), constant or with a schedule: turbulence enters its derivatives."
+        )
     named = [state for state, _ in turbulence.entry] + [name for pair in turbulence.kinematics for name in pair]
     for name in dict.fromkeys(named):
         if name not in model.states:
