@@ -1,5 +1,6 @@
 """Estimability: the source's examples, mpmath, a joint Gaussian without recursion, and what may not matter."""
 
+import mpmath as mp
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from estimable.analysis.zeros import invariant_zeros
 from estimable.kernels.reach import hidden_modes, reach, staircase
 from models_for_verdicts import KINDS, drawn
 from oracles.exact_rank import smallest_ratio
+from oracles.many_digits import after, canonical, digits
 from oracles.stacked import covariances, explained
 
 F, G = [[0.7, -0.1], [1.0, 0.0]], [[1.0], [0.0]]
@@ -276,6 +278,70 @@ def test_a_pair_that_one_method_overlooks_is_found_by_the_other():
     M = np.array([[0.0], [1.0], [0.0], [0.0]])
     assert reach(chain, M).Z.shape[1] == 2
     assert hidden_modes(chain, M)[0].shape[1] == 1  # a Jordan block has one eigenvector
+
+
+CART = StateSpace(
+    [[0, 1, 0, 0], [0, -0.1, -0.981, 0], [0, 0, 0, 1], [0, 0.2, 21.582, 0]], C=[[1.0, 0, 0, 0]], G=[[0], [1], [0], [-2]],
+    Q=[[0.01]], R=[[1e-4]], dt=0, states=["x", "v", "theta", "omega"], outputs=["cart"],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("horizon", [2.0, 8.0])
+def test_growth_hides_nothing(horizon):
+    """An inverted pendulum: e^(4.6 t) hides the slow states in the covariances themselves, not in the correlations."""
+    found = estimability(CART, horizon=horizon)
+    assert (found.verdict, len(found.known_directions)) == ("yes", 0)
+    assert np.all(np.isfinite(found.squared_correlations))
+    assert 0 < found.squared_correlations[0] < 1
+    assert found.covariance[2, 2] < 3
+
+
+@pytest.mark.parametrize("samples", [25, 200])
+def test_correlations_under_growth_are_those_of_ninety_digits(samples):
+    model = CART.discretise(0.02)
+    model = StateSpace(model.A, C=model.C, Q=model.Q, R=[[0.005]], dt=0.02)
+    found = estimability(model, horizon=samples, prior=Prior(np.zeros(4), 1e-4 * np.eye(4)))
+    A, Q = digits(model.A), digits(model.Q)
+    with mp.workdps(90):
+        *_, (P, Π) = after(model.A, model.Q, model.C, model.R, 1e-4 * np.eye(4), samples, dps=90)
+        P, Π = A.dot(P).dot(A.T) + Q, A.dot(Π).dot(A.T) + Q
+    assert np.allclose(found.squared_correlations, canonical(P, Π)[0], rtol=1e-8)
+    assert found.verdict == "yes"
+
+
+@pytest.mark.parametrize("variance", [1e2, 1e14])
+def test_a_vague_prior_leaves_the_sigma(variance):
+    model = StateSpace([[1.0, 1], [0, 1]], C=[[1.0, 0]], Q=np.diag([0, 1e-6]), R=[[1e-4]], dt=1)
+    found = estimability(model, horizon=50, prior=Prior([0, 0], variance * np.eye(2)))
+    *_, (P, _) = after(model.A, model.Q, model.C, model.R, variance * np.eye(2), 50)
+    exact = model.A @ P.astype(float) @ model.A.T + model.Q
+    assert np.allclose(found.covariance, exact, rtol=1e-6)
+
+
+def test_a_model_in_rows_has_no_sample_after_its_last():
+    """Seen once, at the last row: the filter knows it, and the row after that would not exist."""
+    model = StateSpace(np.ones((3, 1, 1)), C=np.array([[[0.0]], [[0.0]], [[1.0]]]), R=[[1.0]], dt=1)
+    found = estimability(model, prior=Prior([0.0], [[1.0]]))
+    assert found.filter_variance_reduction[0] == pytest.approx(0.5)
+    blind = StateSpace(np.ones((3, 1, 1)), C=np.zeros((3, 1, 1)), R=[[1.0]], dt=1)
+    assert estimability(blind, prior=Prior([0.0], [[1.0]])).filter_verdict == "no"
+
+
+def test_units_do_not_turn_an_answer_into_a_refusal():
+    """A quarter car over 2 s, in metres and in millimetres."""
+    ms, mu, ks, cs, kt = 300.0, 40.0, 18e3, 1200.0, 180e3
+    A = np.array([[0, 1, 0, 0, 0], [-ks / ms, -cs / ms, ks / ms, cs / ms, 0], [0, 0, 0, 1, 0],
+                  [ks / mu, cs / mu, -(ks + kt) / mu, -cs / mu, kt / mu], [0] * 5])  # fmt: skip
+    C, G, T = A[1:2], np.eye(5)[:, 4:], np.diag([1e3, 1, 1e3, 1, 1e3])
+    found = [
+        estimability(
+            StateSpace(U @ A @ np.linalg.inv(U), C=C @ np.linalg.inv(U), G=U @ G, Q=[[2e-3]], R=[[2.5e-5]], dt=0),
+            horizon=0.2,
+        )
+        for U in (np.eye(5), T)
+    ]
+    assert found[0].verdict == found[1].verdict
+    assert np.allclose(found[0].variance_reduction, found[1].variance_reduction, rtol=1e-6)
 
 
 def test_the_figure_shows_each_state_and_each_singular_value():

@@ -58,6 +58,7 @@ def test_what_is_hidden_and_dies_out():
 @pytest.mark.parametrize("horizon", [None, 4])
 def test_duality(horizon):
     model = case(2, (4, 1, 3), feedthrough=False).model
+    model = StateSpace(model.A, C=model.C, dt=1)  # R would give the units of the sensors
     seen = observability(model, horizon=horizon)
     moved = reachability(StateSpace(model.A.T, model.C.T, dt=1), horizon=horizon)
     assert np.allclose(seen.singular_values, moved.singular_values, rtol=1e-12)
@@ -105,3 +106,10 @@ def test_no_input_moves_nothing():
         "x1 is not moved by any input.",
         "It dies out by itself.",
     )
+
+
+def test_the_unit_of_a_sensor_does_not_turn_the_verdict():
+    """With R, which carries the unit; the second sensor alone shows the second state."""
+    for unit in (1.0, 1e-12, 1e12):
+        model = StateSpace(np.diag([0.5, 0.8]), C=np.diag([1.0, unit]), R=np.diag([1.0, unit**2]), dt=1)
+        assert observability(model).verdict == "yes"

@@ -274,3 +274,15 @@ def test_the_figure_shows_every_criterion_with_its_optimum(found):
     assert len(lines) == len(marks) == len(found[0].criteria)  # without `external`, with the composite
     assert all(min(line.y) >= 1 - 1e-12 for line in lines)
     assert all(mark.y[0] == pytest.approx(min(line.y)) for mark, line in zip(marks, lines, strict=True))
+
+
+def test_scaling_reaches_the_default_families():
+    """A pendulum in degrees with its scaling is the pendulum in radians: the same feedback, margin and filter."""
+    A = np.array([[0, 1, 0, 0], [0, -0.1, -0.981, 0], [0, 0, 0, 1], [0, 0.2, 21.582, 0]])
+    B, C = np.array([[0], [1.0], [0], [-2.0]]), np.eye(4)[[0, 2]]
+    degrees = np.array([1.0, 1.0, 57.3, 57.3])
+    radians = rho_synthesis(StateSpace(A, B, C, dt=0), eta=ETA)
+    turned = StateSpace(A * degrees[:, None] / degrees, B * degrees[:, None], C / degrees, dt=0)
+    found = rho_synthesis(turned, eta=ETA, scaling=degrees)
+    assert_allclose(found.feedback * degrees, radians.feedback, rtol=1e-6)
+    assert_allclose(found.margin.margin, radians.margin.margin, rtol=1e-6)

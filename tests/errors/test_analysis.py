@@ -171,7 +171,7 @@ UNMET = {
     ),
     "too many steps": (
         lambda: estimability(StateSpace([[-1e6]], Q=[[1.0]], R=[[1.0]], dt=0), horizon=1.0),
-        "a horizon of 1 s takes 1000000 steps of the fastest mode, more than 20000: use a shorter horizon, or a model "
+        "a horizon of 1 s takes 1000001 steps of the fastest mode, more than 20000: use a shorter horizon, or a model "
         "without its fast modes.",
     ),
 }

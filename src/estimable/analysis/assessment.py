@@ -12,12 +12,8 @@ from .tolerance import judged, scale
 
 def assess(moments: StateMoments) -> dict[str, Any]:
     """The common fields of `Estimability` and `Regulability`."""
-    Π, Σ = moments.Π, moments.Σ
-    D = scale(np.diagonal(Π))
-    λ, V = np.linalg.eigh(Π / (D[:, None] * D))
-    certain = λ <= ZERO * max(λ[-1], 0.0)
-    known = V[:, certain]
-    ρ2, which = _canonical(Σ / (D[:, None] * D), V[:, ~certain] / np.sqrt(λ[~certain]))
+    D, pairs = scale(np.diagonal(moments.Π)), moments.pairs
+    known = D[:, None] * pairs.known
     return {
         "verdict": judged(moments.predictor.distance),
         "filter_verdict": judged(moments.filter.distance),
@@ -28,25 +24,22 @@ def assess(moments: StateMoments) -> dict[str, Any]:
         "directions": _rows(_beside(moments.predictor, known), D),
         "filter_directions": _rows(_beside(moments.filter, known), D),
         "known_directions": _rows(known, D),
-        "squared_correlations": ρ2,
-        "correlation_directions": (_unit(which / D[:, None])).T,
-        "variance_reduction": _share(Σ, Π),
-        "filter_variance_reduction": _share(moments.Σ_filter, Π),
-        "prior_covariance": Π,
-        "covariance": (Π - Σ + (Π - Σ).T) / 2,
+        "squared_correlations": pairs.squared,
+        "correlation_directions": (_unit(pairs.g)).T,
+        "variance_reduction": moments.share,
+        "filter_variance_reduction": moments.share_filter,
+        "prior_covariance": moments.Π,
+        "covariance": moments.P,
     }
-
-
-def _canonical(Σ: np.ndarray, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of (Σ, Π), ascending, and their vectors, where T T' = Π^-1."""
-    ρ2, U = np.linalg.eigh(T.T @ Σ @ T)
-    return np.clip(ρ2, 0.0, 1.0), T @ U
 
 
 def _beside(reach: Reach, known: np.ndarray) -> np.ndarray:
     """The unreached directions, without those known from the start."""
     from scipy.linalg import orth
 
+    if known.shape[1] == 0 or reach.Z.shape[1] == 0:
+        return reach.Z
+    known = orth(known)
     left = reach.Z - known @ (known.T @ reach.Z)
     return orth(left, rcond=1e-6) if np.linalg.norm(left) > 1e-6 else left[:, :0]
 
@@ -59,12 +52,6 @@ def _rows(Z: np.ndarray, D: np.ndarray) -> np.ndarray:
 def _unit(G: np.ndarray) -> np.ndarray:
     G = G / np.linalg.norm(G, axis=0)
     return G * leading_sign(G)
-
-
-def _share(Σ: np.ndarray, Π: np.ndarray) -> np.ndarray:
-    """Σ_ii / Π_ii, and 0 where Π_ii is 0: a known state cannot be improved."""
-    whole = np.diagonal(Π)
-    return np.clip(np.where(whole > 0, np.diagonal(Σ) / np.where(whole > 0, whole, 1.0), 0.0), 0.0, 1.0)
 
 
 def _singular_values(Γ: np.ndarray) -> np.ndarray:

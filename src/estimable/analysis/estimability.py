@@ -23,9 +23,12 @@ def estimability(model: StateSpace, *, horizon: float | None = None, prior: Prio
     filter, which also uses the present output. A model with a delay (a singular A) is never estimable by the predictor.
 
     `horizon`: judge after so many samples (seconds where dt = 0). None: judge in steady state, which only a stable model has.
-    A model that varies in time is judged after its last row. `prior`: the `Prior` of the state at the start of the horizon.
-    None: the stationary covariance if it exists, otherwise zero (a known state). R is the covariance of a sample; for a
-    continuous model it is a density, as Q.
+    A model that varies in time is judged after its last row; the filter's numbers are then those of its last sample.
+    `prior`: the `Prior` of the state at the start of the horizon. None: the stationary covariance if it exists, otherwise
+    zero (a known state). R is the covariance of a sample; for a continuous model it is a density, as Q.
+
+    Over a horizon in which the model grows more than a thousandfold, the verdict is that of the canonical correlations, and
+    `distance` is the smallest of them. `covariance_analysis` shows the sigma of each state over time.
 
     Returns an `Estimability`. Raises `AssumptionError` for an unstable model without a horizon. Raises `InputError` for a
     model without R (where dt = 0 also for a singular R), for a horizon that is not positive, for a prior of another size or

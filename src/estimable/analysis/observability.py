@@ -21,7 +21,7 @@ def observability(model: StateSpace, *, horizon: float | None = None) -> Observa
     """Whether the outputs, without noise, show every direction of the state. The model may be unstable.
 
     `horizon`: the number of samples to judge by (seconds where dt = 0). None: no limit; a model that varies in time is judged
-    over its rows. Noise is ignored here; `estimability` includes it.
+    over its rows. Noise is ignored here, except that R gives the unit of each sensor; `estimability` includes it.
 
     Returns an `Observability`. Raises `InputError` for a horizon that is not positive, and for more than 500 states.
 
@@ -34,7 +34,9 @@ def observability(model: StateSpace, *, horizon: float | None = None) -> Observa
     (False, False, 'x2 never shows in y1.')
     """
     A, C, until, _ = _read(model, "C", horizon)
-    found = _structure(model, np.swapaxes(A, -1, -2), np.swapaxes(C, -1, -2), until, reverse=True)
+    found = _structure(
+        model, np.swapaxes(A, -1, -2), np.swapaxes(C, -1, -2), until, reverse=True, units=_sensors(model)
+    )
     return Observability(**found, states=model.states, channels=model.outputs, horizon=until)
 
 
@@ -67,6 +69,13 @@ def _read(model: StateSpace, which: str, horizon: float | None):
     return model.A, model.C, horizon, model.B if which == "inputs" else noise_factor(model)
 
 
+def _sensors(model: StateSpace) -> np.ndarray:
+    """The unit of each sensor: the sigma of its noise where all have one."""
+    R = np.zeros((model.p, model.p)) if model.R is None else np.asarray(model.R).reshape(-1, model.p, model.p)[0]
+    σ = np.sqrt(np.diagonal(R))
+    return σ if np.all(σ > 0) else np.ones(model.p)
+
+
 def noise_factor(model: StateSpace) -> np.ndarray:
     """G Q^(1/2): the effect of unit white noise."""
     λ, V = np.linalg.eigh(model.Q)
@@ -74,17 +83,23 @@ def noise_factor(model: StateSpace) -> np.ndarray:
 
 
 def _structure(
-    model: StateSpace, F: np.ndarray, M: np.ndarray, horizon: float | None, *, reverse: bool = False
+    model: StateSpace,
+    F: np.ndarray,
+    M: np.ndarray,
+    horizon: float | None,
+    *,
+    reverse: bool = False,
+    units: np.ndarray | float = 1.0,
 ) -> dict[str, Any]:
-    """The fields of a verdict on the pair (F, M)."""
+    """The fields of a verdict on the pair (F, M), whose columns are judged in `units`."""
     if horizon is not None:
-        Γ = effects(F, M, horizon, continuous=model.is_continuous, reverse=reverse)
-        T = np.sqrt(np.maximum(np.diagonal(Γ @ Γ.T), 0.0))
+        Γ, judged_Γ = (effects(F, X, horizon, continuous=model.is_continuous, reverse=reverse) for X in (M, M / units))
+        T = np.sqrt(np.maximum(np.diagonal(judged_Γ @ judged_Γ.T), 0.0))
         T = np.where(T > 0, T, 1.0)
-        found, hidden = rank(Γ / T[:, None]), np.zeros(0)
+        found, hidden = rank(judged_Γ / T[:, None]), np.zeros(0)
         unstable = found.Z[:, :0]
     else:
-        Γ = reachability_matrix(F, M)
+        Γ, M = reachability_matrix(F, M), M / units
         T = balancing_units(F, M)
         scaled = F * (T / T[:, None])
         found = reach(scaled, M / T[:, None]) if M.shape[1] else Reach(np.eye(len(F)), 0.0)
@@ -94,7 +109,7 @@ def _structure(
         "verdict": judged(found.distance),
         "distance": found.distance,
         "singular_values": np.pad(σ, (0, len(T) - len(σ)))[: len(T)],
-        "gramian": Γ @ Γ.T if horizon is not None else _gramian(F, M, model.is_continuous),
+        "gramian": Γ @ Γ.T if horizon is not None else _gramian(F, M * units, model.is_continuous),
         "directions": echelon(found.Z / T[:, None]).T,
         "hidden_modes": hidden,
         "unstable_directions": echelon(unstable / T[:, None]).T,

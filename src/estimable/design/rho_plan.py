@@ -1,6 +1,6 @@
 """The checked arguments of `rho_synthesis`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -48,11 +48,14 @@ def read_plan(
     faults = checks.Faults()
     _read_model(model, faults)
     n, m = model.n, model.m
-    rates = _read_eta(default_eta(model) if eta is None else eta, faults)
-    law = _read_part("control", control, DesignFamily.approach, (n, m), "m n", model, faults)
-    observer = _read_filter(filter, model, faults)
-    counted = _read_weights(weights, faults)
     sizes = _read_scaling(np.ones(n) if scaling is None else scaling, faults)
+    units = np.ones(n) if sizes is None or np.any(sizes <= 0) else sizes
+    rates = _read_eta(default_eta(model) if eta is None else eta, faults)
+    law = DesignFamily.approach(model, weight=np.diag(units**-2.0)) if control is None else control
+    law = _read_part("control", law, (n, m), "m n", faults)
+    observer = DesignFamily.approach_of_error(model, weight=np.diag(units**2.0)) if filter is None else filter
+    observer = _read_filter(observer, model, faults)
+    counted = _read_weights(weights, faults)
     if not faults.sentences and not isinstance(law, DesignFamily) and not isinstance(observer, DesignFamily):
         faults.add("`control` and `filter` are both fixed gains, so that no design depends on `eta`: leave one out.")
     if not faults.sentences:
@@ -92,15 +95,11 @@ def _read_scaling(given: Numbers, faults: checks.Faults) -> Any:
 def _read_part(
     name: str,
     given: Part,
-    default: Callable[[StateSpace], DesignFamily],
     sizes: tuple[int, int],
     axes: str,
-    model: StateSpace,
     faults: checks.Faults,
 ) -> Any:
     """A family of matching sizes, or a fixed gain."""
-    if given is None:
-        return default(model)
     if not isinstance(given, DesignFamily):
         return faults.array(name, given, axes)
     if (given.n, given.m) != sizes:
@@ -114,7 +113,7 @@ def _read_filter(given: Part, model: StateSpace, faults: checks.Faults) -> Any:
     if isinstance(given, str):
         faults.choice("filter", given, ("kalman",))
         return kalman_gain(model).filter if given == "kalman" and model.R is not None else _without_noise(given, faults)
-    return _read_part("filter", given, DesignFamily.approach_of_error, (model.n, model.p), "n p", model, faults)
+    return _read_part("filter", given, (model.n, model.p), "n p", faults)
 
 
 def _without_noise(given: str, faults: checks.Faults) -> None:

@@ -32,6 +32,11 @@ def halvings(M: Real) -> int:
     return max(0, int(np.ceil(np.log2(size)))) if size > 0 else 0
 
 
+def exponential_of(A: Float[Real, "n n"], h: float) -> Real:
+    """e^{A h} for any h, in balanced units."""
+    return noise_factors(A, [], h)[0]
+
+
 def noise_factors(A: Float[Real, "n n"], g: list[Real], h: float) -> tuple[Real, list[Real]]:
     """e^{A h}, and for each g a factor of ∫_0^h e^{A t} g g' e^{A't} dt, by Gauss's rule with ten nodes and doubling."""
     from scipy.linalg import matrix_balance

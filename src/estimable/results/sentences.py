@@ -65,7 +65,7 @@ def _hidden(found: Any, outputs: str) -> list[str]:
         least = found.correlation_directions[:1]
         what = words(least[0], found.states) if len(least) else "some direction"
         return [
-            f"{what} is revealed by {outputs} only with a relative size of {found.distance:.1e}, which rounding could hide."
+            f"{what} is revealed by {outputs} only barely: a relative change of {found.distance:.1e} of the model hides it."
         ]
     return _few([f"{words(g, found.states)} is not revealed by {outputs}." for g in found.directions])
 
@@ -77,11 +77,10 @@ def _known(found: Any) -> list[str]:
 def _least(found: Any, outputs: str) -> list[str]:
     """The least known direction, if any is known."""
     ρ2 = found.squared_correlations
-    revealed = np.flatnonzero(ρ2 > found.tolerance[0])
-    if len(revealed) == 0:
+    if len(ρ2) == 0:
         return []
-    g = words(found.correlation_directions[revealed[0]], found.states)
-    return [f"{g} is the least known: past samples reduce its variance by {_percent(ρ2[revealed[0]])}."]
+    g = words(found.correlation_directions[0], found.states)
+    return [f"{g} is the least known: past samples reduce its variance by {_percent(ρ2[0])}."]
 
 
 def _percent(share: float) -> str:
