@@ -121,7 +121,7 @@ def starts(question: Question) -> tuple[Element, Element]:
     return el.then(alone, el.of_sample(question.first.C, question.first.sensors)), alone
 
 
-class Frames(NamedTuple):
+class SplitQuestion(NamedTuple):
     """A constant question in a frame that splits off the undetectable part, the question of the other states alone (None: there
     is no undetectable part), the frame, and which quantities have an undetectable part."""
 
@@ -131,13 +131,13 @@ class Frames(NamedTuple):
     hidden: Real
 
 
-def split_off(question: Question) -> Frames:
+def split_off(question: Question) -> SplitQuestion:
     """The undetectable part is split off first."""
     stage, n = question.first, len(question.first.A)
     U = undetectable(stage.A, stage.C, continuous=question.continuous)
     hidden = touched(question.H, U)
     if U.shape[1] == 0:
-        return Frames(question, None, np.eye(n), hidden)
+        return SplitQuestion(question, None, np.eye(n), hidden)
     frame = split(stage.A, U)
     r = n - U.shape[1]
     A, C = frame.T @ stage.A @ frame, stage.C @ frame
@@ -145,9 +145,11 @@ def split_off(question: Question) -> Frames:
     turned = Stage(A, [frame.T @ g for g in stage.g], C, stage.V)
     whole = question._replace(first=turned, L=frame.T @ question.L, D=frame.T @ question.D, H=question.H @ frame)
     if r == 0 or hidden.all():
-        return Frames(whole, None, frame, hidden)
+        return SplitQuestion(whole, None, frame, hidden)
     part = Stage(A[:r, :r], [g[:r] for g in turned.g], C[:, :r], stage.V)
-    return Frames(whole, whole._replace(first=part, L=whole.L[:r], D=whole.D[:r], H=whole.H[:, :r]), frame, hidden)
+    return SplitQuestion(
+        whole, whole._replace(first=part, L=whole.L[:r], D=whole.D[:r], H=whole.H[:, :r]), frame, hidden
+    )
 
 
 def by_octaves(question: Question, h: float, last: int | None) -> Spreads:
