@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from estimable import Kalman, estimate, read_model, read_record
+from estimable import Kalman, estimate, read_model, read_record, smooth
 
 CALL = ("estimate", "flight.csv", "--model", "model.toml", "--filter")
 RULE = "The time column 'time_s' is in s (by its name): 0.18 s at 100 Hz.\n"
@@ -190,3 +190,43 @@ def test_stamps_are_moved_by_options(run):
     answer = run(*CALL, "kalman", "--grid", 0.01, "--offset", "alpha_deg", "--offset", "=2")
     assert (answer.code, answer.stderr.count("--offset needs NAME=SECONDS, as in --offset gps=0.2. Got")) == (2, 2)
     assert "give `grid` in seconds" in run(*CALL, "kalman", "--delay", "alpha_deg=0.01").stderr
+
+
+def test_a_page_shows_the_outputs_as_measured_and_as_estimated(run, tmp_path):
+    answer = run(*CALL, "kalman", "--smooth", "--report", "page.html", "--out", "table.csv")
+    assert answer.code == 0
+    assert answer.stderr == RULE + "Wrote 19 rows of 21 columns to table.csv.\nWrote page.html: open it in a browser.\n"
+    page = (tmp_path / "page.html").read_text()
+    for said in ("Output alpha_deg", "State alpha", "Innovation of alpha_deg", "At the last sample, t = 0.18 s",
+                 "measured alpha_deg", "smoothed", "estimable estimate flight.csv --model model.toml --filter kalman --smooth"):  # fmt: skip
+        assert said in page
+    file = read_model("model.toml")
+    record = read_record("flight.csv", outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
+    exact = smooth(Kalman(file.model), record, prior=file.prior)
+    table = pd.read_csv(tmp_path / "table.csv", index_col="time")
+    np.testing.assert_allclose(table["smoothed_alpha"], exact.mean[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(table["alpha_deg_smoothed_sigma"], np.sqrt(exact.output_covariance[:, 0, 0]), rtol=1e-9)
+    np.testing.assert_allclose(table["alpha_deg_filtered"], directly().output[:, 0], rtol=1e-12)
+    assert run(*CALL, "kalman", "--report", "page.html", "--json").json["report"] == "page.html"
+
+
+def test_a_filter_that_cannot_be_smoothed_says_so(run):
+    answer = run(*CALL, "change-detection", "--smooth")
+    assert answer.code == 2
+    assert "ChangeDetection" in answer.stderr
+
+
+def test_a_page_of_a_nonlinear_model(run, tmp_path):
+    (tmp_path / "model.py").write_text(
+        "import numpy as np\nimport estimable as es\n"
+        "model = es.NonlinearModel(lambda x, u, θ: -x + u, lambda x, u, θ: x, Q=[[0.1]], R=[[0.01]], dt=0,\n"
+        "    outputs=['alpha_deg'], inputs=['elevator_deg'], states=['alpha'])\n"
+        "prior = es.Prior([0.0], [[1.0]])\nrecord = {'time': 'time_s'}\n"
+    )
+    answer = run(
+        "estimate", "flight.csv", "--model", "model.py", "--filter", "extended-kalman", "--report", "page.html"
+    )
+    assert answer.code == 0
+    page = (tmp_path / "page.html").read_text()
+    assert "nonlinear, continuous, integrated over each step" in page
+    assert "Output alpha_deg" in page

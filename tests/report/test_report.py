@@ -22,6 +22,7 @@ from estimable import (
     excitation,
     report,
     simulate,
+    smooth,
 )  # fmt: skip
 from estimable.report.identification_charts import excitation_chart
 
@@ -216,3 +217,19 @@ def test_how_much_was_told_is_drawn_over_time_with_its_limit():
     np.testing.assert_allclose(y, found.eigenvalues[told], rtol=1e-6)
     assert chart.layout["shapes"][0]["y0"] == found.check.limit
     assert chart.caption == found.check.sentence
+
+
+def test_outputs_are_drawn_as_measured_and_as_the_states_imply_them():
+    algorithm, record = Kalman(MODEL), record_of(np.where(np.arange(40)[:, None] % 3 == 0, np.nan, NOISE))
+    later = smooth(algorithm, record, prior=PRIOR)
+    result, made = report_of(record, algorithm, outputs=True, smoothed=later)
+    headings = [chart.heading for chart in made.charts]
+    assert headings[:4] == ["Output level_m [m]", "Output sum", "State level", "State flow"]
+    lower, upper, seen, middle, smoothed = (numbers(trace["y"]) for trace in made.charts[1].traces)
+    np.testing.assert_allclose(middle, result.output[:, 1], rtol=1e-5)
+    np.testing.assert_allclose(upper - lower, 4 * np.sqrt(result.output_covariance[:, 1, 1]), rtol=1e-4)
+    np.testing.assert_allclose(seen, record.y[:, 1], rtol=1e-6)
+    np.testing.assert_allclose(smoothed, later.output[:, 1], rtol=1e-5)
+    (table,) = made.found
+    assert [name for name, _ in table.items] == ["Output level_m [m]", "Output sum", "State level", "State flow"]
+    assert table.items[2][1].startswith(f"{result.mean[-1, 0]:.6g} ± ")

@@ -7,6 +7,7 @@ from .. import writing
 from ..figures.bands import bands
 from ..results import Estimate
 from . import innovation_checks, run_filter
+from .gain_report import script_of
 from .gain_text import header
 from .numbers import counted, decimals
 from .run_filter import FilterRun
@@ -33,7 +34,7 @@ def _delay(result: Estimate) -> int:
     return result.names.input_delay if rows > max(result.names.input_delay, 1) else 0
 
 
-def as_data(run: FilterRun, out: Path | None) -> dict[str, Any]:
+def as_data(run: FilterRun, out: Path | None, report: Path | None = None) -> dict[str, Any]:
     """What `estimate` prints as JSON."""
     result, last = run.result, last_estimates(run.result)
     return {
@@ -46,6 +47,7 @@ def as_data(run: FilterRun, out: Path | None) -> dict[str, Any]:
         "nis": innovation_checks.described(innovation_checks.innovation_check(run.judged)),
         "innovation_faults": innovation_checks.faults(run.judged, run.record),
         "out": None if out is None else str(out),
+        "report": None if report is None else str(report),
     }
 
 
@@ -82,9 +84,47 @@ def as_text(run: FilterRun) -> list[Any]:
 def write_table(run: FilterRun, out: Path) -> str:
     """Write the estimates of all samples and return the message. Raises `InputError` if `out` cannot be written."""
     frame = run.result.to_pandas()
+    if run.smoothed is not None:
+        frame = frame.join(_smoothed_columns(run))
     text = frame.to_csv(index_label=frame.index.name or "sample")
     writing.write(out, lambda stream: stream.write(text.encode()), option="--out")
     return f"Wrote {counted(len(frame), 'row')} of {counted(len(frame.columns), 'column')} to {out}."
+
+
+def _smoothed_columns(run: FilterRun) -> Any:
+    """The columns of the smoother: NAME_smoothed of an output, smoothed_NAME of a state or gain."""
+    assert run.smoothed is not None
+    frame, names = run.smoothed.to_pandas(), run.smoothed.names
+    outputs = [f"{name}_smoothed{end}" for name in names.outputs for end in ("", "_sigma")]
+    others = [
+        f"{name}{end}"
+        for name in (*names.states, *names.gains, *names.unknown_inputs)
+        for end in ("", "_sigma")
+        if f"{name}{end}" in frame
+    ]
+    return frame[others].add_prefix("smoothed_").join(frame[[n for n in outputs if n in frame]])
+
+
+def write_page(run: FilterRun, path: Path, command: str) -> str:
+    """Write the page and return the message; `command` makes it again."""
+    from ..report import report_of, write_report
+
+    check = innovation_checks.innovation_check(run.judged)
+    lead = (
+        *innovation_checks.warning(check),
+        innovation_checks.sentence(check),
+        *(gap.sentence for gap in run.result.gaps),
+    )
+    script = script_of(run)
+    if run.smoothed is not None:
+        script += "\nsmoothed = es.smooth(algorithm, record, prior=file.prior)"
+    page = report_of(
+        run.result, record=run.record, algorithm=run.algorithm, prior=run.prior, title=f"States of {run.record_path.name}",
+        lead=lead, commands=(("From a terminal:", command), ("In Python:", script)), files=(run.record_path, run.model_path),
+        judged=run.judged, outputs=True, smoothed=run.smoothed,
+    )  # fmt: skip
+    write_report(page, path)
+    return f"Wrote {path}: open it in a browser."
 
 
 def _named(last: dict[str, tuple[float, float]], which: int) -> dict[str, float] | None:

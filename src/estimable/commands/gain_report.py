@@ -19,7 +19,7 @@ def write_gain_report(
     report = report_of(
         run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
         title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(run, summary, check)),
-        facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", _script(run))),
+        facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", script_of(run))),
         files=(run.record_path, run.model_path), judged=run.judged,
         quiet=run.assessment and run.assessment.detectable and run.assessment.detectable.quiet,
     )  # fmt: skip
@@ -55,7 +55,7 @@ def _when(at: GainAt) -> str:
     return f"at {at.time:.4g} s, 2 sigma"
 
 
-def _script(run: FilterRun) -> str:
+def script_of(run: FilterRun) -> str:
     """The same run in Python."""
     reading = "".join(f",\n    {name}={value!r}" for name, value in run.reading.items() if value is not None)
     settings = "".join(f", {name}={value!r}" for name, value in run.settings.items())

@@ -12,7 +12,7 @@ from ..data.through_actuators import through_actuators
 from ..models.files import ModelFile
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
-from ..results import Estimate, GainAssessment, Names
+from ..results import Estimate, GainAssessment, Names, SmoothedEstimate
 from .judging import estimate_between_changes
 from .settings import read_settings, settings_in_force
 
@@ -24,7 +24,7 @@ class FilterRun(NamedTuple):
     `judged`: the estimate whose innovations show whether the model explains the record. For a change detector (which counts
     process noise many times) it is that of the algorithm inside, restarted at each detected change; else `result`.
     `commanded`: the record holds commands, which actuators of the model file turned into positions.
-    `assessment`: the whole chain, where `run_gain` ran it.
+    `assessment`: the whole chain, where `run_gain` ran it. `smoothed`: the result of the smoother, where it was asked for.
     """
 
     filter: str
@@ -39,6 +39,7 @@ class FilterRun(NamedTuple):
     judged: Estimate
     commanded: bool = False
     assessment: GainAssessment | None = None
+    smoothed: SmoothedEstimate | None = None
 
 
 def as_data(run: FilterRun) -> dict[str, Any]:
@@ -120,15 +121,17 @@ def run_filter(
     unknown: Iterable[str] = (),
     reading: dict[str, Any] | None = None,
     file: ModelFile | None = None,
+    smoothing: bool = False,
 ) -> FilterRun:
     """Read a model file and a record, and run the filter `name` of the catalogue (None: `gain_filter`).
 
     `settings`: texts name=value. `unknown`: unmeasured inputs. `reading`: arguments of `read_record` that
-    replace those in the model file. `file`: the contents of `model`, if it has been read.
+    replace those in the model file. `file`: the contents of `model`, if it has been read. `smoothing`: run the smoother too.
 
     Raises `InputError` for faults of the files and settings, `RunError` if the computation fails.
     """
     from ..estimation.estimate import estimate
+    from ..estimation.smooth import smooth
     from ..models.files import read_model
 
     if name is not None:
@@ -150,8 +153,9 @@ def run_filter(
         onsets = [change.onset for change in diagnostics.changes(result)]
         judged = estimate_between_changes(algorithm.algorithm, measured, file.prior, onsets)
     return FilterRun(
-        name, algorithm, file.prior, measured, result, record, model, options, chosen, judged, bool(file.actuators)
-    )
+        name, algorithm, file.prior, measured, result, record, model, options, chosen, judged, bool(file.actuators),
+        smoothed=smooth(algorithm, measured, prior=file.prior) if smoothing else None,
+    )  # fmt: skip
 
 
 def run_gain(

@@ -11,6 +11,7 @@ from ..data.record import Record
 from ..estimation.binding import model_of
 from ..filters.change_detection import ChangeDetection
 from ..models.markov_disturbance import with_disturbances
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm, GainAlgorithm, Wrapper
@@ -76,8 +77,8 @@ def record_items(record: Record) -> Any:
         yield f"Input {_with_unit(name, units)}", f"{HOLDS[record.hold]}; measured without error{lost}"
 
 
-def _priors(algorithm: Algorithm[Any], model: StateSpace, prior: Prior) -> Any:
-    disturbance = model.disturbance
+def _priors(algorithm: Algorithm[Any], model: StateSpace | NonlinearModel, prior: Prior) -> Any:
+    disturbance = model.disturbance if isinstance(model, StateSpace) else None
     if disturbance is not None:
         prior = with_disturbances(prior, disturbance.variance, model.n)
     for name, text in zip(model.states, _spreads(prior), strict=True):
@@ -98,19 +99,23 @@ def _spreads(prior: Prior) -> list[str]:
     ]
 
 
-def model_items(model: StateSpace) -> Any:
+def model_items(model: StateSpace | NonlinearModel) -> Any:
     """The kind, the sizes and the matrices of a model."""
-    kind = "continuous, discretised exactly at each step" if model.is_continuous else f"discrete, dt = {model.dt:g} s"
+    linear = isinstance(model, StateSpace)
+    how = "discretised exactly at each step" if linear else "integrated over each step"
+    kind = f"continuous, {how}" if model.is_continuous else f"discrete, dt = {model.dt:g} s"
     counts = ((model.n, "state"), (model.m, "input"), (model.p, "output"))
     sizes = ", ".join(checks.counted(size, what) for size, what in counts)
-    yield "Kind", f"linear, {kind}; {sizes}"
+    yield "Kind", f"{'linear' if linear else 'nonlinear'}, {kind}; {sizes}"
     density = "density per second" if model.is_continuous else "covariance of a step"
     meanings = {"A": "", "B": "", "C": "", "D": "", "Q": f"process noise, {density}", "R": "sensor noise of a sample"}
     for letter, meaning in meanings.items():
-        matrix = getattr(model, letter)
+        matrix = getattr(model, letter) if linear or letter in "QR" else None
         if matrix is None or (letter == "D" and not np.any(matrix)):
             continue
         yield letter + (f", {meaning}" if meaning else ""), matrix_text(np.asarray(matrix))
+    if not linear:
+        return
     for one in model.schedule or ():
         yield f"Follows {one.channel}", one.sentence
     point = model.operating_point

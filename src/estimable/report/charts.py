@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..figures.bands import Band, bands, cropped
-from ..results import Estimate
+from ..results import Estimate, SmoothedEstimate
+from ..tables import standard_deviation
 from .contents import Chart, Key
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND, MARK = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82", "#1A1A1A"
+SMOOTHED = "#2F7D32"
 SHADE = "rgba(26,26,26,0.12)"
 STILL = "rgba(107,107,107,0.18)"  # of an interval without information
 FILL = 0.22  # opacity of a band
@@ -55,17 +57,22 @@ def charts_of(
     measured: dict[str, MeasuredState],
     changes: Sequence[Moment],
     quiet: Mapping[str, tuple[float, float]] | None = None,
+    outputs: Mapping[str, MeasuredState] | None = None,
+    smoothed: SmoothedEstimate | None = None,
 ) -> list[Chart]:
-    """The gains, then the states with their measurements, then the innovations.
+    """The gains, then the outputs with their measurements, the states, unknown inputs, and the innovations.
 
-    `quiet`: of a gain, the interval in which the input carries no information about it.
+    `quiet`: of a gain, the interval in which the input carries no information about it. `outputs`: the measurements of the
+    outputs; None: no output is drawn, and `measured` are those of states. `smoothed`: a second curve.
     """
-    rows = thinned(len(bands(result)[0].middle))
+    drawn = [*bands(result), *(output_bands(result) if outputs is not None else [])]
+    rows = thinned(len(drawn[0].middle))
     panels: list[Chart] = []
     unit = "" if result.t is None else " s"
     units = {result.names.labelled(name): unit for name, unit in result.names.units}
-    order = {"gain": 0, "state": 1, "innovation": 2}
-    for band in sorted(bands(result), key=lambda band: order[band.kind])[:MOST_CHARTS]:
+    order = {"gain": 0, "output": 1, "state": 2, "unknown_input": 3, "innovation": 4}
+    later = {} if smoothed is None else {(b.kind, b.name): b for b in (*bands(smoothed), *output_bands(smoothed))}
+    for band in sorted(drawn, key=lambda band: order[band.kind])[:MOST_CHARTS]:
         thin = band._replace(middle=band.middle[rows], sigma=None if band.sigma is None else band.sigma[rows])
         if band.kind == "innovation":
             panels.append(_innovation(thin, cropped(band), units.get(band.name, "")))
@@ -74,10 +81,31 @@ def charts_of(
             still = (quiet or {}).get(band.name)
             panels.append(_shaded(_estimate(thin, GAIN, cropped(band), None, marks, unit), still))
         else:
-            output = measured.get(band.name)
+            output = (outputs or {}).get(band.name) if band.kind == "output" else measured.get(band.name)
             seen = None if output is None else output._replace(values=output.values[rows])
             panels.append(_estimate(thin, STATE, cropped(band), seen, (), unit))
+        if (after := later.get((band.kind, band.name))) is not None:
+            panels[-1] = _with_smoothed(panels[-1], after._replace(middle=after.middle[rows]), rows)
     return panels
+
+
+def output_bands(result: Estimate | SmoothedEstimate) -> list[Band]:
+    """What the estimated states say that each sensor should show, without its noise."""
+    outputs, names = result.outputs(), result.names
+    if outputs.mean is None:
+        return []
+    sigma = None if outputs.covariance is None else standard_deviation(outputs.covariance)
+    return [
+        Band(names.labelled(name), "output", outputs.mean[:, i], None if sigma is None else sigma[:, i])
+        for i, name in enumerate(names.outputs)
+    ]
+
+
+def _with_smoothed(chart: Chart, band: Band, rows: slice) -> Chart:
+    """The chart with the smoothed curve."""
+    sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma[rows]), band.sigma[rows], np.nan)
+    line = _line(band.middle, sigma, "smoothed", SMOOTHED)
+    return chart._replace(keys=(*chart.keys, Key("smoothed", SMOOTHED, "line")), traces=(*chart.traces, line))
 
 
 def _estimate(
@@ -101,9 +129,9 @@ def _estimate(
     traces.append(_line(middle, sigma, band.name, colour))
     keys += _mark_keys(marks, unit)
     measured = "" if output is None else output.unit
-    label = f"{band.name} [{measured}]" if measured else band.name
+    label = f"{band.name} [{measured}]" if measured and band.kind == "state" else band.name
     layout = {"yaxis": {"title": {"text": measured}, "range": within}, **_marked(marks)}
-    heading = "Gain" if band.name == "gain" else f"{band.kind.capitalize()} {label}"
+    heading = "Gain" if band.name == "gain" else f"{band.kind.replace('_', ' ').capitalize()} {label}"
     return Chart(heading, tuple(keys), tuple(traces), layout)
 
 

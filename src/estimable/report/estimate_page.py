@@ -15,11 +15,12 @@ from ..diagnostics.consistency import nis
 from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 from ..estimation.binding import columns, model_of
+from ..figures.bands import bands
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import Estimate
+from ..results import Estimate, SmoothedEstimate
 from .assumptions import sections_of
-from .charts import MeasuredState, Moment, charts_of, thinned
+from .charts import MeasuredState, Moment, charts_of, output_bands, thinned
 from .contents import Fact, Finding, Report, Section
 
 SIZE = "Size of the innovations (NIS)"
@@ -38,6 +39,8 @@ def report_of(
     files: Sequence[Path] = (),
     judged: Estimate | None = None,
     quiet: Mapping[str, tuple[float, float]] | None = None,
+    outputs: bool = False,
+    smoothed: SmoothedEstimate | None = None,
 ) -> Report:
     """Make a report of one `Estimate`, with its record, algorithm and prior.
 
@@ -46,8 +49,9 @@ def report_of(
     - `files`: paths of files whose SHA-256 the report lists.
     - `judged`: another `Estimate` of the record, whose innovations are checked instead. For a change detector this is the
       estimate of the algorithm inside it, because the detector assumes more process noise than the model has.
-
     - `quiet`: {gain: (start, end)}, the interval in which the input carries no information about a gain.
+    - `outputs`: draw each output as measured and as the estimated states imply it (`Estimate.output`), and list the last
+      estimates in a table. `smoothed`: the result of `smooth` on the same record, as a second curve.
 
     Equal arguments give equal reports, byte for byte. Raises `InputError` if the result has no rows over time.
     """
@@ -55,12 +59,40 @@ def report_of(
         checks.refuse('a report needs every row: make the result by `estimate` with keep = "all".')
     rows = thinned(len(record))
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
-    charts = charts_of(result, measured_states(algorithm, record), _moments(result, times), quiet)
+    states = {} if outputs else measured_states(algorithm, record)
+    sensors = measured_outputs(result, record) if outputs else None
+    charts = charts_of(result, states, _moments(result, times), quiet, sensors, smoothed)
     return Report(
         title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]", tuple(charts),
         _verdicts(result, judged, record), (*sections_of(algorithm, record, prior), versions(result.engine, files)),
-        tuple(commands),
+        tuple(commands), (last_estimates(result),) if outputs else (),
     )  # fmt: skip
+
+
+def measured_outputs(result: Estimate, record: Record) -> dict[str, MeasuredState]:
+    """The measurements of each output of a result, by its name with its unit."""
+    names, units, found = result.names, dict(record.units), {}
+    places = columns(names.outputs, record.outputs, "output", "y", checks.Faults())
+    for name, place in zip(names.outputs, places, strict=True):
+        unit = units.get(record.outputs[place], "")
+        found[names.labelled(name)] = MeasuredState(name, unit, record.y[:, place])
+    return found
+
+
+def last_estimates(result: Estimate) -> Section:
+    """The values of the last row: gains, outputs, states and unknown inputs."""
+    when = "" if result.t is None else f", t = {float(result.t[-1]):.6g} s"
+    kinds = ("gain", "output", "state", "unknown_input")
+    found = sorted((*bands(result), *output_bands(result)), key=lambda band: (*kinds, band.kind).index(band.kind))
+    items = []
+    for band in found:
+        known = np.isfinite(band.middle) & (True if band.sigma is None else np.isfinite(band.sigma))
+        if band.kind in kinds:
+            k = int(np.flatnonzero(known)[-1]) if known.any() else -1
+            spread = "" if band.sigma is None or not known.any() else f" ± {2 * band.sigma[k]:.2g} (2 sigma)"
+            value = f"{band.middle[k]:.6g}{spread}" if known.any() else "not known"
+            items.append((f"{band.kind.replace('_', ' ').capitalize()} {band.name}", value))
+    return Section(f"At the last sample{when}", tuple(items))
 
 
 def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, MeasuredState]:
