@@ -197,8 +197,9 @@ def test_a_page_shows_the_outputs_as_measured_and_as_estimated(run, tmp_path):
     assert answer.code == 0
     assert answer.stderr == RULE + "Wrote 19 rows of 21 columns to table.csv.\nWrote page.html: open it in a browser.\n"
     page = (tmp_path / "page.html").read_text()
-    for said in ("Output alpha_deg", "State alpha", "Innovation of alpha_deg", "At the last sample, t = 0.18 s",
-                 "measured alpha_deg", "smoothed", "estimable estimate flight.csv --model model.toml --filter kalman --smooth"):  # fmt: skip
+    again = "estimable estimate flight.csv --model model.toml --filter kalman --smooth"
+    parts = ("Output alpha_deg", "State alpha", "Innovation of alpha_deg", "At the last sample, t = 0.18 s", "smoothed")
+    for said in (*parts, "measured alpha_deg", again):
         assert said in page
     file = read_model("model.toml")
     record = read_record("flight.csv", outputs=file.model.outputs, inputs=file.model.inputs, **file.record)
