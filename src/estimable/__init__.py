@@ -72,6 +72,7 @@ _HOMES = {
     "Phasor": "identifiers.phasor",
     "Plant": "protocols",
     "PredictionError": "identifiers.prediction_errors",
+    "PredictorSubspace": "identifiers.predictor_subspace",
     "Prior": "models.prior",
     "ProportionalIntegral": "controllers.proportional_integral",
     "Record": "data.record",

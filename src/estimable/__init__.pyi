@@ -96,6 +96,7 @@ from .identifiers.minimum_variance import MinimumVariance as MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML as OutputErrorML
 from .identifiers.phasor import Phasor as Phasor
 from .identifiers.prediction_errors import PredictionError as PredictionError
+from .identifiers.predictor_subspace import PredictorSubspace as PredictorSubspace
 from .identifiers.recursive_output_error import RecursiveOutputError as RecursiveOutputError
 from .identifiers.subspace import Subspace as Subspace
 from .models.actuator import Actuator as Actuator

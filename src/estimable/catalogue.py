@@ -30,6 +30,7 @@ from .identifiers.minimum_variance import MinimumVariance
 from .identifiers.output_error_ml import OutputErrorML
 from .identifiers.phasor import Phasor
 from .identifiers.prediction_errors import PredictionError
+from .identifiers.predictor_subspace import PredictorSubspace
 from .identifiers.recursive_output_error import RecursiveOutputError
 from .identifiers.subspace import Subspace
 from .models.files import ModelFile
@@ -165,6 +166,10 @@ IDENTIFIERS = (
     Entry(
         "prediction-error", PredictionError, "identifier", "Ljung (1999) §7.2, §10.2; Hannan & Rissanen (1982)",
         "the orders are right; the noise is white, filtered by a moving average and the poles of the plant",
+    ),
+    Entry(
+        "predictor-subspace", PredictorSubspace, "identifier", "Jansson (2003); Chiuso (2007)",
+        "an input acts one row later or more; feedback leaves it something that does not come from the outputs",
     ),
     Entry(
         "recursive-output-error", RecursiveOutputError, "identifier", "Fang (2009) (3.12)-(3.17)",

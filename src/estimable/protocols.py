@@ -95,7 +95,6 @@ class Algorithm(ABC, Generic[State]):
 
     def check_record(self, rows: int, faults: Faults) -> None:
         """Report a fault if a record with this many rows is too short."""
-        return
 
 
 class Wrapper(Algorithm[State]):
@@ -217,6 +216,8 @@ class Method:
     """The methods of `identify` and `compare`: a batch, a recursive or a filter identifier."""
 
     cannot_weigh: str = ""  # why it cannot weigh samples by `sigma` of the record; empty: it does
+    fits_series = False  # whether it fits a record without inputs
+    in_a_loop = "holds"  # or "white": under feedback only white noise of the outputs does no harm; or "biased"
 
     @property
     def label(self) -> str:
@@ -342,11 +343,9 @@ class Controller(ABC, Generic[State]):
 
     def check(self, names: Names, faults: Faults) -> None:
         """Report a fault if an estimator whose columns have these names does not suit this controller."""
-        return
 
     def check_plant(self, model: StateSpace, faults: Faults) -> None:
         """Report a fault if this law cannot control this plant."""
-        return
 
 
 class SharedController(Controller[State]):

@@ -24,6 +24,7 @@ IDENTIFIERS = {
     "minimum-variance": es.MinimumVariance(1, 0),
     "output-error-ml": es.OutputErrorML(1, 0),
     "prediction-error": es.PredictionError(1, 0, 1),
+    "predictor-subspace": es.PredictorSubspace(1),
     "recursive-output-error": es.RecursiveOutputError(1, 0, noise_variance=0.01),
     "subspace": es.Subspace(1),
 }

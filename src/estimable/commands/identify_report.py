@@ -41,7 +41,7 @@ def identified(asked: Asked, name: str, *, settings: Iterable[str], order: int |
     Raises `InputError` for faults of the record, the method or its settings.
     """
     from .. import catalogue
-    from ..identification.compare import divided
+    from ..identification.held_out import divided
     from ..identification.identify import identify
 
     entry = catalogue.identifier(name)
@@ -87,7 +87,8 @@ def _made(entry: "Entry", given: dict[str, Any]) -> Any:
 
 def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -> WrittenFiles:
     """Write the model of the fit and, if possible, the page of the same method fitted to the first part of the record."""
-    from ..identification.compare import absolute, compare, divided
+    from ..identification.compare import absolute, compare
+    from ..identification.held_out import divided
 
     model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
     write_model_file(model, file_options(asked, record), asked.files.model)

@@ -3,6 +3,7 @@
 from .changes import DetectedChange, changes
 from .consistency import Consistency, nees, nis
 from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, information
+from .feedback import Feedback, feedback
 from .innovation_tests import InnovationChecks, check_innovations
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
@@ -13,6 +14,7 @@ __all__ = [
     "Correlations",
     "DetectedChange",
     "Efficiency",
+    "Feedback",
     "InnovationChecks",
     "Nonlinearity",
     "changes",
@@ -21,6 +23,7 @@ __all__ = [
     "cross_correlation",
     "efficiency",
     "efficient_estimate",
+    "feedback",
     "frequency_response",
     "information",
     "nees",

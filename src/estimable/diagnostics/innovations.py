@@ -118,12 +118,14 @@ def cross_correlation(
     name: str = "the output",
     input_name: str = "the input",
     lags: int = LAGS,
+    first: int = 0,
     probability: float = 0.999,
 ) -> Correlations:
     """Test whether the standardised innovations (T,) of one output depend on an input (T,) at the same sample or at earlier
     samples.
 
-    `lags`: how many samples back. The innovations are regressed on the input at all these lags together. A slow or periodic
+    `lags`: how many samples back; `first`: the smallest lag. Use 1 where the input was computed from the output of the same
+    sample. The innovations are regressed on the input at all these lags together. A slow or periodic
     input then does not spread the effect at one lag over its neighbours. The mean of the input is subtracted first, because
     its effect cannot be distinguished from an offset. Rows with a missing output do not count.
 
@@ -140,7 +142,10 @@ def cross_correlation(
     if len(series) != T:
         checks.refuse(f"`e` and `u` must have the same length. Got {len(series)} and {T}.")
     probability = _check(lags, probability, len(series))
-    steps = np.arange(lags + 1)
+    faults = checks.Faults()
+    faults.whole("first", first, 0, lags)
+    faults.finish()
+    steps = np.arange(first, lags + 1)
     past = np.stack([np.concatenate([np.full(lag, np.nan), driving[: T - lag]]) for lag in steps], axis=1)
     rows = ~np.isnan(series) & ~np.isnan(past).any(axis=1)
     if rows.sum() < FEWEST + len(steps):

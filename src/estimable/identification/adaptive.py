@@ -92,7 +92,7 @@ def _validated(
     if method.varies and all(len(path.innovation) == len(one) for path, one in zip(paths, records, strict=True)):
         stands = [Standing(s.simulated, *_whitened(path)) for s, path in zip(stands, paths, strict=True)]
     white = [s.standardised for s in stands]
-    looked = [*begun.checks, noise_of_innovations(white), *residual_checks(white, records)]
+    looked = [*begun.checks, noise_of_innovations(white), *residual_checks(white, records, direct=True)]
     if begun.linear is not None:
         looked.insert(0, order_check(_order(records), model.n))
     residuals, one_step = tuple(s.simulated for s in stands), tuple(s.one_step for s in stands)

@@ -3,61 +3,62 @@
 """Identification by several methods, ranked on data that none of them has seen."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from .. import checks
 from ..data.record import Record, several
-from ..data.trends import Trend
+from ..diagnostics.feedback import feedback as feedback_of
 from ..errors import EstimableError
 from ..identifiers.standing import LinearModel, standing, state_space_of
 from ..models.state_space import StateSpace, between_samples
 from ..protocols import FilterIdentifier, Method
 from ..results import Comparison
-from ..results.comparisons import Divided, Ranked
-from . import adaptive, judge
+from ..results.comparisons import Divided
+from . import adaptive
 from .candidates import candidates
-from .connected import parts_of
-from .identify import identify
+from .connected import known, parts_of
+from .dead_time import dead_time
+from .held_out import LEVELS, divided, with_held_out
+from .identify import fitted
+from .loops import INSTEAD
+from .ranking import Before, Failed, Fitted, errors_of, ranked
 
-LEVELS = {"mean": 0, "trend": 1, "none": None}
-REFUSED = "no linear model explains this record"
-
-
-class _HeldOut(NamedTuple):
-    """Errors on the held-out rows (N, p): simulated and one step ahead, the outputs there, and their names."""
-
-    simulated: np.ndarray
-    one_step: np.ndarray
-    y: np.ndarray
-    outputs: tuple[str, ...]
+FEEDBACK = ("tested", "accepted", "closed")
+SPLIT = 0.5
 
 
 def compare(
-    methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = 0.5, level: str = "mean",
-    order: int | None = None, progress: Callable[[str, int, int], None] | None = None,
+    methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = SPLIT, level: str = "mean",
+    order: int | None = None, held_out: Record | Sequence[Record] | None = None, feedback: str = "tested",
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Comparison:  # fmt: skip
     """Identify a model by several methods on the first part of a record, or of each of several, and rank the methods on the
-    rest.
+    rest; or on other records.
 
-    - `methods`: a list of identifiers with their settings. None: one of each kind, with orders chosen by BIC on the first
-      part.
+    - `methods`: a list of identifiers with their settings. None: one of each kind, with orders chosen by BIC on what is fitted.
     - `split`: the fraction of each record that forms the first part.
     - `level`: what is subtracted before the fit. "mean": the means of the first part; they become the operating point of the
       model. "trend": straight lines fitted to the first part and continued; the operating point is their value at its end.
       "none": nothing, for signals that are deviations, or methods that fit an offset.
     - `order`: an order for all methods, where `methods` is None.
+    - `held_out`: other records, on which the methods are judged instead. They are then fitted to the whole of `record`, and
+      each held-out record loses its own level. Its first tenth gives its state and is not judged.
+    - `feedback`: "tested": if the inputs depend on the noise of the outputs (`diagnostics.feedback`), methods that feedback
+      biases are refused. "accepted": they run all the same. "closed": as if feedback had been found.
     - `progress(name, done, total)`: a function that is called before each method runs, and before each choice of orders.
 
     Ctrl-C ends the comparison. The methods that have run are then ranked, and the sentence of the result begins with those that
     have not run.
 
     The held-out part is simulated from the inputs alone, without its outputs; the simulation continues from the first part.
-    Methods are ranked by the fit of this simulation. Two methods count as equal (`alike`) if their squared errors, compared
-    segment by segment, do not differ significantly, and neither is more than twice the other. A simulation that runs away is
-    `diverged`, and equal to none. A simulation explains an output if it fits more than 5 % of it, and the output depends on
-    it significantly; if it explains none, `best` is None.
+    Methods are ranked by the fit of this simulation. In a closed loop, and without inputs, they are ranked by their
+    predictions one step ahead. Two methods count as equal (`alike`) if their squared errors, compared segment by segment, do
+    not differ significantly, and neither is more than twice the other. A simulation that runs away is `diverged`, and equal to
+    none. A simulation explains an output if it fits more than 5 % of it, and the output depends on it significantly; if it
+    explains none, `best` is None. The sentence begins with a warning if the inputs of the held-out part move at other
+    frequencies than those of the first, as in the two halves of one sweep: the fit then says little.
 
     Returns a `Comparison`. Raises `InputError` with every fault of the call. A method that fails is ranked last, with its
     message.
@@ -68,11 +69,12 @@ def compare(
     >>> found.best.name, found.ranked[1].alike
     ('OutputErrorML', False)
     """
-    records = _read(methods, record, split, level, order, progress)
-    task = divided(records, split, level)
+    records, others = _read(methods, record, held_out, split, level, order, feedback, progress)
+    task = divided(records, split, level) if others is None else with_held_out(records, others, level)
     report = (lambda name, done, total: None) if progress is None else progress
+    before = _before(task, feedback, report)
     chosen = (
-        candidates(task.first, order, lambda what: report(f"choosing {what}", 0, 1))
+        candidates(task.first, before, order, lambda what: report(f"choosing {what}", 0, 1))
         if methods is None
         else tuple(methods)
     )
@@ -80,40 +82,58 @@ def compare(
     for i, method in enumerate(chosen):
         report(type(method).__name__, i, len(chosen))
         try:
-            found.append(_run(method, task))
+            found.append(_run(method, task, refuse=before.closed and feedback != "accepted"))
         except KeyboardInterrupt:
             if not found:
                 raise
             missed = f"Interrupted: {checks.listed([type(one).__name__ for one in chosen[i:]])} did not run. "
             break
     report("", len(chosen), len(chosen))
-    ranked = _ranked(found)
-    return ranked._replace(task=task, sentence=missed + ranked.sentence)
+    result = ranked(found, task, before)
+    return result._replace(sentence=missed + result.sentence)
 
 
 def _read(
-    methods: Sequence[Method] | None,
-    record: Record | Sequence[Record],
-    split: float,
-    level: str,
-    order: int | None,
+    methods: Sequence[Method] | None, record: Any, held_out: Any, split: float, level: str, order: int | None, feedback: str,
     progress: Any,
-) -> list[Record]:
+) -> tuple[list[Record], list[Record] | None]:  # fmt: skip
+    """The records to fit, or to divide, and those to judge on; every fault of the call at once."""
     faults = checks.Faults()
     records = several("record", record, faults)
+    others = None if held_out is None else several("held_out", held_out, faults)
     if methods is not None and (not isinstance(methods, list | tuple) or not methods):
         faults.add(f"`methods` must be a list of identifiers, or None. Got {checks.short(methods)}.")
     fraction = faults.number("split", split, above=0.0, upper=1.0)
+    if held_out is not None and split != SPLIT:
+        faults.add("`split` divides a record, but with `held_out` whole records are fitted: leave one of them out.")
     faults.choice("level", level, tuple(LEVELS))
+    faults.choice("feedback", feedback, FEEDBACK)
     if progress is not None:
         faults.function("progress", progress, "it is called with the name of a method, the number done and the total")
     if order is not None:
         faults.whole("order", order, 1)
         if methods is not None:
             faults.add("`order` applies only where `methods` is None: give your methods their own orders.")
+    if records and others:
+        _check_others(records, others, faults)
     faults.finish()
     assert fraction is not None
-    return _divisible(parts_of(records), fraction, faults)
+    return (parts_of(records), parts_of(others)) if others else (_divisible(parts_of(records), fraction, faults), None)
+
+
+def _check_others(records: list[Record], others: list[Record], faults: checks.Faults) -> None:
+    """Check that held-out records have the channels of those that are fitted, and are other records."""
+    first = records[0]
+    for i, one in enumerate(others):
+        if (one.inputs, one.outputs) != (first.inputs, first.outputs):
+            faults.add(
+                f"record {i} of `held_out` must have the inputs {checks.listed(first.inputs)} and outputs "
+                f"{checks.listed(first.outputs)} of `record`. Got {checks.listed(one.inputs)} and {checks.listed(one.outputs)}."
+            )
+        if any(np.array_equal(one.y, other.y, equal_nan=True) for other in records):
+            faults.add(
+                f"record {i} of `held_out` is also in `record`: judge a model on a record that it was not fitted to."
+            )
 
 
 def _divisible(records: list[Record], fraction: float, faults: checks.Faults) -> list[Record]:
@@ -134,39 +154,46 @@ def _divisible(records: list[Record], fraction: float, faults: checks.Faults) ->
     return records
 
 
-def divided(records: Sequence[Record], split: float, level: str) -> Divided:
-    """The records without their levels, and the first part of each."""
-    faults = checks.Faults()
-    faults.choice("level", level, tuple(LEVELS))
-    faults.finish()
-    parts = [one.split(split)[0] if split < 1 else one for one in records]
-    degree = LEVELS[level]
-    trend = Trend.none(records[0]) if degree is None else Trend.of(parts, degree)
-    deviations = [trend.taken_from(one) for one in records]
-    return Divided(records, deviations, [one[: len(part)] for one, part in zip(deviations, parts, strict=True)], trend)
+def _before(task: Divided, asked: str, report: Any) -> Before:
+    """The test of feedback and the dead time, of the fitted parts; neither without inputs."""
+    if not task.first[0].inputs:
+        return Before(None, False, None)
+    report("choosing the dead time", 0, 1)
+    logged = list(known(task.first)[0])
+    seen = feedback_of(logged, direct=False if asked == "closed" else None)
+    try:
+        late = dead_time(logged)
+    except (EstimableError, np.linalg.LinAlgError):
+        late = None
+    return Before(seen, asked == "closed" or seen.closed, late)
 
 
-def _run(method: Method, task: Divided) -> Any:
+@np.errstate(over="ignore", invalid="ignore")
+def _run(method: Method, task: Divided, *, refuse: bool) -> Fitted | Failed:
     """The fit, its model in absolute units, and its errors on the held-out part; or the message that says why there is none.
 
     A nonlinear model describes the signals themselves: it is fitted to the first parts, the others to their deviations.
     """
-    rows, whole = [len(part) for part in task.first], task.whole
+    if refuse and method.in_a_loop != "holds":
+        return Failed(
+            method,
+            f'the record was made in a closed loop, where this method may be biased: {INSTEAD}, or feedback="accepted".',
+        )
+    rows, whole = task.rows, task.whole
     try:
         if isinstance(method, FilterIdentifier):
             whole = task.records
-            fit = identify(method, [one[:n] for one, n in zip(whole, rows, strict=True)])
+            fit, _ = fitted(method, [one[: len(part)] for one, part in zip(whole, task.first, strict=True)])
             model = fit.model
             stands = [adaptive.standing(method, model, one, n) for one, n in zip(whole, rows, strict=True)]
         else:
-            fit = identify(method, task.first)
-            model = between_samples(absolute(fit.model, task.trend.at(float(np.mean(rows)))), whole[0].hold)
+            fit, _ = fitted(method, task.first)
+            at = task.trend.at(float(np.mean([len(part) for part in task.first])))
+            model = between_samples(absolute(fit.model, at), whole[0].hold)
             stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
-        return method, str(error)
-    held = [(s.simulated[n:], s.one_step[n:], r.y[n:]) for s, r, n in zip(stands, whole, rows, strict=True)]
-    simulated, one_step, y = (np.concatenate(one) for one in zip(*held, strict=True))
-    return method, fit, model, _HeldOut(simulated, one_step, y, task.records[0].outputs)
+        return Failed(method, str(error))
+    return Fitted(method, fit, model, errors_of(stands, whole, rows))
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:
@@ -177,39 +204,3 @@ def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> State
         model.A, model.B, model.C, model.D, Q=model.Q, R=model.R, G=model.G, S=model.S, dt=model.dt, inputs=model.inputs,
         outputs=model.outputs, operating_point={"states": np.zeros(model.n), "inputs": levels[0], "outputs": levels[1] + own},
     )  # fmt: skip
-
-
-def _ranked(found: list[Any]) -> Comparison:
-    none = np.array([-np.inf])
-    fitted = [one for one in found if len(one) > 2]
-    failed = [Ranked(method, None, None, none, none, failure=why) for method, why in (f for f in found if len(f) == 2)]
-    if not fitted:
-        return Comparison(tuple(failed), None, f"{REFUSED}: no method could be fitted to it.")
-    fits = [judge.fit_percent(held.simulated, held.y) for *_, held in fitted]
-    order = sorted(range(len(fitted)), key=lambda i: -float(np.mean(fits[i])))
-    first = fitted[order[0]][3]
-    ranked = []
-    for i in order:
-        method, fit, model, held = fitted[i]
-        steps = judge.fit_percent(held.one_step, held.y)
-        t, ratio = judge.behind(held.simulated, first.simulated, first.y)
-        ranked.append(
-            Ranked(method, fit, model, fits[i], steps, t, ratio=ratio, diverged=judge.diverged(held.simulated, held.y))
-        )
-    return _judged(ranked, failed, first)
-
-
-def _judged(ranked: list[Ranked], failed: list[Ranked], first: _HeldOut) -> Comparison:
-    """The best method, if its simulation explains an output."""
-    best, everything = ranked[0], (*ranked, *failed)
-    explained = judge.explained(first.simulated, first.y)
-    if not explained.any():
-        why = f"the best simulation ({best.name}) fits {best.shown_fit} of the held-out outputs"
-        return Comparison(everything, None, f"{REFUSED}: {why}, which chance or a level fits as well.")
-    others = [one.label for one in ranked[1:] if one.alike]
-    doubt = f" Not significantly worse: {', '.join(others)}." if others else " All others are significantly worse."
-    result = f"{best.label} of order {best.order} fits best: {best.shown_fit} of the held-out rows."
-    names = first.outputs
-    not_explained = [names[i] for i in np.flatnonzero(~explained)]
-    rest = f" It does not explain {checks.listed(not_explained)}." if not_explained else ""
-    return Comparison(everything, best, result + doubt + rest)

@@ -21,7 +21,8 @@ from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
 from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
-from .connected import at_own_stamps, connected, with_checks
+from .connected import Connected, at_own_stamps, connected, with_checks
+from .loops import with_feedback_check
 from .search import maximise
 
 Records = Record | Sequence[Record]
@@ -58,11 +59,20 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     True
     """
     records = _read(method, record, engine)
+    fit, done = fitted(method, records, engine)
+    return with_feedback_check(fit, done.method, done.records)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def fitted(method: Method, records: list[Record], engine: str = "auto") -> tuple[Fit, Connected]:
+    """The fit and its checks, without the test of feedback, and what it was fitted to."""
     done = connected(method, records)
     _check(done.method, done.records)
     fit = with_checks(_fitted(done.method, done.records, engine), done)
     stamped = at_own_stamps(done.method, records, fit)
-    return fit if stamped is None else with_checks(_fitted(stamped.method, stamped.records, engine), stamped)
+    if stamped is None:
+        return fit, done
+    return with_checks(_fitted(stamped.method, stamped.records, engine), stamped), done
 
 
 def _fitted(method: Method, records: list[Record], engine: str) -> Fit:
@@ -109,11 +119,15 @@ def _read(method: Method, record: Records, engine: str) -> list[Record]:
 
 
 def _check(method: Method, records: list[Record]) -> None:
-    """Check that the records are alike, and that the method can weigh their samples."""
+    """Check that the records are alike, that the method can weigh their samples, and has an input if it needs one."""
     faults = checks.Faults()
     _check_sigma(method, records, faults)
     for i, one in enumerate(records):
         _check_alike(method, one, records[0], f"record {i}" if len(records) > 1 else "the record", faults)
+    if not records[0].inputs and not method.fits_series:
+        faults.add(
+            "the record has no input: give `u`, or use LeastSquares, PredictionError or PredictorSubspace, which also fit series."
+        )
     faults.finish()
 
 
@@ -130,15 +144,13 @@ def _check_sigma(method: Method, records: list[Record], faults: checks.Faults) -
 
 
 def _check_alike(method: Method, record: Record, first: Record, which: str, faults: checks.Faults) -> None:
-    """Check that a record has inputs, a regular step, and the channels and step of the first."""
+    """Check that a record has a regular step, and the channels and step of the first."""
     if (record.inputs, record.outputs) != (first.inputs, first.outputs):
         faults.add(f"{which} has other channels than record 0: all records need the same channels, in the same order.")
     if record.dt is None and not (isinstance(method, OutputErrorML) and record.t is not None):
         faults.add(f"{which} needs a regular step `dt`, in seconds.")
     elif record.dt is not None and first.dt is not None and abs(record.dt - first.dt) > UNIFORM * first.dt:
         faults.add(f"{which} has a step of {record.dt:g} s, but record 0 of {first.dt:g} s: they must be equal.")
-    if not record.inputs:
-        faults.add(f"{which} has no input: give `u`.")
 
 
 @frozen

@@ -4,6 +4,7 @@ Letters: y an output, x a simulation of it, e = y - x. All rows may be missing (
 """
 
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,17 +46,18 @@ def diverged(e: np.ndarray, y: np.ndarray) -> bool:
     return bool(np.any(fit_percent(e, y) < 100 * (1 - DIVERGED)))
 
 
-def behind(e: np.ndarray, best: np.ndarray, y: np.ndarray) -> Behind:
+def behind(e: np.ndarray, best: np.ndarray, y: np.ndarray, ends: Sequence[int] = ()) -> Behind:
     """How far the errors e (T, p) exceed the errors `best`.
 
-    The rows are divided into segments of equal shares of rows and of energy. Of each, (E - E*) / (E + E*) is at most 1, so that
-    the explosion of a simulation cannot inflate its own standard error (paired differences: Diebold & Mariano 1995).
+    The rows are divided into segments of equal shares of rows and of energy, which end where a record does (`ends`). Of each,
+    (E - E*) / (E + E*) is at most 1, so that the explosion of a simulation cannot inflate its own standard error (paired
+    differences: Diebold & Mariano 1995).
     """
     variance = np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny)
     with np.errstate(over="ignore", invalid="ignore"):
         E, E_best = (np.sum(_squares(one, y) / variance, axis=1) for one in (e, best))
         d = []
-        for rows in _segments(y):
+        for rows in _segments(y, ends):
             one, other = E[rows].sum(), E_best[rows].sum()
             d.append(1.0 if not np.isfinite(one) else 0.0 if one + other == 0 else (one - other) / (one + other))
         ratio = E.sum() / E_best.sum() if E_best.sum() > 0 else (1.0 if E.sum() == 0 else np.inf)
@@ -65,13 +67,14 @@ def behind(e: np.ndarray, best: np.ndarray, y: np.ndarray) -> Behind:
     return Behind(float(mean / spread) if spread > 0 else (0.0 if mean == 0 else float(np.copysign(1e6, mean))), ratio)
 
 
-def _segments(y: np.ndarray) -> list[slice]:
+def _segments(y: np.ndarray, ends: Sequence[int]) -> list[slice]:
     """Cuts after equal shares of half rows, half energy."""
     centred = np.nan_to_num(y - np.nanmean(y, axis=0))
     energy = np.sum(centred**2 / np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny), axis=1)
     share = np.cumsum(0.5 / len(y) + 0.5 * energy / max(energy.sum(), np.finfo(float).tiny))
     cuts = np.unique(np.searchsorted(share, share[-1] * np.arange(1, SEGMENTS) / SEGMENTS))
-    edges = [0, *(int(cut) for cut in cuts if FEWEST <= cut <= len(y) - FEWEST), len(y)]
+    ends = [0, *ends, len(y)]
+    edges = sorted({*ends, *(int(cut) for cut in cuts if np.abs(np.array(ends) - cut).min() >= FEWEST)})
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
 
 

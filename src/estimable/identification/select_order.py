@@ -68,14 +68,13 @@ def _read(
 ) -> tuple[list[Record], list[int], list[int]]:
     faults = checks.Faults()
     records = several("record", record, faults)
-    if records and not records[0].inputs:
-        faults.add("`record` has no input: give `u`.")
     ranges = []
     for name, given, least in (("orders", orders, 1), ("delays", delays, 0)):
         ranges.append(to_try(name, given, least, faults))
     faults.choice("criterion", criterion, CRITERIA)
     faults.finish()
-    return parts_of(records), *ranges
+    tried, lags = ranges
+    return parts_of(records), tried, lags if records[0].inputs else lags[:1]
 
 
 def to_try(name: str, given: Iterable[int] | int, least: int, faults: checks.Faults) -> list[int]:

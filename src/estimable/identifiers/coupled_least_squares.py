@@ -79,7 +79,8 @@ class CoupledLeastSquares(Identifier):
         M = _diagonal([one.information / max(r, 1e-300) for one, r in zip(found, np.diagonal(Σ), strict=True)])
         excitation = excitation_check(M, names, free)
         model = self._model(first, θ, Σ)
-        extra = {} if free.shape[1] else {"tangents": self._tangents(first, θ, Σ, covariance)}
+        known = not free.shape[1] and len(root(covariance).T) > 0
+        extra = {"tangents": self._tangents(first, θ, Σ, covariance)} if known else {}
         return Fit(
             model, θ.ravel(), covariance, names, validation_of(model, records, [excitation]), None, None,
             free if free.shape[1] else None, method=type(self).__name__, extra=extra,

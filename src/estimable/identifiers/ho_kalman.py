@@ -55,6 +55,8 @@ class HoKalman(Identifier):
     length: int | None = static(default=None)
     weighting: str = static(default="ordinary")
 
+    in_a_loop = "biased"
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("order", self.order, 1, checks.LARGEST_ORDER)

@@ -71,6 +71,7 @@ class InstrumentalVariables(Identifier):
     offset: bool = static(default=False)
 
     cannot_weigh = "its noise is stationary, of any colour"
+    in_a_loop = "biased"
 
     def __post_init__(self):
         LeastSquares(self.na, self.nb, delay=self.delay, offset=self.offset)

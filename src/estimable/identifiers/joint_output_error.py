@@ -91,6 +91,8 @@ class JointOutputError(Anticipating[JointBelief]):
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
+    in_a_loop = "white"
+
     def __post_init__(self):
         faults = checks.Faults()
         read = recursive.read(self, faults)

@@ -72,6 +72,7 @@ class LeastSquares(Identifier):
     delay: int = static(default=0)
     offset: bool = static(default=False)
 
+    fits_series = True
     takes_unknown_inputs = True  # equations with one are left out
     cannot_weigh = "its noise is that of the equations, not of single samples"
 

@@ -73,6 +73,8 @@ class MarkovParameters(Identifier):
 
     takes_unknown_inputs = True  # equations with one are left out
 
+    in_a_loop = "biased"
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.whole("length", self.length, 0, checks.LARGEST_ORDER)
@@ -145,7 +147,7 @@ class MarkovParameters(Identifier):
         fitted = CoupledLeastSquares(terms, terms, offset=self.offset).fit(records)
         found = spread_of(fitted)
         M, dM = impulse_moves(found.dynamics, found.tangents, self.length)
-        b, columns = M.transpose(1, 2, 0), np.moveaxis(dM, 1, -1).reshape(len(dM), -1)
+        b, columns = M.transpose(1, 2, 0), np.moveaxis(dM, 1, -1).reshape(len(dM), M.size)
         point, p = fitted.model.operating_point, len(first.outputs)
         offset = None if point is None else np.asarray(point.outputs)
         noise = np.nanmean(np.concatenate(fitted.validation.residuals) ** 2, axis=0)

@@ -65,6 +65,7 @@ class MinimumVariance(Identifier):
     delay: int = static(default=0)
 
     cannot_weigh = ""
+    in_a_loop = "biased"
 
     def __post_init__(self):
         faults = checks.Faults()

@@ -106,6 +106,8 @@ class OutputErrorML(StartedIdentifier):
         faults.finish()
         set_field(self, noise_variance=noise, arrival=arrival)
 
+    in_a_loop = "white"
+
     def starter(self, records: Sequence[Record]) -> RecursiveOutputError | None:
         """The recursion whose estimate is a second start; None where inputs are unknown, or at stamps that are multiples
         of no step: it supports neither."""

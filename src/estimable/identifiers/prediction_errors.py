@@ -11,6 +11,7 @@ from ..analysis.excitation import excitation_check
 from ..annotations import Array
 from ..data.record import Record
 from ..diagnostics.cramer_rao import undetermined
+from ..errors import InputError
 from ..frozen import frozen, static
 from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
@@ -18,6 +19,7 @@ from ..kernels.coloured_noise import times
 from ..kernels.impulse_start import Datum
 from ..kernels.innovation_information import Search
 from ..kernels.levenberg_marquardt import search, within
+from ..kernels.realisation import markov
 from ..kernels.regression import lagged, regress
 from ..kernels.uncertain_input_likelihood import Companion, companion
 from ..models.armax import ARMAX
@@ -26,6 +28,7 @@ from ..results import Check, Fit, Sample
 from .least_squares import LeastSquares
 from .one_output import FAR, coloured_covariance, covariance, marginal
 from .output_error_ml import block_diagonal, by_output
+from .predictor_subspace import PredictorSubspace
 from .realised import check_lags, check_records
 from .standing import validation_of
 from .uncertain_inputs import STRIDE, UncertainInputStep
@@ -65,10 +68,10 @@ class PredictionError(StartedIdentifier):
 
     Where all outputs were seen, the sum of squared prediction errors is minimised by the Levenberg-Marquardt method, with the
     roots of C inside .999: where one is at this bound, the check "invertibility" fails and c has no sigma. It starts from C = 1,
-    and from the residuals of a long ARX model (Hannan and Rissanen). The covariance is H^-1 M H^-1 with H = ψ'ψ, ψ the
-    derivatives of the errors, and the spectrum of the errors in M; `fit.covariance_white` is σ² (ψ'ψ)^-1. Where outputs are
-    missing, the likelihood of the seen ones is maximised by Fisher scoring, and the covariance is the inverse of the
-    information. Both allow for the fitted past before row 0.
+    from the residuals of a long ARX model (Hannan and Rissanen), and from `PredictorSubspace`. The covariance is H^-1 M H^-1
+    with H = ψ'ψ, ψ the derivatives of the errors, and the spectrum of the errors in M; `fit.covariance_white` is σ² (ψ'ψ)^-1.
+    Where outputs are missing, the likelihood of the seen ones is maximised by Fisher scoring, and the covariance is the inverse
+    of the information. Both allow for the fitted past before row 0.
 
     Cost: about 15 passes over the T samples, each of O(T d) operations for d parameters: 20 ms at T = 1000, with gaps or
     without. Gaps need a second of compilation before.
@@ -89,6 +92,7 @@ class PredictionError(StartedIdentifier):
     delay: int = static(default=0)
 
     cannot_weigh = "its noise is that of the equations, not of single samples"
+    fits_series = True
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -148,7 +152,7 @@ class PredictionError(StartedIdentifier):
         records = [Record(one.y, one.u, dt=1) for one in data]
         ordinary = LeastSquares(self.na, self.nb, delay=self.delay)
         rows = ordinary.complete_rows(records)[0]
-        starts = [np.concatenate([regress(rows.Φ, rows.y).θ, np.zeros(self.nc)])]
+        starts = [np.concatenate([regress(rows.Φ, rows.y).θ, np.zeros(self.nc)]), *self._subspace_start(records)]
         order, longest = LONG * (self.na + self.nc), max(records, key=len)
         long = LeastSquares(order, order, delay=self.delay).rows([longest], 0)
         if not self.nc or len(long.y) < 2 * long.Φ.shape[1]:
@@ -160,6 +164,21 @@ class PredictionError(StartedIdentifier):
         if known.sum() > 2 * columns.shape[1]:
             starts.append(regress(columns[known], rows.y[known]).θ)
         return starts
+
+    def _subspace_start(self, records: Sequence[Record]) -> list[np.ndarray]:
+        """The polynomials of an SSARX model: A and C have the eigenvalues of A and of A - K C; none where it cannot be fitted."""
+        n = max(self.na, self.nc)
+        if not self.nc:
+            return []
+        try:
+            found = PredictorSubspace(n, blocks=0).innovations_form(records)
+        except InputError:
+            return []
+        A, B, C, K = found[:4]
+        a, c = np.poly(A).real, np.poly(A - K @ C).real
+        M = markov(A, B, C, np.zeros((1, B.shape[1])), self.delay + self.nb)[:, 0]
+        b = [np.convolve(a, response)[self.delay : self.delay + self.nb + 1] for response in M.T]
+        return [np.concatenate([a[1 : self.na + 1], *b, c[1 : self.nc + 1]])]
 
     def _searched(self, data: Sequence[Datum], start: np.ndarray) -> Ended:
         d = len(start) - self.past * len(data)

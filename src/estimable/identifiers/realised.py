@@ -70,6 +70,8 @@ def check_lags(method: Any, records: Sequence[Record], faults: checks.Faults) ->
 
 def check_moving(records: Sequence[Record], faults: checks.Faults) -> None:
     """Check that inputs move, and are linearly independent."""
+    if not records[0].inputs:
+        return
     u = np.concatenate([record.applied() - record.applied().mean(axis=0) for record in records])
     still = [name for name, moved in zip(records[0].inputs, np.abs(u).max(axis=0), strict=True) if moved == 0]
     if still:

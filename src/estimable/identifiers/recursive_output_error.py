@@ -100,6 +100,8 @@ class RecursiveOutputError(Anticipating[Recursion]):
     inputs: Any = static(default=None)
     outputs: Any = static(default=None)
 
+    in_a_loop = "white"
+
     def __post_init__(self):
         faults = checks.Faults()
         faults.choice("method", self.method, METHODS)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..data.record import Record
 from ..diagnostics import cross_correlation, whiteness
+from ..diagnostics.feedback import is_white
 from ..diagnostics.innovations import FEWEST, LAGS, Correlations
 from ..errors import InputError
 from ..results import Check
@@ -17,10 +18,14 @@ ADVICE = {
 }
 
 
-def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record], coloured: str = "") -> list[Check]:
+def residual_checks(
+    e: Sequence[np.ndarray], records: Sequence[Record], coloured: str = "", *, direct: bool
+) -> list[Check]:
     """Whiteness of each output's standardised one-step residuals (T, p), and their correlation with each input.
 
-    `coloured`: what predictable residuals mean for a method, in place of the general advice.
+    `coloured`: what predictable residuals mean for a method, in place of the general advice. `direct`: whether the model lets an
+    input act in its own row. Where it does not, and an input depends on its own past, as in a loop, the same row does not count:
+    the input may have been computed from that output.
     """
     joined, inputs = side_by_side(e, records)
     if max(map(len, e)) <= LAGS + FEWEST:
@@ -35,10 +40,15 @@ def residual_checks(e: Sequence[np.ndarray], records: Sequence[Record], coloured
                 ADVICE["input-left"],
                 "input-left",
                 lambda i=i, j=j, name=name, given=given: cross_correlation(
-                    joined[:, i], inputs[:, j], name=name, input_name=given
+                    joined[:, i], inputs[:, j], name=name, input_name=given, first=first_lag(inputs[:, j], direct)
                 ),
             )
     return found
+
+
+def first_lag(u: np.ndarray, direct: bool) -> int:
+    """The smallest lag at which an input (T,) must not be correlated with the residuals of a right model."""
+    return 0 if direct or is_white(u) else 1
 
 
 def side_by_side(e: Sequence[np.ndarray], records: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:

@@ -81,7 +81,8 @@ def validation_of(
     """
     found = [standing(state_space_of(model), record) for record in records]
     residuals, one_step = tuple(one.simulated for one in found), tuple(one.one_step for one in found)
-    white = residual_checks([one.standardised for one in found], records, coloured)
+    direct = bool(np.any(state_space_of(model).D))
+    white = residual_checks([one.standardised for one in found], records, coloured, direct=direct)
     return Validation(
         residuals, fit_percent(residuals, records), (*extra, *white), fit_percent(one_step, records), one_step
     )

@@ -80,6 +80,7 @@ class Subspace(Identifier):
     draws: int = static(default=40)
 
     cannot_weigh = "its noise is stationary"
+    in_a_loop = "biased"
 
     def __post_init__(self):
         faults = checks.Faults()

@@ -63,7 +63,7 @@ def validated(
     elif noise_variance is not None:
         checks.append(noise_check(residuals, noise_variance))
     if _beyond_rounding(residuals, records):
-        checks += residual_checks(standardised, records)
+        checks += residual_checks(standardised, records, direct=model.delay == 0)
     return Validation(tuple(residuals), fit_percent(residuals, records), tuple(checks))
 
 

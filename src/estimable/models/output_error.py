@@ -51,7 +51,7 @@ class OutputError(polynomials.Polynomials):
         a = faults.array("a", _raised(self.a, 2), "p na")
         faults.whole("delay", self.delay, 0, checks.LARGEST_ORDER)
         dt = faults.number("dt", self.dt, above=0.0, unit="seconds")
-        for axis, what in (("p", "an output"), ("m", "an input"), ("lags", "at least b0")):
+        for axis, what in (("p", "an output"), ("lags", "at least b0")):
             if faults.sizes.get(axis) == 0:
                 faults.add(f"`b` must be (p, m, nb+1) with {what}. Got {np.shape(self.b)}.")
         noise = read_variance("noise_variance", self.noise_variance, faults)

@@ -9,6 +9,7 @@ from .. import diagnostics
 from ..diagnostics.innovations import Correlations
 from ..diagnostics.responses import FrequencyResponse, Response, Roots
 from ..errors import InputError
+from ..identifiers.residuals import first_lag
 from ..results import Excitation, Fit
 from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
@@ -137,7 +138,9 @@ def excitation_chart(found: Excitation, times: np.ndarray) -> Chart:
     )
 
 
-def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs: Sequence[str]) -> list[Chart]:
+def residual_charts(
+    e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs: Sequence[str], *, direct: bool
+) -> list[Chart]:
     """Correlations of the held-out residuals (T, p) with themselves and with the inputs (T, m), with their bands."""
     charts = []
     for i, name in enumerate(outputs):
@@ -146,7 +149,8 @@ def residual_charts(e: np.ndarray, u: np.ndarray, outputs: Sequence[str], inputs
         )
         for j, given in enumerate(inputs):
             charts += _correlations(
-                lambda i=i, j=j: diagnostics.cross_correlation(e[:, i], u[:, j]), f"Residuals of {name} with {given}"
+                lambda i=i, j=j: diagnostics.cross_correlation(e[:, i], u[:, j], first=first_lag(u[:, j], direct)),
+                f"Residuals of {name} with {given}",
             )
     return charts
 

@@ -84,7 +84,7 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
     """The diagrams of the simulation and of the residuals, and their verdicts, over the held-out part."""
     assert found.task is not None
     assert chosen.fit is not None
-    whole, first = found.task.whole[0], len(found.task.first[0])
+    whole, first = found.task.whole[0], found.task.rows[0]
     stand = standing(state_space_of(chosen.fit.model), whole, first)
     level = found.task.trend.outputs[0] + np.arange(len(record))[:, None] * found.task.trend.outputs[1]
     sigma = diagnostics.simulation_sigma(chosen.fit, whole.u, stand.state)
@@ -92,11 +92,13 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
         record.outputs, record.y, stand.outputs + level, sigma, [float(fit) for fit in chosen.fits], float(times[first])
     )
     e, u = stand.standardised[first:], whole.u[first:]
+    direct = bool(np.any(chosen.model.D))
     judged = [
-        Finding(_name(check), check.sentence, bool(check.passed)) for check in residual_checks([e], [whole[first:]])
+        Finding(_name(check), check.sentence, bool(check.passed))
+        for check in residual_checks([e], [whole[first:]], direct=direct)
     ]
     own = [Finding(_name(check), check.sentence, bool(check.passed)) for check in _own(chosen.fit)]
-    return (simulated, residual_charts(e, u, record.outputs, record.inputs)), [*judged, *own]
+    return (simulated, residual_charts(e, u, record.outputs, record.inputs, direct=direct)), [*judged, *own]
 
 
 def _own(fit: Fit) -> list[Any]:

@@ -9,6 +9,7 @@ from ..data.record import Record
 from ..data.trends import Trend
 from ..frozen import saved
 from .fits import Fit
+from .order_selection import DeadTime
 
 NOISE = 2.262157  # t of the differences of squared errors over ten segments, within which two methods are equally good
 FACTOR = 2.0  # of the squared errors of two methods that are equally good
@@ -34,6 +35,7 @@ class Ranked(NamedTuple):
       of the held-out rows. `ratio`: the sum of its squared errors divided by that of the best method.
     - `diverged`: whether its simulation ran away from the outputs.
     - `failure`: the reason why there is no fit, otherwise empty.
+    - `ahead`: whether methods were ranked by predictions one step ahead: in a closed loop, and without inputs.
     """
 
     method: Any
@@ -45,6 +47,7 @@ class Ranked(NamedTuple):
     failure: str = ""
     ratio: float = 1.0
     diverged: bool = False
+    ahead: bool = False
 
     @property
     def shown_fit(self) -> str:
@@ -83,8 +86,8 @@ class Ranked(NamedTuple):
 
     @property
     def fit_percent(self) -> float:
-        """The mean of `fits` over the outputs, in per cent."""
-        return float(np.mean(self.fits))
+        """The mean over the outputs of the fit by which methods were ranked, in per cent."""
+        return float(np.mean(self.one_step_fits if self.ahead else self.fits))
 
     @property
     def alike(self) -> bool:
@@ -97,16 +100,17 @@ class Ranked(NamedTuple):
 class Divided(NamedTuple):
     """The records of a comparison, and what the methods were fitted to.
 
-    - `records`: the given records.
-    - `trend`: the levels or straight lines that were subtracted from them.
-    - `whole`: the records without that trend.
-    - `first`: the first part of each of these, to which the methods were fitted.
+    - `records`: the records on which the methods were judged, from row `rows[i]` on.
+    - `trend`: the levels or straight lines that were subtracted from what was fitted.
+    - `whole`: the judged records without that trend; held-out ones without their own.
+    - `first`: what the methods were fitted to, without the trend: the first part of each record, or whole others.
     """
 
     records: Sequence[Record]
     whole: list[Record]
     first: list[Record]
     trend: Trend
+    rows: tuple[int, ...]
 
 
 @saved
@@ -117,12 +121,19 @@ class Comparison(NamedTuple):
     - `best`: the best of them. None where no method explains the records better than the mean of the outputs.
     - `sentence`: the verdict as a sentence.
     - `task`: the records, and the trend that was subtracted from them before the fit.
+    - `feedback`: the test whether the inputs depend on the noise of the outputs. `closed`: whether the records count as made in
+      a closed loop. `delay`: the dead time. None without inputs, or where the records are too short.
+    - `ahead`: whether the methods were judged one step ahead, as in a loop and without inputs, instead of by simulation.
     """
 
     ranked: tuple[Ranked, ...]
     best: Ranked | None
     sentence: str
     task: Divided | None = None
+    feedback: Any = None
+    closed: bool = False
+    delay: DeadTime | None = None
+    ahead: bool = False
 
     @property
     def predictor(self) -> Ranked | None:
