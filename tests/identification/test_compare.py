@@ -42,7 +42,8 @@ def test_the_hair_dryer_is_simulated_as_well_as_careful_fits_do(hair_dryer):
     u, y = hair_dryer
     found = compare(None, Record(y, u, dt=0.08))
     assert found.best.fit_percent >= 85.5
-    assert {one.name for one in found.ranked} == {"HoKalman", "LeastSquares", "OutputErrorML", "Subspace"}
+    kinds = {"HoKalman", "InstrumentalVariables", "LeastSquares", "OutputErrorML", "PredictionError", "Subspace"}
+    assert {one.name for one in found.ranked} == kinds
 
 
 def test_a_fifth_of_the_outputs_missing_costs_less_than_two_points(hair_dryer):
@@ -108,7 +109,7 @@ def test_a_method_that_fails_comes_last_with_its_sentence():
     )
     assert found.ranked[-1].name == "Subspace"
     assert "too short" in found.ranked[-1].failure
-    assert told == [("Subspace", 0, 2), ("OutputErrorML", 1, 2), ("", 2, 2)]
+    assert told == [("choosing the dead time", 0, 1), ("Subspace", 0, 2), ("OutputErrorML", 1, 2), ("", 2, 2)]
     assert compare([Subspace(9, horizon=40)], drawn(100)).best is None
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from estimable import ARX, InputError, Record, select_order, simulate
 
@@ -64,7 +65,6 @@ def test_an_order_without_equations_and_every_larger_one_is_infinite():
         (lambda: select_order(RECORD, orders=[0]), "`orders` must be an integer of at least 1. Got 0."),
         (lambda: select_order(RECORD, criterion="aci"), "Did you mean 'aic'?"),
         (lambda: select_order(3), "`record` must be a Record, or a list of them. Got 3."),
-        (lambda: select_order(Record([1.0, 2.0], dt=1)), "`record` has no input: give `u`."),
         (
             lambda: select_order(Record([1.0, 2.0], [1.0, 2.0], dt=1)),
             "the record is too short for order 1: it has 2 samples.",
@@ -75,3 +75,9 @@ def test_what_is_wrong_is_said(call, sentence):
     with pytest.raises(InputError) as caught:
         call()
     assert sentence in str(caught.value)
+
+
+def test_the_order_of_a_series_without_inputs():
+    for seed in range(5):
+        y = lfilter([1.0], [1, -1.2, 0.5], np.random.default_rng(seed).normal(size=1000))
+        assert select_order(Record(y, dt=1)).order == 2

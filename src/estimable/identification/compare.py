@@ -23,7 +23,7 @@ from .dead_time import dead_time
 from .held_out import LEVELS, divided, with_held_out
 from .identify import fitted
 from .loops import INSTEAD
-from .ranking import Before, Failed, Fitted, errors_of, ranked
+from .ranking import Before, FailedMethod, FittedMethod, errors_of, ranked
 
 FEEDBACK = ("tested", "accepted", "closed")
 SPLIT = 0.5
@@ -169,13 +169,13 @@ def _before(task: Divided, asked: str, report: Any) -> Before:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _run(method: Method, task: Divided, *, refuse: bool) -> Fitted | Failed:
+def _run(method: Method, task: Divided, *, refuse: bool) -> FittedMethod | FailedMethod:
     """The fit, its model in absolute units, and its errors on the held-out part; or the message that says why there is none.
 
     A nonlinear model describes the signals themselves: it is fitted to the first parts, the others to their deviations.
     """
     if refuse and method.in_a_loop != "holds":
-        return Failed(
+        return FailedMethod(
             method,
             f'the record was made in a closed loop, where this method may be biased: {INSTEAD}, or feedback="accepted".',
         )
@@ -192,8 +192,8 @@ def _run(method: Method, task: Divided, *, refuse: bool) -> Fitted | Failed:
             model = between_samples(absolute(fit.model, at), whole[0].hold)
             stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
-        return Failed(method, str(error))
-    return Fitted(method, fit, model, errors_of(stands, whole, rows))
+        return FailedMethod(method, str(error))
+    return FittedMethod(method, fit, model, errors_of(stands, whole, rows))
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:

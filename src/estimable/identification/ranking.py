@@ -43,7 +43,7 @@ class HeldOut(NamedTuple):
         return self.one_step if ahead else self.simulated
 
 
-class Fitted(NamedTuple):
+class FittedMethod(NamedTuple):
     """A method, its fit, the model in absolute units, and its errors."""
 
     method: Method
@@ -52,7 +52,7 @@ class Fitted(NamedTuple):
     held: HeldOut
 
 
-class Failed(NamedTuple):
+class FailedMethod(NamedTuple):
     """A method, and why there is no fit."""
 
     method: Method
@@ -68,12 +68,14 @@ def errors_of(stands: Sequence[Standing], whole: Sequence[Record], rows: Sequenc
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def ranked(found: Sequence[Fitted | Failed], task: Divided, before: Before) -> Comparison:
+def ranked(found: Sequence[FittedMethod | FailedMethod], task: Divided, before: Before) -> Comparison:
     """The methods in order, and the verdict. In a loop, where u depends on the noise, and without inputs, methods are judged one
     step ahead."""
     none, ahead = np.array([-np.inf]), before.closed or not task.first[0].inputs
-    failed = [Ranked(one.method, None, None, none, none, failure=one.why) for one in found if isinstance(one, Failed)]
-    fitted = [one for one in found if isinstance(one, Fitted)]
+    failed = [
+        Ranked(one.method, None, None, none, none, failure=one.why) for one in found if isinstance(one, FailedMethod)
+    ]
+    fitted = [one for one in found if isinstance(one, FittedMethod)]
     if not fitted:
         return Comparison(tuple(failed), None, f"{REFUSED}: no method could be fitted to it.", task, *before, ahead)
     fits = [judge.fit_percent(one.held.by(ahead), one.held.y) for one in fitted]

@@ -26,13 +26,14 @@ def select_order(
 ) -> OrderSelection:  # fmt: skip
     """Recommend an order for a linear model, and show the criteria behind the recommendation.
 
-    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted. With N equations, k parameters per
-    output, residuals e, and D = Σ N log(mean e²) over the outputs, the criteria are AIC = D + 2 k, AICc = D + 2 k N / (N - k
-    - 1) and BIC = D + k log N. Where samples are missing, a larger order has fewer complete equations: each step to the next
-    order is judged on the equations that both have, and the steps are added. An order with fewer than 2 n + 8 equations, and
-    every larger one, is infinite. `cross_validation` is N log of the mean squared error over five blocks of data, each predicted
-      by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose gap also shows the order. BIC
-      finds the true order of long records; AIC and cross-validation choose the model that predicts best.
+    For each order n an ARX model with na = nb + 1 = n and the best of `delays` is fitted; without inputs, an AR model. With N
+    equations, k parameters per output, residuals e, and D = Σ N log(mean e²) over the outputs, the criteria are AIC = D + 2 k,
+    AICc = D + 2 k N / (N - k - 1) and BIC = D + k log N. Where samples are missing, a larger order has fewer complete
+    equations: each step to the next order is judged on the equations that both have, and the steps are added. An order with
+    fewer than 2 n + 8 equations, and every larger one, is infinite. `cross_validation` is N log of the mean squared error over
+    five blocks of data, each predicted by a fit to the other four. A subspace model (`Subspace`) gives singular values, whose
+    gap also shows the order. BIC finds the true order of long records; AIC and cross-validation choose the model that predicts
+    best.
 
     Returns an `OrderSelection`. Raises `InputError` with every fault of the call, or where the records are too short for the
     smallest order.

@@ -69,6 +69,11 @@ class HoKalman(Identifier):
         """That of `MarkovParameters` with the same weighting."""
         return MarkovParameters(1, weighting=self.weighting).cannot_weigh
 
+    @property
+    def label(self) -> str:
+        """The class, and its weighting if it is not the ordinary one."""
+        return "HoKalman" if self.weighting == "ordinary" else f"HoKalman {self.weighting}"
+
     def realise(
         self,
         markov_parameters: Numbers,
