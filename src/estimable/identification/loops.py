@@ -16,7 +16,7 @@ def with_feedback_check(fit: Fit, method: Method, records: Sequence[Record]) -> 
 
     The check fails for a method that is biased in a loop, and for one that needs white noise where its residuals are not white.
     """
-    if method.in_a_loop == "holds" or fit.validation is None:
+    if method.in_a_loop == "holds" or fit.validation is None or any(one.dt is None for one in records):
         return fit
     found = feedback(records, direct=_acts_at_once(method))
     if not found.closed:
