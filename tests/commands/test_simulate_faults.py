@@ -83,6 +83,7 @@ def test_the_f16_of_jsbsim_flies_in_turbulence_with_a_fault(run, tmp_path):
     (("--fault", "stuk:elevator@4.5", "--fault", "bias:pitch@3"), ("no kind 'stuk'", "Did you mean 'stuck'", "needs a value")),
     (("--fault", "stuck:motor3@4.5"), ("has no input 'motor3'. Its inputs are 'elevator_deg'",)),
     (("--fault", "stuck:elevator@-1",), ("`time` must be at least 0 seconds",)),
+    (("--fault", "stuck:elevator@20",), ("Stuck begins at 20 s, but the flight ends at 16.5 s",)),
     (("--fault", "rate:elevator@1=0"), ("`rate` must be greater than 0",)),
     (("--fault", "stuck"), ("must be KIND:CHANNEL@TIME",)),
     (("--fault", "offset:elevator@1=one"), ("the value must be a number",)),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import estimable as es
 from estimable.frozen import replace
@@ -196,6 +197,20 @@ def test_the_vibration_is_a_line_at_the_speed_of_the_rotors():
         float(model.h(start + np.r_[np.zeros(12), turning * t], hover, np.ones(4))[3]) for t in np.arange(300) / 7001
     ]
     assert np.var(forces) == pytest.approx((4 * 0.4) ** 2 / 2, rel=0.05)  # four lines of .4 m/s², in phase
+
+
+def test_in_free_fall_a_multirotor_keeps_its_angular_momentum_and_its_energy():
+    model = replace(multirotors.flight(6, inertia=(0.02, 0.03, 0.04)), Q=np.zeros((4, 4)))
+    start = np.zeros(12)
+    start[:3] = 1.0, 0.3, -0.5
+    x = es.simulate(model, np.zeros((600, 6)), seed=1, dt=0.001, prior=es.Prior(start, np.zeros((12, 12)))).state
+    turned = [Rotation.from_euler("ZYX", [yaw, pitch, roll]) for roll, pitch, yaw in x[:, 3:6]]
+    momentum = np.array([one.apply([0.02, 0.03, 0.04] * ω) for one, ω in zip(turned, x[:, :3], strict=True)])
+    assert np.ptp(x[:, 3]) > 0.3
+    assert np.abs(momentum - momentum[0]).max() < 1e-9
+    assert np.ptp(x[:, :3] ** 2 @ [0.02, 0.03, 0.04]) < 1e-9
+    height, rise = (x[:, model.states.index(name)] for name in ("height", "vertical_speed"))
+    assert np.ptp(rise**2 / 2 + 9.81 * height) < 1e-9
 
 
 def hexarotor(changes=(), noisy=False):

@@ -61,7 +61,12 @@ def flown(
     faults.finish()
     name = what if plant is None else NAMES[plant]
     about = {"about": "zero"} if plant == "jsbsim-untrimmed" else {}
-    events = read_faults(faults_given, worlds.world(name, (), **about).model)
+    still = worlds.world(name, (), **about)
+    events, end = read_faults(faults_given, still.model), (len(still.reference) - 1) * still.dt
+    for event in events:
+        if event.time > end:
+            faults.add(f"--fault: {type(event).__name__} begins at {event.time:g} s, but the flight ends at {end:g} s.")
+    faults.finish()
     links = dict(zip(("input_link", "output_link"), (link(rate, burst) for rate in arrivals), strict=True))
     with show.working("Flying"):
         flight = worlds.world(name, events, turbulence=turbulence or "none", **about)
