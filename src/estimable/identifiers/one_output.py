@@ -55,7 +55,8 @@ class Orders(NamedTuple):
 class OneOutput(NamedTuple):
     """The fit: θ (d,), the noise's variance, the information of the unknowns η of the plant, residuals, log-likelihood;
     whether the search has converged; the covariance of θ under the spectrum of the residuals; the coefficients of the level
-    and their standard deviations (2, level); a pole at its bound; and L = dθ/dη (None: they are the same)."""
+    and their standard deviations (2, level); a pole at its bound; L = dθ/dη (None: they are the same); and the task with
+    its unknowns at the end."""
 
     parameters: np.ndarray
     noise_variance: float
@@ -67,6 +68,7 @@ class OneOutput(NamedTuple):
     level: np.ndarray = np.zeros((2, 0))
     pole: Pole | None = None
     L: np.ndarray | None = None
+    end: tuple["Fitted", np.ndarray] | None = None
 
     @property
     def slopes(self) -> np.ndarray:
@@ -95,6 +97,11 @@ class Fitted(NamedTuple):
         L, θ0 = self.orders.parameters(self.m)
         return L @ x[: self.d] + θ0
 
+    def response(self, x: np.ndarray, datum: Datum) -> np.ndarray:
+        """The response (T,) to the inputs of one record, from rest."""
+        θ, na = self.parameters(x), self.orders.na
+        return _response(θ[:na], θ[na:].reshape(self.m, self.orders.nb + 1), self.orders.delay, datum, np.zeros(0))
+
     def outputs(self, x: np.ndarray) -> list[np.ndarray]:
         """The outputs of each record."""
         found = []
@@ -108,7 +115,7 @@ class Fitted(NamedTuple):
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the rows that were seen, (N,)."""
         pairs = zip(self.outputs(x), self.data, strict=True)
-        e = np.concatenate([(out - datum.y)[datum.seen] / _sizes(datum) for out, datum in pairs])
+        e = np.concatenate([(out - datum.y)[datum.seen] / sizes(datum) for out, datum in pairs])
         return np.nan_to_num(np.clip(e, -FAR, FAR), nan=FAR)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
@@ -122,7 +129,7 @@ class Fitted(NamedTuple):
             pasts = np.zeros((len(datum.y), past * len(self.data)))
             pasts[:, i * past : (i + 1) * past] = own
             columns = np.concatenate([ψ @ L, powers(datum, level), pasts], axis=1)[datum.seen]
-            blocks.append((columns.T / _sizes(datum)).T)
+            blocks.append((columns.T / sizes(datum)).T)
         return np.clip(np.concatenate(blocks), -FAR, FAR)
 
     def begun(self, a: np.ndarray, bound: float) -> np.ndarray:
@@ -153,14 +160,14 @@ class Fitted(NamedTuple):
         r = float(e @ e / spare) if noise_variance is None else noise_variance
         size = max((float(np.mean(one.y[one.seen] ** 2)) for one in self.data if one.seen.any()), default=0.0)
         r = max(r, LEAST * size, 1e-200)  # noise-free data: the rounding error
-        scales = sum(float(np.sum(np.log(_sizes(datum)))) for datum in self.data)
+        scales = sum(float(np.sum(np.log(sizes(datum)))) for datum in self.data)
         log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r) - scales
         residuals = tuple(datum.y - out for datum, out in zip(self.data, self.outputs(end.x), strict=True))
         at, L = times([datum.seen for datum in self.data]), self.orders.parameters(self.m)[0]
         M, Σ = coloured_covariance(J, self.d, e, at, r)
         return OneOutput(
             self.parameters(end.x), r, M, residuals, log_likelihood, end.converged, L @ Σ @ L.T,
-            self._level(end.x, J, e, at, r), L=L,
+            self._level(end.x, J, e, at, r), L=L, end=(self, end.x),
         )  # fmt: skip
 
     def _level(self, x: np.ndarray, J: np.ndarray, e: np.ndarray, at: np.ndarray, r: float) -> np.ndarray:
@@ -223,7 +230,7 @@ def _weighed(task: Fitted, starts: Sequence[Any], noise_variance: float | None) 
     return found._replace(noise_variance=r)
 
 
-def _sizes(datum: Datum) -> Any:
+def sizes(datum: Datum) -> Any:
     """The standard deviations of the samples that were seen; 1 where all are alike."""
     return 1.0 if datum.sigma is None else datum.sigma[datum.seen]
 

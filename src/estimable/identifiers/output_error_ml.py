@@ -20,6 +20,7 @@ from ..results import Fit
 from .one_output import OneOutput, Orders, covariance, fit_output
 from .realised import check_lags
 from .recursive_output_error import RecursiveOutputError
+from .score_tests import score_checks, summary
 from .uncertain_inputs import expected, fit_uncertain
 from .validation import pole_checks, search_checks, sigma_check, validated
 
@@ -195,7 +196,9 @@ class OutputErrorML(StartedIdentifier):
         poles = pole_checks([end.pole for end in ends], first.outputs)
         validation = validated(model, records, assumed, residuals, M, directions=free, stability=poles)
         spread = [] if len(coloured) < len(ends) else [sigma_check(Σ, white, model.parameter_names)]
-        validation = validation._replace(checks=(*validation.checks, *spread, *search_checks(ends)))
+        scores = score_checks(ends, records, self.arrival if _uncertain(records) else None)
+        extra = (*spread, *search_checks(ends), *summary(scores))
+        validation = validation._replace(checks=(*validation.checks, *extra), scores=tuple(scores))
         return Fit(
             model, θ, Σ, model.parameter_names, validation, None,
             sum(end.log_likelihood for end in ends), free if free.shape[1] else None, method=type(self).__name__,

@@ -100,6 +100,7 @@ def fit_uncertain(
         found.log_likelihood,
         found.converged,
         level=np.stack([found.θ[at], spread]),
+        end=first.end,
     )
 
 

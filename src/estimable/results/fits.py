@@ -39,6 +39,8 @@ class Validation(NamedTuple):
     - `one_step_fit` and `one_step_residuals`: the same for predictions from the previous sample. They are None where a method
       has none.
     - `checks`: the checked assumptions.
+    - `scores`: tests of single assumptions about the link and the plant (what the actuator does without an input, which samples
+      are lost, a nonlinear plant). `value` is in standard deviations. The check "scores" reports the largest.
     """
 
     residuals: tuple[Any, ...]
@@ -46,6 +48,7 @@ class Validation(NamedTuple):
     checks: tuple[Check, ...] = ()
     one_step_fit: Any = None
     one_step_residuals: Any = None
+    scores: tuple[Check, ...] = ()
 
     @property
     def passed(self) -> bool:

@@ -24,6 +24,7 @@ ADDED: dict[str, dict[str, Any]] = {
     "ModelFile": {"uncertainty": None},
     "Progress": {"schedule": None, "gaps": None},
     "Fit": {"covariance_white": None},
+    "Validation": {"scores": ()},
     "OutputError": {"level": None},
     "OutputErrorML": {"level": "none"},
     "Names": {"angles": ()},
