@@ -7,6 +7,7 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import first_order
 from ..models.prior import Prior
+from ..models.uncertainty import ModelUncertainty
 from ..protocols import JumpingGains
 from ..results import Names
 from . import nonlinear
@@ -28,9 +29,10 @@ class ExtendedKalman(JumpingGains[Belief], Linearised):
     `SecondOrderKalman` or `UnscentedKalman` correct it.
 
     Settings: `model`; `parameters`: a `Prior` of the parameters θ (k,), which are then estimated together with the state and
-    reported as `gain` (None: the values in the model); `walk`: the variance per second of each parameter, (k,) or one number,
-    or a covariance (k, k) per second; `iterations`: how often h is linearised at a sample. With more than 1 this is the
-    iterated filter, for outputs that are accurate compared with the curvature of h.
+    reported as `gain` (None: the values in the model); `walk`: the variance per second of each parameter, (k,) or one number, or
+    a covariance (k, k) per second; `uncertainty`: a `ModelUncertainty` of the matrices of a `StateSpace`, or of parameters of
+    the model, which are then considered and not among those of `parameters`; `iterations`: how often h is linearised at a
+    sample. With more than 1 this is the iterated filter, for outputs that are accurate compared with the curvature of h.
 
     Cost: that of `Kalman`, and the n first derivatives of f and of h, one for each state.
 
@@ -47,6 +49,7 @@ class ExtendedKalman(JumpingGains[Belief], Linearised):
     _: KW_ONLY
     parameters: Prior | None = None
     walk: Any = 0.0
+    uncertainty: ModelUncertainty | None = None
     iterations: int = static(default=1)
     ready: Any = field(default=None, init=False)
     walk_factor: Any = field(default=None, init=False)
@@ -67,6 +70,7 @@ class ExtendedKalman(JumpingGains[Belief], Linearised):
         return nonlinear.names(self)
 
     gain, takes_uncertain_inputs = property(nonlinear.gain), True
+    uncertain_entries = property(nonlinear.uncertain_entries)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
     constant, read_walk, instant_about = nonlinear.constant, nonlinear.read_walk, nonlinear.instant_about

@@ -91,7 +91,7 @@ class Kalman(Smoothable[Belief]):
         """The belief about x[0], before y[0]."""
         ready = self._ready
         state = belief.believe(prior, ready.point.states, ready.added)
-        return state if ready.tangents is None else uncertain.with_entries(state, ready.tangents)
+        return state if ready.tangents is None else uncertain.with_entries(state, jnp.asarray(ready.tangents.sigma))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:
         """Update the belief with one sample."""

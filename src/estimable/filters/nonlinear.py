@@ -22,8 +22,9 @@ from ..models.plant import Functions, Matrices, plant
 from ..models.prior import Prior
 from ..models.sampled import Clock
 from ..models.state_space import StateSpace
+from ..models.uncertainty import ModelUncertainty
 from ..results import Info, Interval, Names, Sample, outcome_code
-from . import sample_noise
+from . import sample_noise, uncertain
 from .belief import Belief, believe, posterior, side_by_side
 from .input_noise import refuse_wandering_input
 
@@ -38,15 +39,27 @@ def check(algorithm: Any) -> None:
     elif isinstance(model, StateSpace) and model.S is not None:
         faults.add("the model has cross noise S, which the nonlinear filters do not support: use Kalman(model).")
     if parameters is not None and faults.instance("parameters", parameters, Prior) and not faults.sentences:
-        names = getattr(model, "parameter_names", ())
+        names = _estimated(algorithm)
         if parameters.size != len(names):
             faults.add(
                 f"`parameters` must be a prior of the model's {checks.counted(len(names), 'parameter')} "
                 f"({checks.listed(names)}). Got {parameters.size}."
             )
+    given = algorithm.uncertainty
+    if given is not None and not faults.sentences and faults.instance("uncertainty", given, ModelUncertainty):
+        given.check(model, faults)
     walk = read_walk(algorithm, algorithm.walk, faults)
     faults.finish()
     set_field(algorithm, walk=walk)
+
+
+def _estimated(algorithm: Any) -> tuple[str, ...]:
+    """The parameters of the model that can be estimated: all but the considered ones."""
+    model, given = algorithm.model, algorithm.uncertainty
+    if not isinstance(model, NonlinearModel):
+        return ()
+    considered = given.of_parameters(model) if isinstance(given, ModelUncertainty) else ()
+    return tuple(name for name in model.parameter_names if name not in considered)
 
 
 def read_walk(self: Any, given: Numbers, faults: checks.Faults) -> Any:
@@ -69,13 +82,13 @@ def gain(self: Any) -> Prior | None:
 def names(self: Any) -> Names:
     """Names of states, inputs, outputs, and of the estimated parameters, as gains."""
     model = self.model
-    parameters = () if self.parameters is None else model.parameter_names
+    parameters = () if self.parameters is None else _estimated(self)
     return Names(model.states, model.inputs, model.outputs, parameters)
 
 
 def sampled(self: Any, clock: Clock) -> Any:
     """The same filter with its model prepared for the steps of `clock`, and its noises factored."""
-    ready = plant(self.model, clock)
+    ready = plant(self.model, clock, self.uncertainty)
     return replace(self, ready=ready, walk_factor=factors(self.walk), model=None)
 
 
@@ -96,6 +109,10 @@ def init(self: Any, prior: Prior) -> Belief:
         refuse_diffuse(self, prior)
     ready = ready_of(self).ready
     belief = believe(prior, ready.origin, ready.added)
+    if ready.uncertain:
+        belief = uncertain.with_entries(
+            belief, jnp.asarray(ready.sigma), jnp.asarray(ready.θ)[np.array(ready.uncertain)]
+        )
     return belief if self.parameters is None else side_by_side(belief, believe(self.parameters))
 
 
@@ -109,14 +126,33 @@ def refuse_diffuse(algorithm: Any, prior: Prior) -> None:
             )
 
 
-def split(z: Array, n: int, θ: Array):
-    """x and θ of z. Where θ is not estimated, it is the model's own."""
-    return z[:n], (z[n:] if z.shape[0] > n else θ)
+def split(z: Array, ready: Functions | Matrices):
+    """x and θ of z = (x, φ, estimated parameters), with φ the considered ones. What z does not hold is the model's own."""
+    n, φ, θ = ready.n, ready.uncertain, ready.θ
+    if z.shape[0] == n:
+        return z, θ
+    order = [*φ, *(i for i in range(len(θ)) if i not in φ)]
+    held = z.shape[0] - n
+    values = z[n:] if held == len(θ) else jnp.concatenate([z[n:], jnp.asarray(θ)[np.array(order[held:])]])
+    return z[:n], (values[np.argsort(order)] if φ and order != sorted(order) else values)
+
+
+def considered(algorithm: Any) -> slice | None:
+    """The places in z of what is considered; None where nothing is."""
+    ready, given = ready_of(algorithm).ready, algorithm.uncertainty
+    if given is None or given.treat == "estimated":
+        return None
+    return slice(ready.n, ready.n + len(ready.uncertain))
+
+
+def uncertain_entries(self: Any) -> int:
+    """The number of uncertain entries or parameters in z."""
+    return len(ready_of(self).ready.uncertain)
 
 
 def output_of(ready: Functions | Matrices, sample: Sample) -> Callable:
     """z -> y without noise."""
-    return lambda z: ready.output(*split(z, ready.n, ready.θ), sample.u)
+    return lambda z: ready.output(*split(z, ready), sample.u)
 
 
 def turn(period: tuple[float, ...] | None, parameters: int = 0) -> Any:
@@ -126,21 +162,22 @@ def turn(period: tuple[float, ...] | None, parameters: int = 0) -> Any:
 
 def move_of(ready: Functions | Matrices, interval: Interval) -> Callable:
     """z -> z at the next sample without noise; parameters are constant."""
-    return lambda z: jnp.concatenate([ready.next_state(*split(z, ready.n, ready.θ), interval), z[ready.n :]])
+    return lambda z: jnp.concatenate([ready.next_state(*split(z, ready), interval), z[ready.n :]])
 
 
 def tell(self: Any, state: Belief) -> Info:
     """Mean and covariance of a belief about (x, θ), in the user's units."""
     ready = ready_of(self).ready
     n, covariance = ready.n, state.covariance
-    has_parameters = state.mean.shape[0] > n
+    end = n + len(ready.uncertain)
+    has_parameters = state.mean.shape[0] > end
     return Info(
         mean=state.mean[:n] + ready.origin,
         covariance=covariance[:n, :n],
-        gain=state.mean[n:] if has_parameters else None,
-        gain_covariance=covariance[n:, n:] if has_parameters else None,
+        gain=state.mean[end:] if has_parameters else None,
+        gain_covariance=covariance[end:, end:] if has_parameters else None,
         diffuse_covariance=gram(state.diffuse)[:n, :n] if state.diffuse.shape[1] else None,
-        extra={"state_gain_covariance": covariance[:n, n:]} if has_parameters else {},
+        extra={"state_gain_covariance": covariance[:n, end:]} if has_parameters else {},
     )
 
 
@@ -160,16 +197,8 @@ def tell_sample(algorithm: Any, state: Belief, post: Posterior, bias: Array | No
 def noise_of(line: expansion.Expansion, V: Array, truncated: bool):
     """The factor of the residual of y after the linear fit: V V' + E E', or V V' - b b' where fourth moments are neglected."""
     if truncated:
-        return lessened(V, line.bias)
+        return expansion.lessened(V, line.bias)
     return triangularise(jnp.concatenate([V, line.rest], axis=1)) if line.rest.shape[1] else V
-
-
-def lessened(L: Array, b: Array):
-    """The factor of L L' - b b'; NaN where that is not positive semidefinite."""
-    P = gram(L) - b[:, None] * b[None, :]
-    Z = factor(P)
-    misses = jnp.max(jnp.abs(gram(Z) - P)) > 1e-9 * jnp.max(jnp.abs(gram(L)) + jnp.abs(P))
-    return jnp.where(misses, jnp.nan, Z)
 
 
 def correct(self: Any, state: Belief, sample: Sample) -> tuple[Belief, Info]:
@@ -200,7 +229,10 @@ def _condition(algorithm: Any, b: Belief, sample: Sample, mean: Array, L: Array)
     line, measurement = measurement_about(algorithm, sample, mean, L)
     ready = ready_of(algorithm).ready
     plain = not line.rest.shape[1] and not algorithm.truncated
-    return line, posterior(b, measurement, sample, independently=ready.independent and plain)
+    update = posterior(
+        b, measurement, sample, independently=ready.independent and plain, considered=considered(algorithm)
+    )
+    return line, update
 
 
 def measurement_about(self: Any, sample: Sample, mean: Array, L: Array) -> tuple[expansion.Expansion, Measurement]:
@@ -229,7 +261,10 @@ def constant(self: Any, walk: Array, persistence: Array) -> Any:
 def walk_columns(algorithm: Any, b: Belief, interval: Interval) -> Any:
     """The factor of the random walk of the parameters in a step, (n + k, k), and of the effect of an unknown input."""
     refuse_wandering_input(interval)
-    walk = block_diagonal(jnp.zeros((algorithm.ready.n, 0)), algorithm.walk_factor * jnp.sqrt(interval.dt))
+    walk = block_diagonal(
+        jnp.zeros((algorithm.ready.n + len(algorithm.ready.uncertain), 0)),
+        algorithm.walk_factor * jnp.sqrt(interval.dt),
+    )
     if interval.u_covariance is None:
         return walk
     known = replace(interval, u_covariance=None)
@@ -254,7 +289,7 @@ def predict(self: Any, state: Belief, interval: Interval) -> Belief:
         return flowed(algorithm, b, interval, walk)
     L, transition, bias = _expanded(algorithm, b, interval, walk)
     moved = Belief(*predict_linear(b.gaussian._replace(Z=L), transition))
-    return moved if bias is None else replace(moved, factor=lessened(moved.factor, bias))
+    return moved if bias is None else replace(moved, factor=expansion.lessened(moved.factor, bias))
 
 
 def transition_about(self: Any, b: Belief, interval: Interval) -> Transition:
@@ -275,7 +310,7 @@ def _expanded(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> tup
     f = move_of(ready, interval)
     if ready.noise_input is None:
         line = expand(f, b.mean, L)
-        W = padded(ready.noise(*split(b.mean, ready.n, ready.θ), interval.u), b)
+        W = padded(ready.noise(*split(b.mean, ready), interval.u), b)
         slope, rest = line.slope, line.rest
     else:
         line, slope, W = _with_noise_input(ready, b, L, interval, f, expand)
@@ -297,7 +332,7 @@ def noisy(ready: Functions | Matrices, b: Belief, f: Callable, interval: Interva
     size = b.mean.shape[0]
 
     def g(ze: Array):
-        W = padded(ready.noise(*split(ze[:size], ready.n, ready.θ), interval.u), b)
+        W = padded(ready.noise(*split(ze[:size], ready), interval.u), b)
         return f(ze[:size]) + jnp.sum(W * ze[None, size:], axis=1)
 
     return g
@@ -314,10 +349,10 @@ def augmented(ready: Functions, b: Belief, interval: Interval) -> tuple[Callable
     n, derivative = ready.n, ready.derivative(interval)
 
     def f(z: Array, t: Array | float):
-        x, θ = split(z, n, ready.θ)
+        x, θ = split(z, ready)
         return jnp.concatenate([derivative(x, θ, t), jnp.zeros(z.shape[0] - n)])
 
-    return f, lambda z, t: padded(ready.noise(*split(z, n, ready.θ), interval.u), b)
+    return f, lambda z, t: padded(ready.noise(*split(z, ready), interval.u), b)
 
 
 def flowed(algorithm: Any, b: Belief, interval: Interval, walk: Array) -> Belief:

@@ -7,11 +7,13 @@ from .. import checks
 from ..frozen import frozen, static
 from ..kernels.expansion import bias_only, second_order
 from ..models.prior import Prior
+from ..models.uncertainty import ModelUncertainty
 from ..protocols import JumpingGains
 from ..results import Names
 from . import nonlinear
 from .belief import Belief
 from .linearised import Linearised
+from .uncertain import refuse_smoothing
 
 MOMENTS = ("gaussian", "bias_only", "truncated")
 BETWEEN = ("moments", "map")
@@ -33,8 +35,8 @@ class SecondOrderKalman(JumpingGains[Belief], Linearised):
 
     Settings:
 
-    - `model`, `parameters`, `walk`, `iterations`: as in `ExtendedKalman`. With more than 1 iteration h is expanded about the
-      posterior mean, with the posterior covariance.
+    - `model`, `parameters`, `walk`, `uncertainty`, `iterations`: as in `ExtendedKalman`. With more than 1 iteration h is
+      expanded about the posterior mean, with the posterior covariance.
     - `moments`: "gaussian", as above; "bias_only": the second-order mean with the first-order covariance; "truncated": fourth
       moments are neglected, S = h' P h + R - b b' with b the second-order term of the mean. S can then become indefinite, and
       the run ends with outcome 4.
@@ -58,6 +60,7 @@ class SecondOrderKalman(JumpingGains[Belief], Linearised):
     _: KW_ONLY
     parameters: Prior | None = None
     walk: Any = 0.0
+    uncertainty: ModelUncertainty | None = None
     iterations: int = static(default=1)
     moments: str = static(default="gaussian")
     between: str = static(default="moments")
@@ -99,13 +102,15 @@ class SecondOrderKalman(JumpingGains[Belief], Linearised):
         return nonlinear.names(self)
 
     gain, takes_uncertain_inputs = property(nonlinear.gain), True
+    uncertain_entries = property(nonlinear.uncertain_entries)
     sampled, at, init = nonlinear.sampled, nonlinear.at, nonlinear.init
     condition, correct, predict, tell = nonlinear.condition, nonlinear.correct, nonlinear.predict, nonlinear.tell
     constant, read_walk, instant_about = nonlinear.constant, nonlinear.read_walk, nonlinear.instant_about
 
     @property
     def for_smoothing(self) -> Self:
-        """The filter itself. Raises `InputError` where its moments are truncated."""
+        """The filter itself. Raises `InputError` where its moments are truncated, or its model is uncertain."""
+        refuse_smoothing(self.uncertainty)
         if self.truncated:
             checks.refuse(
                 'smooth needs the covariance of each noise, and moments = "truncated" subtracts from it: use '

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 
 from .. import checks
 from ..annotations import Array
-from ..frozen import replace
 from ..kernels.joint_gain import block_diagonal, effects
 from ..models.sampled import SampledModel
 from ..models.uncertainty import ModelUncertainty, Tangents
@@ -38,29 +37,17 @@ def parts(mean: Array, q: int, p: int) -> Parts:
     return Parts(mean[:n], mean[n : n + q], jnp.concatenate([jnp.ones(1), mean[n + q :]]))
 
 
-def with_entries(state: Belief, tangents: Tangents) -> Belief:
-    """The belief about (x, φ) before the record."""
-    zeros, sigma = jnp.zeros(tangents.count), jnp.asarray(tangents.sigma)
-    φ = Belief(zeros, jnp.eye(tangents.count) * sigma[:, None], jnp.zeros((tangents.count, 0)), zeros, jnp.zeros(()))
-    return side_by_side(state, φ)
-
-
-def at(model: SampledModel, tangents: Tangents, φ: Array) -> SampledModel:
-    """The model with the entries φ."""
-
-    def moved(M: Array, dM: Array) -> Array:
-        return M + jnp.sum(φ[:, None, None] * dM, axis=0)
-
-    B_end = None if model.B_end is None else moved(model.B_end, tangents.B_end)
-    return replace(
-        model, A=moved(model.A, tangents.A), B=moved(model.B, tangents.B), B_end=B_end, C=moved(model.C, tangents.C)
-    )
+def with_entries(state: Belief, sigma: Array, mean: Array | float = 0.0) -> Belief:
+    """The belief about (x, φ) before the record; `sigma` (q,): the deviations of the entries."""
+    q = sigma.shape[0]
+    φ = jnp.zeros(q) + mean
+    return side_by_side(state, Belief(φ, jnp.eye(q) * sigma[:, None], jnp.zeros((q, 0)), jnp.abs(φ), jnp.zeros(())))
 
 
 def motion(model: SampledModel, tangents: Tangents, now: Parts, interval: Interval) -> tuple[Array, Array, Array]:
     """The transition (n + q, n + q) of (x, φ), the effect (n + q, 1 + p) of each block of the input, and a constant."""
     (x, φ, θ), u = now, interval.u - model.point.inputs
-    there = at(model, tangents, φ)
+    there = tangents.moved(model, φ)
     count = θ.shape[0]
     b = effects(there.B, u, count)
     if model.B_end is not None:
@@ -82,7 +69,7 @@ def motion(model: SampledModel, tangents: Tangents, now: Parts, interval: Interv
 
 def observation(model: SampledModel, tangents: Tangents, now: Parts) -> tuple[Array, Array]:
     """The rows (y, n + q) of C for (x, φ), and the constant (y,)."""
-    there = at(model, tangents, now.φ)
+    there = tangents.moved(model, now.φ)
     Hφ = jnp.stack([jnp.sum(tangents.C[j] * now.x[None], axis=1) for j in range(tangents.count)], axis=1)  # (2)
     return jnp.concatenate([there.C, Hφ], axis=1), -jnp.sum(Hφ * now.φ[None], axis=1)
 

@@ -144,6 +144,11 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         gains = gain_blocks.gain_names(self.directions, self.gain.size, model)
         return Names(model.states, model.inputs, model.outputs, gains)
 
+    @property
+    def gain_is_effectiveness(self) -> bool:
+        """Whether the gains multiply the B of the model, so that 1 minus a gain is the part of the effect that is lost."""
+        return gain_blocks.is_word(self.directions) and self.fixed is None
+
     def sampled(self, clock: Clock) -> Self:
         """The same filter with its model and each block of B(θ) discretised, and its noises factored."""
         ready = sample(self._in_blocks(self.model), clock)
@@ -175,7 +180,7 @@ class UnknownGain(JumpingGains[Belief], Smoothable[Belief]):
         ready = self._ready.ready
         state = belief.believe(prior, ready.point.states, ready.added)
         if ready.tangents is not None:
-            state = uncertain.with_entries(state, ready.tangents)
+            state = uncertain.with_entries(state, jnp.asarray(ready.tangents.sigma))
         return belief.side_by_side(state, belief.believe(self.gain))
 
     def correct(self, state: Belief, sample: Sample) -> tuple[Belief, Info]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, set_field, static
-from ..kernels import flow
+from ..kernels import flow, schmidt
 from ..kernels.expansion import from_points, sigma_points
 from ..kernels.joint_gain import block_diagonal
 from ..kernels.kalman import Gaussian, Measurement, Transition, correct
@@ -17,6 +17,7 @@ from ..kernels.small import apply, diagonal, factor, product, solve_lower, trian
 from ..kernels.smoothing import Instant
 from ..models.plant import Functions
 from ..models.prior import Prior
+from ..models.uncertainty import ModelUncertainty
 from ..protocols import GainAlgorithm
 from ..results import Info, Interval, Names, Sample
 from . import nonlinear
@@ -37,9 +38,9 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
     `SecondOrderKalman` computes it exactly. The filter needs no derivatives, so f and h may have corners. The prior may not
     be diffuse.
 
-    Settings: `model`, `parameters`, `walk` as in `ExtendedKalman`; `kappa` κ >= 0, which places the points at sqrt(n + κ)
-    standard deviations. None: max(0, 3 - n), with which they match the fourth moments of a Gaussian for n <= 3. 0: the
-    cubature filter.
+    Settings: `model`, `parameters`, `walk`, `uncertainty` as in `ExtendedKalman`; `kappa` κ >= 0, which places the points at
+    sqrt(n + κ) standard deviations. None: max(0, 3 - n), with which they match the fourth moments of a Gaussian for n <= 3. 0:
+    the cubature filter.
 
     Cost: 2 n + 1 evaluations of f and of h instead of the derivatives of `ExtendedKalman`.
 
@@ -57,6 +58,7 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
     _: KW_ONLY
     parameters: Prior | None = None
     walk: Any = 0.0
+    uncertainty: ModelUncertainty | None = None
     kappa: float | None = static(default=None)
     ready: Any = field(default=None, init=False)
     walk_factor: Any = field(default=None, init=False)
@@ -93,7 +95,10 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
             sample.seen,
         )
         m, Z = b.mean + apply(L, post.state.m), product(L, post.state.Z)
-        after = Belief(m, Z, b.diffuse, b.size, b.log_scale)
+        found = Gaussian(m, Z, b.diffuse, b.size, b.log_scale)
+        if (rows := nonlinear.considered(self)) is not None:
+            found = schmidt.unmoved(found, b.gaussian._replace(Z=L), rows)
+        after = Belief(*found)
         return after, nonlinear.tell_sample(self, after, post, line.bias)
 
     def predict(self, state: Belief, interval: Interval) -> Belief:
@@ -129,7 +134,7 @@ class UnscentedKalman(GainAlgorithm[Belief], Linearised):
             mean, slope, *noise = self._flowed(ready, b, L, interval)
         elif ready.noise_input is None:
             line = sigma_points(nonlinear.move_of(ready, interval), b.mean, L, self._κ(len(b.mean)), turn)
-            W = nonlinear.padded(ready.noise(*nonlinear.split(b.mean, ready.n, ready.θ), interval.u), b)
+            W = nonlinear.padded(ready.noise(*nonlinear.split(b.mean, ready), interval.u), b)
             mean, slope, *noise = line.mean, line.slope, line.rest, W
         else:
             mean, slope, *noise = self._with_noise_input(ready, b, L, interval, turn)

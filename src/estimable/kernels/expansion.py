@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from .shapes import Float
-from .small import Real, product
+from .small import Real, factor, gram, product
 from .wrapping import nearest
 
 
@@ -102,3 +102,11 @@ def from_points(values: Float[Real, "p pairs"], centre: Float[Real, " p"], κ: f
     if κ > 0:
         rest = jnp.concatenate([rest, ((centre - mean) * (κ**0.5 / reach))[:, None]], axis=1)
     return Expansion(mean, (above - below) / (2 * reach), rest, mean - centre)
+
+
+def lessened(L: Float[Real, "n n"], b: Float[Real, " n"]) -> Real:
+    """The factor of L L' - b b'; NaN where that is not positive semidefinite."""
+    P = gram(L) - b[:, None] * b[None, :]
+    Z = factor(P)
+    misses = jnp.max(jnp.abs(gram(Z) - P)) > 1e-9 * jnp.max(jnp.abs(gram(L)) + jnp.abs(P))
+    return jnp.where(misses, jnp.nan, Z)

@@ -19,12 +19,16 @@ def correct(
 ) -> Posterior:
     """Condition the belief on the entries of y that were seen; the states in `rows` are considered."""
     post = kalman.correct(prior, measurement, y, seen)
-    before = jnp.concatenate([prior.Z, jnp.zeros((len(prior.m), post.state.Z.shape[1] - prior.Z.shape[1]))], axis=1)
+    return post._replace(state=unmoved(post.state, prior, rows))
+
+
+def unmoved(post: Gaussian, prior: Gaussian, rows: slice) -> Gaussian:
+    """The posterior with the rows of the prior for the considered states; the first columns of both Z are the same variables."""
+    before = jnp.concatenate([prior.Z, jnp.zeros((len(prior.m), post.Z.shape[1] - prior.Z.shape[1]))], axis=1)
     own = jnp.arange(len(prior.m))
     considered = (own >= rows.start) & (own < rows.stop)
-    state = post.state._replace(
-        m=jnp.where(considered, prior.m, post.state.m),
-        Z=jnp.where(considered[:, None], before, post.state.Z),
-        X=jnp.where(considered[:, None], prior.X, post.state.X),
+    return post._replace(
+        m=jnp.where(considered, prior.m, post.m),
+        Z=jnp.where(considered[:, None], before, post.Z),
+        X=jnp.where(considered[:, None], prior.X, post.X),
     )
-    return post._replace(state=state)

@@ -1,6 +1,6 @@
-"""Uncertain entries of the matrices of a model, and what they move in its sampled form."""
+"""Uncertain entries of the matrices of a model or parameters of a nonlinear one, and what they move in the sampled form."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -11,6 +11,7 @@ from .. import checks
 from ..annotations import Array
 from ..frozen import frozen, replace, set_field, static
 from .complex_step import along_each, slope_of
+from .nonlinear_model import NonlinearModel
 from .sampled import Clock, SampledModel, sample
 from .state_space import StateSpace
 
@@ -20,16 +21,20 @@ MATRICES = ("A", "B", "C")
 
 @frozen
 class ModelUncertainty:
-    """Standard deviations of the entries of A, B and C of a model, for `Kalman` and `UnknownGain`.
+    """Standard deviations of the entries of A, B and C of a model, or of the parameters of a nonlinear one.
 
-    The errors of the entries are independent, Gaussian and constant: φ ~ N(0, diag(sd²)). They join the state in the filter.
+    For `Kalman`, `UnknownGain` and the nonlinear filters. The errors are independent, Gaussian and constant, φ ~ N(0, diag(sd²)).
+    They join the state in the filter.
 
     - `A` (n, n), `B` (n, m), `C` (p, n): the standard deviation of each entry, 0 where it is known; of the continuous matrices if
       the model is continuous. None: known.
-    - `relative`: instead, a fraction of each entry of A and of B other than 0 and ±1, which are usually exact (kinematics).
+    - `parameters`: of a `NonlinearModel`, {name: standard deviation} of the parameters that are uncertain.
+    - `relative`: instead, a fraction of each entry of A and of B other than 0 and ±1, which are usually exact (kinematics); of a
+      `NonlinearModel`, of each parameter other than 0.
     - `treat`: "considered" (default): the uncertainty is in every covariance, but the record does not change φ (Schmidt). That is
       sound for any record. "estimated": φ is estimated with the state, by an extended Kalman filter. It is sharper, but a gain
-      and the scale of B are one number: it is refused where B is uncertain and the prior of the gain is wider than .05.
+      and the scale of B are one number: it is refused where B is uncertain and the prior of the gain is wider than .05. The
+      parameters of a `NonlinearModel` are estimated as `parameters` of the filter.
 
     Measured on the F-16 with A and B wrong by 10 % and a gain that drops to .5: without it the error of the gain is 28 times the
     reported standard deviation at full command, with it 1.1 times.
@@ -46,6 +51,7 @@ class ModelUncertainty:
     C: Any = None
     treat: str = static(default="considered")
     relative: Any = None
+    parameters: Any = None
 
     def __post_init__(self):
         faults = checks.Faults()
@@ -62,8 +68,12 @@ class ModelUncertainty:
             set_field(self, **{name: sd})
         if self.relative is not None:
             set_field(self, relative=faults.number("relative", self.relative, above=0.0))
-        if all(getattr(self, name) is None for name in (*MATRICES, "relative")):
-            faults.add("nothing is uncertain: give standard deviations of `A`, `B` or `C`, or `relative`.")
+        if self.parameters is not None:
+            set_field(self, parameters=_read_parameters(self.parameters, faults))
+        if all(getattr(self, name) is None for name in (*MATRICES, "relative", "parameters")):
+            faults.add(
+                "nothing is uncertain: give standard deviations of `A`, `B`, `C` or `parameters`, or `relative`."
+            )
         faults.finish()
 
     def of(self, model: StateSpace) -> dict[str, np.ndarray]:
@@ -79,11 +89,20 @@ class ModelUncertainty:
                 found[name] = value
         return found
 
+    def of_parameters(self, model: NonlinearModel) -> dict[str, float]:
+        """The standard deviation of each uncertain parameter of a model, in its order."""
+        values = np.abs(np.asarray(model.parameters).reshape(-1, len(model.parameter_names))).max(axis=0)
+        found = dict(zip(model.parameter_names, (self.relative or 0.0) * values, strict=True)) | (self.parameters or {})
+        return {name: float(sd) for name, sd in found.items() if np.any(sd)}
+
     def check(self, model: Any, faults: checks.Faults) -> None:
         """Report a fault if it does not fit the model."""
-        if not isinstance(model, StateSpace):
+        if isinstance(model, NonlinearModel):
+            self._check_parameters(model, faults)
+            return
+        if self.parameters is not None:
             faults.add(
-                "`uncertainty` is that of the matrices of a StateSpace. For a nonlinear model, estimate its `parameters`."
+                "`uncertainty.parameters` names parameters of a NonlinearModel. For a StateSpace give `A`, `B` or `C`."
             )
             return
         for name in MATRICES:
@@ -96,6 +115,36 @@ class ModelUncertainty:
             )
         if not faults.sentences and not self.of(model):
             faults.add("`uncertainty` names no entry: all its standard deviations are 0 in this model.")
+
+    def _check_parameters(self, model: NonlinearModel, faults: checks.Faults) -> None:
+        given = [name for name in MATRICES if getattr(self, name) is not None]
+        if given:
+            faults.add(
+                f"`uncertainty.{given[0]}` is that of a StateSpace. For a NonlinearModel give `parameters`, such as "
+                "{'drag': 0.03}."
+            )
+        if self.treat == "estimated":
+            faults.add(
+                'treat = "estimated" is that of a StateSpace. For a NonlinearModel give the filter a prior of its '
+                "`parameters`: they are then estimated."
+            )
+        for name in set(self.parameters or ()) - set(model.parameter_names):
+            faults.add(
+                f"`uncertainty.parameters` names {name!r}, which is no parameter of the model "
+                f"({checks.listed(model.parameter_names)}).{checks.suggestion(name, model.parameter_names)}"
+            )
+        if not faults.sentences and not self.of_parameters(model):
+            faults.add("`uncertainty` names no parameter: all its standard deviations are 0 in this model.")
+
+
+def _read_parameters(given: Any, faults: checks.Faults) -> Any:
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        faults.add(
+            f"`parameters` must be a mapping of names to standard deviations, such as {{'drag': 0.03}}. "
+            f"Got {checks.short(given)}."
+        )
+        return given
+    return {name: faults.number(f"parameters[{name!r}]", sd, lower=0.0) for name, sd in given.items()}
 
 
 def _disturbances(model: StateSpace) -> tuple[slice, slice]:
@@ -125,6 +174,15 @@ class Tangents:
     def count(self) -> int:
         """q."""
         return self.sigma.shape[-1]
+
+    def moved(self, model: SampledModel, φ: Array) -> SampledModel:
+        """The model with the entries φ (q,)."""
+
+        def of(M: Array, dM: Array) -> Array:
+            return M + jnp.sum(φ[:, None, None] * dM, axis=0)
+
+        B_end = None if model.B_end is None else of(model.B_end, self.B_end)
+        return replace(model, A=of(model.A, self.A), B=of(model.B, self.B), B_end=B_end, C=of(model.C, self.C))
 
     def at(self, k: int | Array) -> "Tangents":
         """Those at row k."""
