@@ -1,7 +1,8 @@
 # pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-"""Parts of the sentences of `checks`: lists, numbers of things, given values, likely corrections."""
+"""Parts of sentences: lists, numbers, given values, likely corrections."""
 
 import difflib
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
@@ -10,6 +11,7 @@ import numpy as np
 Shape: TypeAlias = tuple[int, ...]
 
 LISTED = 40  # most names in a message
+MOST_DECIMALS = 9  # of a number with its spread
 LONGEST = 550  # characters of a message with several sentences; the first sentence is always complete
 
 
@@ -85,3 +87,26 @@ def remedy(name: str, shape: Shape, axes: list[str], wanted: tuple[int | None, .
         " A matrix is needed: write nested lists, as in [[1.0]].",
         " A stack of matrices is needed: write nested lists, as in [[[1.0]]].",
     )[len(axes) - 1]
+
+
+def decimals(spread: float) -> int:
+    """Decimals that show two digits of a spread.
+
+    >>> decimals(0.219), decimals(17.0), decimals(0.0)
+    (2, 0, 4)
+    """
+    if spread == 0 or not math.isfinite(spread):
+        return 4
+    return min(max(1 - math.floor(math.log10(abs(spread))), 0), MOST_DECIMALS)
+
+
+def spread_of(value: float, spread: float, *, unit: str = "", sign: str = "±") -> str:
+    """A value and its spread, to the digits that the spread justifies; "not known" if the spread is infinite.
+
+    >>> spread_of(0.4926, 0.219), spread_of(51.2, 22.4, unit=" %"), spread_of(1.0, math.inf)
+    ('0.49 ± 0.22', '51 % ± 22 %', 'not known')
+    """
+    if not (math.isfinite(value) and math.isfinite(spread)):
+        return "not known"
+    digits = decimals(spread)
+    return f"{value + 0.0:.{digits}f}{unit} {sign} {spread:.{digits}f}{unit}"

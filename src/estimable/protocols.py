@@ -1,7 +1,6 @@
 """The interfaces that the drivers require of an algorithm, an identifier, a controller, a link and a plant.
 
-A class declares its interface by deriving from it, as in `class Kalman(Algorithm)`. Abstract members are required; every other
-member is an optional hook with its default here. The drivers use no other members. Algorithms share code through functions.
+A class derives from its interface: abstract members are required, all others that the drivers use are hooks with a default here.
 """
 
 from abc import ABC, abstractmethod
@@ -32,6 +31,7 @@ class Algorithm(ABC, Generic[State]):
     """
 
     model: Any
+    gain_is_effectiveness = False  # whether a gain of 1 is the full effect, so that 1 minus the gain is what is lost
     takes_uncertain_inputs = False  # whether `Interval.u_covariance` may be given
 
     @property

@@ -16,7 +16,7 @@ KEYS = {
     "gains", "failure_time_s", "detected_at_s", "changes", "report", "gain_before", "gain_before_sigma", "before_s",
     "gain_after", "gain_after_sigma", "settings",
     "after_s", "findings", "log_likelihood", "nis", "innovation_faults", "gaps", "verdict", "verdict_p", "reasons", "untestable",
-    "gain_interval", "detectable_loss", "prepared",
+    "gain_interval", "detectable_loss", "prepared", "finding", "rows",
 }  # fmt: skip
 
 
@@ -205,9 +205,10 @@ def test_several_gains_have_names(run, change_model):
     assert said["gains"] == ["B_alpha_elevator_deg", "B_pitch_rate_elevator_deg"]
     for key in ("gain_before", "gain_before_sigma", "gain_after", "gain_after_sigma"):
         assert list(said[key]) == said["gains"]
+    assert [row["gain"] for row in said["rows"]] == said["gains"]
     people = run(*CALL, "--set", "directions=every_entry").stdout
-    assert "lost" not in people  # an entry of B is no share of the effect
-    assert people.count("over time, with its") == 2
+    assert " %" not in people.split("Innovation")[0]  # an entry of B is no share of the effect
+    assert "not compared, because the record is too short." in " ".join(people.split())
 
 
 @pytest.mark.parametrize("rows", [1, 2])

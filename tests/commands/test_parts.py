@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from estimable import InputError, Prior, StateSpace, UnknownGain
-from estimable.commands.gain_summary import gain_summary, is_effectiveness
+from estimable.commands.gain_summary import gain_summary
 from estimable.commands.innovation_checks import innovation_check
-from estimable.commands.numbers import spread_of
 from estimable.commands.run_filter import record_options
 from estimable.commands.settings import read_settings
 from estimable.commands.show import plain
 from estimable.commands.terminal_plot import ASCII, UNICODE, plot, ticks
+from estimable.phrases import spread_of
 from estimable.results import Estimate, Info, Names, Outcome
 
 
@@ -91,11 +91,11 @@ def test_rows_of_which_nothing_is_known_do_not_count():
 def test_what_is_lost_is_said_of_shares_only():
     model = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1)
     gain = Prior([1.0], [[1.0]])
-    assert is_effectiveness(UnknownGain(model, gain))
-    assert is_effectiveness(UnknownGain(model, gain, directions="per_input"))
-    assert not is_effectiveness(UnknownGain(model, gain, directions="every_entry"))
-    assert not is_effectiveness(UnknownGain(model, gain, directions=[[[2.0]]]))
-    assert not is_effectiveness(UnknownGain(model, gain, fixed=[[1.0]]))
+    assert UnknownGain(model, gain).gain_is_effectiveness
+    assert UnknownGain(model, gain, directions="per_input").gain_is_effectiveness
+    assert not UnknownGain(model, gain, directions="every_entry").gain_is_effectiveness
+    assert not UnknownGain(model, gain, directions=[[[2.0]]]).gain_is_effectiveness
+    assert not UnknownGain(model, gain, fixed=[[1.0]]).gain_is_effectiveness
 
 
 def test_innovations_predicted_from_nothing_are_no_evidence():

@@ -23,7 +23,8 @@ after success, 2 for a wrong call, file or option, and 1 for a run that failed. 
 | `changes` | each change: `gain`, `onset_s`, `detected_at_s`, `before`, `after`, `sigma`, `onset_sigma_s` |
 | `verdict`, `verdict_p`, `reasons`, `untestable` | the word, its p-value, why, and which errors no record shows |
 | `gain_interval` | the 95 % interval of the gain at the last row |
-| `detectable_loss` | the smallest loss that the record shows with 90 % power: `loss`, `start_s`, `end_s`, `floor_sigma` |
+| `finding`, `rows` | all gains in one sentence, and a row each: before, after, their sigmas, `changed_at`, `verdict`, `phrase` |
+| `detectable_loss` | the smallest loss with 90 % power: `loss`, `start_s`, `end_s`, `floor_sigma`; of each second: `intervals` |
 | `prepared` | what was fitted and estimated together with the gain, as sentences |
 | `gaps` | what was done where an input was not recorded |
 | `report` | the page that was written, or null |

@@ -64,11 +64,33 @@ def test_less_input_shows_less_and_none_shows_nothing():
     assert blind.sentences[0].startswith("No loss of gain that began at")
 
 
+def test_intervals_are_the_losses_that_begin_and_show_within_each():
+    """The input moves from 8 to 16 s only. Fewer rows are judged than in a call for one interval, so a loss must be larger."""
+    still = replace(record(), u=U * ((np.arange(T) >= 80) & (np.arange(T) < 160))[:, None])
+    alone, found = (detectable_loss(DETECTOR, still, prior=PRIOR, every=every) for every in (None, 4.0))
+    assert_allclose(found.loss, alone.loss)
+    assert_allclose(found.floor_sigma, alone.floor_sigma)
+    assert [round(one.start / 4) for one in found.intervals] == [0, 1, 2, 3, 4]
+    assert [one.end for one in found.intervals] == pytest.approx([4, 8, 12, 16, 20])
+    assert np.isfinite([one.loss[0, 1] for one in found.intervals]).tolist() == [False, False, True, True, False]
+    for one in found.intervals[2:4]:
+        same = detectable_loss(DETECTOR, still, prior=PRIOR, start=one.start, end=one.end)
+        assert_allclose(one.floor_sigma, same.floor_sigma)
+        assert (0.98 * same.loss <= one.loss).all()
+        assert (one.loss < 1.2 * same.loss).all()
+    table = found.to_pandas()
+    assert table.columns.tolist() == ["gain", "start", "end", "loss_50", "loss_90", "floor_sigma"]
+    assert table.loss_90.tolist() == [one.loss[0, 1] for one in found.intervals]
+    assert alone.to_pandas().loss_90.tolist() == [alone.loss[0, 1]]
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
         (lambda: detectable_loss(Kalman(MODEL), record(), prior=PRIOR), "`algorithm` must be a ChangeDetection"),
         (lambda: detectable_loss(DETECTOR, record(), prior=PRIOR, power=(1.0,)), "`power` must be probabilities between 0 and 1"),
+        (lambda: detectable_loss(DETECTOR, record(), prior=PRIOR, every=0.1), "`every` must be at least two steps of the record"),
+        (lambda: detectable_loss(DETECTOR, record(), prior=PRIOR, every=-1.0), "`every` must be"),
         (lambda: detectable_loss(DETECTOR, record(), prior=PRIOR, start=99.0), "`start` and `end` must be times of the record"),
     ],
 )  # fmt: skip

@@ -243,7 +243,7 @@ THINGS = {
     "Gaps": lambda: es.Gaps("bridge"),
     "GainAssessment": lambda: es.results.GainAssessment(
         FILTERED, MIXED, UnknownGain(MODEL, Prior([1.0], [[1.0]])), es.results.Trust("believe", 0.5, {"size": 0.5}), LEAST,
-        None, ("as given",),
+        None, ("as given",), (es.results.GainRow("gain", 1.0, 0.1, 0.7, 0.1, (3.0,), True, True, "lost"),),
     ),
     "DeadTime": lambda: es.dead_time(RECORD, most=2),
     "UnknownInputExistence": lambda: es.unknown_input_existence(MODEL, unknown=["δ"], seen=np.ones((4, 2))),

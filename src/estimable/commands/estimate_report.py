@@ -5,11 +5,12 @@ from typing import Any
 
 from .. import writing
 from ..figures.bands import bands
+from ..phrases import decimals
 from ..results import Estimate
 from . import innovation_checks, run_filter
 from .gain_report import script_of
 from .gain_text import header
-from .numbers import counted, decimals
+from .numbers import counted
 from .run_filter import FilterRun
 
 KINDS = (("mean", "state"), ("gain", "gain"), ("unknown_input", "unknown_input"))

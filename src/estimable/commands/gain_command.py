@@ -24,6 +24,7 @@ def gain(
     healthy: options.Healthy = None,
     no_offset: options.NoOffset = False,
     as_given: options.AsGiven = False,
+    detectable: options.Detectable = False,
     machine: options.Machine = False,
 ) -> None:
     """Find how much of an input's effect is left.
@@ -40,8 +41,15 @@ def gain(
     check_destination("--report", report, ".html", record=record)
     with show.working("Estimating the gain"):
         run = _run(name, record, model, settings or (), reading, _span(healthy), not no_offset, as_given)
+    if detectable and (run.assessment is None or run.assessment.detectable is None):
+        checks.refuse(
+            "--detectable needs the whole chain, and a record with times that is not too short: leave --filter, --set and "
+            "--as-given out."
+        )
     again = gain_text.command_of(run, "gain", settings or (), reading)
     present("gain", run, machine, report, command=f"{again} --report report.html")
+    if detectable and not machine:
+        show.text(lambda _: gain_text.detectable(run))
     if not machine:
         show.notes(*run.record.notes, *gain_text.next_steps(run, settings or (), reading))
 

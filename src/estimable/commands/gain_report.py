@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from . import gain_text, innovation_checks
-from .gain_summary import GainAt, GainSummary, is_effectiveness
-from .numbers import spread_of
+from ..phrases import spread_of
+from . import gain_table, gain_text, innovation_checks
+from .gain_summary import GainAt, GainSummary
 from .run_filter import FilterRun
 
 
@@ -21,34 +21,46 @@ def write_gain_report(
         title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(run, summary, check)),
         facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", script_of(run))),
         files=(run.record_path, run.model_path), judged=run.judged,
-        quiet=run.assessment and run.assessment.detectable and run.assessment.detectable.quiet,
+        detectable=run.assessment and run.assessment.detectable, tables=tuple(_tables(run, summary)),
+        notes=run.assessment.notes if run.assessment else (),
     )  # fmt: skip
     write_report(report, path)
 
 
+def _tables(run: FilterRun, summary: GainSummary) -> Any:
+    """Several gains, one row each."""
+    from ..report import Table
+
+    if len(summary.names) > 1:
+        rows = tuple(gain_table.cells(row) for row in gain_table.rows_of(run))
+        yield Table("Each gain, with 2 sigma", gain_table.HEADINGS, rows)
+
+
 def _facts(run: FilterRun, summary: GainSummary) -> Any:
+    """The main numbers of one gain."""
     from ..report import Fact
 
-    lost = is_effectiveness(run.algorithm)
+    if len(summary.names) > 1:
+        return
+    lost = run.algorithm.innermost.gain_is_effectiveness
     for change in summary.changes:
         if change.onset_s is not None:
             yield Fact(
                 f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"detected at {change.detected_at_s:.4g} s"
             )
-    for i, name in enumerate(summary.names):
-        for word, at in (("before", summary.before), ("after", summary.after)):
-            yield Fact(f"{_of(name)} {word}", _spread(at, i), _when(at))
-        gain, spread = float(summary.after.mean[i]), 2 * float(summary.after.sigma[i])
-        if lost:
-            yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread) + " %", _when(summary.after))
+    for word, at in (("before", summary.before), ("after", summary.after)):
+        yield Fact(f"{_of(summary.names[0])} {word}", _spread(at), _when(at))
+    if lost:
+        gain, spread = float(summary.after.mean[0]), 2 * float(summary.after.sigma[0])
+        yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread) + " %", _when(summary.after))
 
 
 def _of(name: str) -> str:
     return "Gain" if name == "gain" else name
 
 
-def _spread(at: GainAt, i: int) -> str:
-    return spread_of(float(at.mean[i]), 2 * float(at.sigma[i]))
+def _spread(at: GainAt) -> str:
+    return spread_of(float(at.mean[0]), 2 * float(at.sigma[0]))
 
 
 def _when(at: GainAt) -> str:

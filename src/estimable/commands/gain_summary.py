@@ -4,14 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..filters.unknown_gain import UnknownGain
-from ..protocols import Algorithm
+from .. import diagnostics
+from ..diagnostics.gain_rows import third_of
+from ..phrases import decimals
 from ..results import Estimate
-from .numbers import decimals
-
-SIGMAS = 2.0  # smaller differences are not reported as a change
-THIRD = 1 / 3  # of the record, at which a gain without a change is compared with its end
-SHORT = 2.0  # seconds: a record whose first third ends later than this before its end is too short to compare
+from ..results.gain_row import SIGMAS
 
 
 class GainAt(NamedTuple):
@@ -94,26 +91,15 @@ def gain_summary(result: Estimate) -> GainSummary:
     median, sigma = result.gain_standing
     sigma = np.where(np.isnan(median), np.inf, sigma)
     changes = changes_of(result)
-    row = (
-        max(changes[0].onset - 1, 0) if changes else int(np.searchsorted(t, t[0] + THIRD * (t[-1] - t[0]), "right")) - 1
-    )
+    third, short = third_of(result)
+    row = max(changes[0].onset - 1, 0) if changes else third
     before, after = (GainAt(float(t[k]), median[k], sigma[k]) for k in (row, len(t) - 1))
-    return GainSummary(result.names.gains, before, after, bool(before.time > t[-1] - SHORT) and not changes, changes)
+    return GainSummary(result.names.gains, before, after, short and not changes, changes)
 
 
 def changes_of(result: Estimate) -> tuple[Any, ...]:
     """The changes that a detector found; none if no detector ran."""
-    from .. import diagnostics
-
     return diagnostics.changes(result) if "alarm" in result.extra else ()
-
-
-def is_effectiveness(algorithm: Algorithm[Any]) -> bool:
-    """Whether a gain of 1 means the full effect in the model, so that 1 minus the gain is the part that is lost."""
-    inner = algorithm.innermost
-    if not isinstance(inner, UnknownGain) or not isinstance(inner.directions, str):
-        return False
-    return inner.directions in ("one", "per_input") and inner.fixed is None
 
 
 def by_name(names: tuple[str, ...], values: np.ndarray) -> Any:

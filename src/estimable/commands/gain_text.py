@@ -8,10 +8,10 @@ import numpy as np
 
 from ..annotations import Tree
 from ..diagnostics.consistency import Consistency
-from ..results import DetectableLoss
-from . import innovation_checks, run_filter
-from .gain_summary import GainAt, GainSummary, by_name, is_effectiveness
-from .numbers import counted, spread_of
+from ..phrases import spread_of
+from . import gain_table, innovation_checks, run_filter
+from .gain_summary import GainAt, GainSummary, by_name
+from .numbers import counted
 from .record_options import as_words
 from .run_filter import FilterRun
 from .terminal_plot import ASCII, UNICODE, plot
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-PLOTS = 4  # at most so many gains are drawn, to fit on the screen
 WIDEST = 100
 
 
@@ -43,6 +42,8 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
         "gain_after_sigma": by_name(names, after.sigma),
         "after_s": after.time,
         "gain_interval": _interval(run),
+        "finding": gain_table.finding(run),
+        "rows": gain_table.as_data(run),
         **_verdict(run),
         "findings": findings(run, summary, check),
         "log_likelihood": result.log_likelihood,
@@ -52,12 +53,19 @@ def as_data(run: FilterRun, summary: GainSummary) -> dict[str, Any]:
 
 
 def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[Any]:
-    """What `gain` and `demo` print as text: the findings and the gain before and after, its plot, the check, and the files."""
+    """What `gain` and `demo` print as text: the findings and the gain before and after, its plot, the check, and the files.
+
+    Of several gains there is one line each, and no plot.
+    """
     unicode = not console.options.ascii_only
     check = innovation_checks.innovation_check(run.judged)
+    if len(summary.names) > 1:
+        rows = gain_table.table(gain_table.rows_of(run), "±" if unicode else "+/-")
+        files = f"{_length(run)}; {run.model_path.name}, filter {run.filter}, engine {run.result.engine}"
+        return [*findings(run, summary, check), "", rows, "", innovation_checks.sentence(check), files]
     return [
         *findings(run, summary, check), "", _table(run, summary, "±" if unicode else "+/-"), "",
-        *_plots(run, summary, min(console.width, WIDEST), unicode), "",
+        *_plot(run, summary, min(console.width, WIDEST), unicode), "",
         innovation_checks.sentence(check), *innovation_checks.also(innovation_checks.faults(run.judged, run.record)),
         "", *header(run),
     ]  # fmt: skip
@@ -65,9 +73,14 @@ def as_text(run: FilterRun, summary: GainSummary, console: "Console") -> list[An
 
 def findings(run: FilterRun, summary: GainSummary, check: Consistency | None) -> tuple[str, ...]:
     """The verdict on the model, the findings about each gain, and the smallest loss that would have been detected."""
+    several = len(summary.names) > 1
     if run.assessment is None:
-        return (*innovation_checks.warning(check), *summary.findings)
+        told = (gain_table.finding(run),) if several else summary.findings
+        return (*innovation_checks.warning(check), *told)
     found = run.assessment
+    if several:
+        shown = () if found.detectable is None else gain_table.shown(found.detectable, found.rows)
+        return (found.trust.sentence, found.finding, *shown)
     changed = {change.gain for change in summary.changes}
     shown = () if found.detectable is None else found.detectable.sentences
     quiet = [sentence for name, sentence in zip(summary.names, shown, strict=False) if name not in changed]
@@ -96,31 +109,38 @@ def _verdict(run: FilterRun) -> dict[str, Any]:
         "verdict_p": found.trust.p,
         "reasons": found.trust.reasons,
         "untestable": [one.sentence for one in found.trust.untestable],
-        "detectable_loss": None if loss is None else _loss(loss),
+        "detectable_loss": None if loss is None else gain_table.loss_as_data(loss),
         "prepared": found.notes,
     }
 
 
-def _loss(loss: DetectableLoss) -> dict[str, Any]:
-    return {
-        "start_s": loss.start, "end_s": loss.end, "power": loss.power,
-        "loss": by_name(loss.gains, loss.loss[:, -1]), "floor_sigma": by_name(loss.gains, loss.floor_sigma),
-    }  # fmt: skip
+def detectable(run: FilterRun) -> list[Any]:
+    """What `gain --detectable` prints: for each interval the smallest loss that begins with it and shows before its end."""
+    found = run.assessment
+    if found is None or found.detectable is None:
+        return []
+    power = 100 * found.detectable.power[-1]
+    title = f"A loss that begins with the interval and is detected before its end, with probability {power:.0f} %:"
+    return ["", title, gain_table.detectable_table(found.detectable, found.rows)]
 
 
 def header(run: FilterRun) -> list[str]:
     """The files that were read, and the filter that ran."""
-    names, seconds = run.result.names, run.record.seconds
-    lasting = "" if seconds is None else f" over {seconds:.4g} s"
+    names = run.result.names
     outputs = f"output{'s' if len(names.outputs) > 1 else ''} {', '.join(names.outputs)}"
     inputs = f"; input{'s' if len(names.inputs) > 1 else ''} {', '.join(names.inputs)}" if names.inputs else ""
     return [
-        f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}; {outputs}{inputs}",
+        f"{_length(run)}; {outputs}{inputs}",
         f"{run.model_path.name}, filter {run.filter}, engine {run.result.engine}",
         *(run.assessment.notes if run.assessment else _settings(run)),
         *_unseen(run),
         *_gaps(run),
     ]
+
+
+def _length(run: FilterRun) -> str:
+    lasting = "" if run.record.seconds is None else f" over {run.record.seconds:.4g} s"
+    return f"{run.record_path.name}: {counted(len(run.record), 'sample')}{lasting}"
 
 
 def _settings(run: FilterRun) -> Iterable[str]:
@@ -176,46 +196,37 @@ def _table(run: FilterRun, summary: GainSummary, sign: str) -> Any:
     from rich import box
     from rich.table import Table
 
-    lost = is_effectiveness(run.algorithm)
+    lost = run.algorithm.innermost.gain_is_effectiveness
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
-    for heading in (["gain"] if len(summary.names) > 1 else []) + ["", "second"]:
+    for heading in ("", "second"):
         table.add_column(heading)
     for heading in [f"gain {sign} 2 sigma", *(["effectiveness lost"] if lost else [])]:
         table.add_column(heading, justify="right", style="bold")
-    for i, name in enumerate(summary.names):
-        for word, at in (("before", summary.before), ("after", summary.after)):
-            label = [name if word == "before" else ""] if len(summary.names) > 1 else []
-            table.add_row(*label, word, f"{at.time:.4g}", *_cells(at, i, lost, sign))
+    for word, at in (("before", summary.before), ("after", summary.after)):
+        table.add_row(word, f"{at.time:.4g}", *_cells(at, lost, sign))
     return table
 
 
-def _cells(at: GainAt, i: int, lost: bool, sign: str) -> list[str]:
-    gain, spread = float(at.mean[i]), 2 * float(at.sigma[i])
+def _cells(at: GainAt, lost: bool, sign: str) -> list[str]:
+    gain, spread = float(at.mean[0]), 2 * float(at.sigma[0])
     shown = [spread_of(gain, spread, sign=sign)]
     return [*shown, spread_of(100 * (1 - gain), 100 * spread, unit=" %", sign=sign)] if lost else shown
 
 
-def _plots(run: FilterRun, summary: GainSummary, width: int, unicode: bool) -> list[Any]:
+def _plot(run: FilterRun, summary: GainSummary, width: int, unicode: bool) -> list[Any]:
     from rich.text import Text
 
-    result, few = run.result, summary.names[:PLOTS]
-    median, sigma = result.gain_standing
+    result = run.result
+    median, sigma = (values[:, 0] for values in result.gain_standing)
     sigma = np.where(np.isnan(median), np.inf, sigma)
     t = np.arange(len(sigma), dtype=float) if result.t is None else result.t
     windows = {}
     for change in summary.changes[:1]:
         if change.onset_s is not None:
             windows["change"] = (change.onset_s, change.detected_at_s)
-    lines: list[Any] = []
-    for i, name in enumerate(few):
-        lines.append(f"{name} over time, with its {'±' if unicode else '+/-'} 2 sigma band")
-        drawn = plot(
-            t, np.nan_to_num(median[:, i]), sigma[:, i], width=width, marks=windows, ink=UNICODE if unicode else ASCII
-        )
-        lines += [_coloured(Text(line, no_wrap=True)) for line in drawn]
-    if len(few) < len(summary.names):
-        lines.append(f"{counted(len(summary.names) - len(few), 'more gain')} not drawn.")
-    return lines
+    drawn = plot(t, np.nan_to_num(median), sigma, width=width, marks=windows, ink=UNICODE if unicode else ASCII)
+    title = f"{summary.names[0]} over time, with its {'±' if unicode else '+/-'} 2 sigma band"
+    return [title, *(_coloured(Text(line, no_wrap=True)) for line in drawn)]
 
 
 def _coloured(line: "Text") -> "Text":

@@ -11,10 +11,11 @@ from .. import checks
 from ..data.record import Record
 from ..errors import InputError
 from ..models.state_space import StateSpace
+from ..phrases import decimals
 from ..protocols import Method
 from ..results import Fit
 from .identify_files import Asked, WrittenFiles, write_model_file, write_page
-from .numbers import counted, decimals
+from .numbers import counted
 from .settings import read_settings
 
 if TYPE_CHECKING:

@@ -52,6 +52,7 @@ REPORT_HELP = "Write an interactive report to this .html file."
 HEALTHY_HELP = "Fit the noise to these seconds, such as 0:8. Default: up to the first change."
 NO_OFFSET_HELP = "Do not estimate offsets of the state equations."
 AS_GIVEN_HELP = "Use the model file as it is: no fitted noise, no offsets, no errors of the model."
+DETECTABLE_HELP = "Print, second by second, the smallest loss that would have been detected."
 JSON_HELP = "Write JSON to stdout."
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD", help=RECORD_HELP, show_default=False)]
@@ -86,5 +87,6 @@ Report = Annotated[Path | None, _option("--report", "PATH", REPORT_HELP)]
 Healthy = Annotated[str | None, _option("--healthy", "FROM:TO", HEALTHY_HELP)]
 NoOffset = Annotated[bool, _option("--no-offset", None, NO_OFFSET_HELP)]
 AsGiven = Annotated[bool, _option("--as-given", None, AS_GIVEN_HELP)]
+Detectable = Annotated[bool, _option("--detectable", None, DETECTABLE_HELP)]
 Machine = Annotated[bool, _option("--json", None, JSON_HELP, callback=_at_either_end)]
 Version = Annotated[bool, _option("--version", None, "Print the version and exit.")]

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from .. import checks, reproductions, writing
+from ..phrases import decimals
 from ..reproductions import Reproduced, ReproducedRow, Reproduction
 from . import show
-from .numbers import decimals
 
 
 def list_all(machine: bool) -> None:

@@ -4,6 +4,7 @@ from .changes import DetectedChange, changes
 from .consistency import Consistency, nees, nis
 from .cramer_rao import Efficiency, cramer_rao, efficiency, efficient_estimate, information
 from .feedback import Feedback, feedback
+from .gain_rows import gain_rows, sentence_of
 from .innovation_tests import InnovationChecks, check_innovations
 from .innovations import Correlations, cross_correlation, standardised, whiteness
 from .nonlinearity import Nonlinearity, nonlinearity
@@ -25,11 +26,13 @@ __all__ = [
     "efficient_estimate",
     "feedback",
     "frequency_response",
+    "gain_rows",
     "information",
     "nees",
     "nis",
     "nonlinearity",
     "poles",
+    "sentence_of",
     "simulation_sigma",
     "spread_of",
     "standardised",

@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import checks
 from ..data.record import Record
-from ..diagnostics import changes
+from ..diagnostics import changes, gain_rows
 from ..errors import EstimableError
 from ..filters.change_detection import ChangeDetection
 from ..filters.mixture import Mixture
@@ -29,6 +29,7 @@ OFFSET = 0.05  # of the range of an input, times |B|: standard deviation of an o
 FEWEST = 100  # rows to fit the noise to
 PERSISTENCE = 15.0  # of the process noise, in the search for the part before a change
 RELATIVE = 0.1  # of the entries of A and B: their standard deviation where none is given
+EVERY, MOST = 1.0, 30  # seconds of an interval for which the detectable loss is found, and how many at most
 LASTING = 10.0  # steps of the record: first time constant of a lasting disturbance
 
 
@@ -78,7 +79,7 @@ def assess_gain(
     result = estimate_mixture(mixture, record, prior=prior)
     verdict = trust(ChangeDetection(plain), record, prior=prior, result=result)
     loss = _detectable(mixture.algorithms[0], record, prior, result)
-    return GainAssessment(result, mixture, plain, verdict, loss, fit, tuple(notes))
+    return GainAssessment(result, mixture, plain, verdict, loss, fit, tuple(notes), gain_rows(result, detectable=loss))
 
 
 def _rows_of(healthy: tuple[float, float], record: Record, faults: checks.Faults) -> slice | None:
@@ -197,8 +198,9 @@ def _detectable(detector: ChangeDetection, record: Record, prior: Prior, result:
     if t is None or len(record) < 10:
         return None
     begun = float(t[found[-1].detected_at]) if found else float(t[0])
-    start = begun + (float(t[-1]) - begun) / 3
+    start, seconds = begun + (float(t[-1]) - begun) / 3, float(t[-1] - t[0])
+    every = max(EVERY, seconds / MOST) if seconds > 2 * EVERY else None
     try:
-        return detectable_loss(detector, record, prior=prior, start=start)
+        return detectable_loss(detector, record, prior=prior, start=start, every=every)
     except EstimableError:
         return None

@@ -1,5 +1,6 @@
 """The smallest loss of a gain that a record would have shown."""
 
+import itertools
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from .binding import bind
 DRAWS = 200
 LOSSES = np.geomspace(0.005, 2.0, 19)  # in units of the gain
 JUDGED = 80  # rows at which an alarm is looked for, at most
+FEWEST = 4  # of them in each of several intervals
+MOST = 200  # intervals
 ADDED = 0.01  # of the information: what comes later adds less
 BEGIN = 1 / 3  # of the record, where the loss begins if it is not said
 
@@ -34,6 +37,7 @@ def detectable_loss(
     start: float | None = None,
     end: float | None = None,
     power: Sequence[float] = (0.5, 0.9),
+    every: float | None = None,
     seed: int = 0,
 ) -> DetectableLoss:
     """Find how small a loss of a gain this record would have shown: the answer to "no change is detected".
@@ -43,6 +47,8 @@ def detectable_loss(
     - `start` and `end`, in seconds: the loss begins at `start` (default: after a third of the record) and must raise an alarm
       before `end` (default: the end).
     - `power`: the probabilities of an alarm, for which the loss is found.
+    - `every`, in seconds: also find, for each interval of this length, the loss that begins with it and raises an alarm before it
+      ends (`intervals` of the result, default None: none). They show when the input is informative.
     - `seed`: of the drawn noise.
 
     The responses of the innovations to a jump at each onset follow from the inputs alone. White innovations are drawn, a jump
@@ -52,7 +58,7 @@ def detectable_loss(
 
     Returns a `DetectableLoss`. Raises `InputError` with every fault of the call.
 
-    Cost: a pass of the detector, and some 200 draws of its sums: half a second for 1,700 rows.
+    Cost: a pass of the detector, and some 200 draws of its sums: half a second for 1,700 rows, twice that with intervals.
 
     Reference: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108-112, for the responses.
 
@@ -64,14 +70,16 @@ def detectable_loss(
     >>> bool(0.05 < found.loss[0, 1] < 0.4)
     True
     """
-    first, last, levels = _read(algorithm, record, start, end, power)
+    t = np.arange(len(record), dtype=float) if record.t is None else np.asarray(record.t)
+    levels, spans = _read(algorithm, record, t, start, end, power, every)
     bound = bind(replace(algorithm, seconds_between_false_alarms=np.asarray(np.inf)), record, prior)
     _, run = choice.scan(
         "auto", Responding(bound.algorithm), prior, bound.samples, bound.intervals, keep="all", select=_responses
     )
     rows = _Responses(*(np.asarray(part) for part in run.info))
-    t = np.arange(len(record), dtype=float) if record.t is None else np.asarray(record.t)
-    return _found(algorithm, rows, t, first, last, levels, seed)
+    losses = [_Jump.between(rows, *span) for span in spans]
+    whole, *intervals = _found(algorithm, rows, losses, t, levels, seed)
+    return whole._replace(intervals=tuple(intervals))
 
 
 @frozen
@@ -125,10 +133,29 @@ class _Responses(NamedTuple):
         return np.where(here.any(axis=1)[:, None, None], G, 0.0)
 
 
+class _Jump(NamedTuple):
+    """A loss at the row `onset` that must show by the row `last`, and the response (T, y, p) of the innovations to it."""
+
+    onset: int
+    last: int
+    response: np.ndarray
+
+    @staticmethod
+    def between(rows: _Responses, first: int, last: int) -> "_Jump":
+        """The loss at the onset of the detector's grid which is nearest to a row."""
+        watched = rows.onsets[last][rows.seconds[last] > 0]
+        watched = watched[watched >= 1]
+        onset = float(watched[np.argmin(np.abs(watched - first))]) if len(watched) else float(first)
+        response = rows.of(onset)
+        response[last + 1 :] = 0.0
+        return _Jump(int(onset), last, response)
+
+
 def _read(
-    algorithm: ChangeDetection, record: Record, start: float | None, end: float | None, power: Sequence[float]
-) -> tuple[int, int, np.ndarray]:
-    """The rows between which the loss must show, and the powers."""
+    algorithm: ChangeDetection, record: Record, t: np.ndarray, start: float | None, end: float | None,
+    power: Sequence[float], every: float | None,
+) -> tuple[np.ndarray, list[tuple[int, int]]]:  # fmt: skip
+    """The powers, and the first and last row between which the loss must show, then those of each interval."""
     faults = checks.Faults()
     faults.instance("algorithm", algorithm, ChangeDetection)
     faults.instance("record", record, Record)
@@ -138,9 +165,10 @@ def _read(
     for name, value in (("start", start), ("end", end)):
         if value is not None:
             faults.number(name, value, unit="seconds")
+    if every is not None:
+        every = faults.number("every", every, above=0.0, unit="seconds")
     faults.finish()
     assert levels is not None
-    t = np.arange(len(record), dtype=float) if record.t is None else np.asarray(record.t)
     begin = t[0] + BEGIN * (t[-1] - t[0]) if start is None else start
     stop = t[-1] if end is None else end
     if not t[0] <= begin < stop <= t[-1] + 1e-9 * abs(t[-1]):
@@ -148,73 +176,82 @@ def _read(
             f"`start` and `end` must be times of the record, {t[0]:g} to {t[-1]:g} s, the first before the second. "
             f"Got {begin:g} and {stop:g}."
         )
-    return int(np.searchsorted(t, begin)), int(np.searchsorted(t, stop, side="right")) - 1, levels
+    whole = int(np.searchsorted(t, begin)), int(np.searchsorted(t, stop, side="right")) - 1
+    return levels, [whole, *([] if every is None else _intervals(t, every))]
+
+
+def _intervals(t: np.ndarray, every: float) -> list[tuple[int, int]]:
+    """The first and last row of each interval of a record; a shorter rest at its end belongs to none."""
+    step, seconds = float(np.median(np.diff(t))), float(t[-1] - t[0])
+    if every < 2 * step or seconds > MOST * every:
+        checks.refuse(
+            f"`every` must be at least two steps of the record ({2 * step:.3g} s), and long enough for at most {MOST} intervals "
+            f"({seconds / MOST:.3g} s). Got {every:g}."
+        )
+    edges = t[0] + every * np.arange(int(seconds / every + 1e-9) + 1)
+    ends = np.searchsorted(t, edges - 1e-9 * every)
+    return [(int(first), int(last)) for first, last in itertools.pairwise(ends) if last > first]
 
 
 def _found(
-    algorithm: ChangeDetection, rows: _Responses, t: np.ndarray, first: int, last: int, levels: np.ndarray, seed: int
-) -> DetectableLoss:
-    watched = rows.onsets[last][rows.seconds[last] > 0]
-    watched = watched[watched >= 1]
-    p, gains = rows.G.shape[2], algorithm.names.gains
-    if not len(watched):
-        none = np.full((p, len(levels)), np.inf)
-        until = np.full(p, float(t[first]))
-        return DetectableLoss(
-            float(t[first]), float(t[last]), tuple(map(float, levels)), none, none[:, 0], until, none, gains
-        )
-    onset = float(watched[np.argmin(np.abs(watched - first))])
-    response = rows.of(onset)
-    response[last + 1 :] = 0.0
-    threshold = float(np.log(algorithm.seconds_between_false_alarms))
-    crossed = _alarms(algorithm, rows, response, int(onset), last, threshold, seed)
-    dt = t[np.minimum(crossed, len(t) - 1)] - t[int(onset)]
-    seen = crossed <= last
-    loss, delay = np.full((p, len(levels)), np.inf), np.full((p, len(levels)), np.inf)
-    for g in range(p):
+    algorithm: ChangeDetection, rows: _Responses, losses: list[_Jump], t: np.ndarray, levels: np.ndarray, seed: int
+) -> list[DetectableLoss]:
+    """The smallest loss for each onset."""
+    gains, found = algorithm.names.gains, []
+    for jump, crossed in zip(losses, _alarms(algorithm, rows, losses, seed), strict=True):
+        start = float(t[jump.onset])
+        loss, delay = _smallest(np.append(t - start, np.inf)[crossed], crossed <= jump.last, levels)
+        learnt = np.cumsum(np.sum(jump.response**2, axis=1), axis=0)
+        with np.errstate(divide="ignore"):
+            floor = learnt[-1] ** -0.5
+        until = np.where(learnt[-1] > 0, t[np.argmax(learnt >= (1 - ADDED) * learnt[-1], axis=0)], start)
+        powers = tuple(map(float, levels))
+        found.append(DetectableLoss(start, float(t[jump.last]), powers, loss, floor, until, delay, gains))
+    return found
+
+
+def _smallest(after: np.ndarray, seen: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The loss of each gain that is seen with each probability, and the median time to its alarm: (p, levels), from the times
+    `after` the onset of the alarms of each draw and loss, and whether they were `seen` in time."""
+    loss, delay = np.full((2, len(seen), len(levels)), np.inf)
+    for g in range(len(seen)):
         share = np.maximum.accumulate(seen[g].mean(axis=0))
-        for i, level in enumerate(levels):
-            if share[-1] >= level:
-                loss[g, i] = np.exp(np.interp(level, share, np.log(LOSSES)))
-                near = int(np.argmin(np.abs(np.log(LOSSES / loss[g, i]))))
-                delay[g, i] = np.median(dt[g, seen[g, :, near], near]) if seen[g, :, near].any() else np.inf
-    J = np.einsum("typ,tyq->pq", response, response)
-    floor = np.array([J[g, g] ** -0.5 if J[g, g] > 0 else np.inf for g in range(p)])
-    learnt = np.cumsum(np.einsum("tyg->tg", response**2), axis=0)
-    until = t[np.argmax(learnt >= (1 - ADDED) * learnt[-1], axis=0)]
-    until = np.where(learnt[-1] > 0, until, t[int(onset)])
-    return DetectableLoss(
-        float(t[int(onset)]), float(t[last]), tuple(map(float, levels)), loss, floor, until, delay, gains
-    )
+        for i in np.flatnonzero(share[-1] >= levels):
+            loss[g, i] = np.exp(np.interp(levels[i], share, np.log(LOSSES)))
+            near = int(np.argmin(np.abs(np.log(LOSSES / loss[g, i]))))
+            alarms = after[g, seen[g, :, near], near]
+            delay[g, i] = np.median(alarms) if alarms.size else np.inf
+    return loss, delay
 
 
-def _alarms(
-    algorithm: ChangeDetection,
-    rows: _Responses,
-    response: np.ndarray,
-    onset: int,
-    last: int,
-    threshold: float,
-    seed: int,
-) -> np.ndarray:
-    """The first judged row with an alarm: (p, draws, losses); T where there is none."""
+def _alarms(algorithm: ChangeDetection, rows: _Responses, losses: list[_Jump], seed: int) -> list[np.ndarray]:
+    """The first judged row with an alarm, for each onset: (p, draws, losses); T where there is none."""
     T, y, p, r = rows.G.shape
-    rng = np.random.default_rng(seed)
-    every = max((last - onset) // JUDGED, 1)
-    score, from_jump, information = np.zeros((DRAWS, p, r)), np.zeros((p, p, r)), np.zeros((p, p, r))
-    first = np.full((p, DRAWS, len(LOSSES)), T)
-    begin = max(int(rows.onsets[last][rows.seconds[last] > 0].min(initial=onset)), 1) if last > 0 else 1
+    looks = [JUDGED, *[max(JUDGED // len(losses), FEWEST)] * (len(losses) - 1)]
+    threshold = float(np.log(algorithm.seconds_between_false_alarms))
+    score, information = np.zeros((DRAWS, p, r)), np.zeros((p, p, r))
+    from_jump, first = np.zeros((len(losses), p, p, r)), np.full((len(losses), p, DRAWS, len(LOSSES)), T)
     judge = forks.jit(partial(_log_sums, algorithm))
-    for k in range(min(begin, onset), last + 1):
-        place, there = rows.before(k) if k else (np.arange(r), np.zeros(r, bool))
-        G = rows.G[k]
-        score = np.where(there, score[..., place], 0.0) + np.einsum("ypr,dy->dpr", G, rng.normal(size=(DRAWS, y)))
+    for k in range(_begin(rows, losses), max(jump.last for jump in losses) + 1):
+        place, there = rows.before(k)
+        G, noise = rows.G[k], np.random.default_rng([seed, k]).normal(size=(DRAWS, y))
+        score = np.where(there, score[..., place], 0.0) + np.einsum("ypr,dy->dpr", G, noise)
         information = np.where(there, information[..., place], 0.0) + np.einsum("ypr,yqr->pqr", G, G)
-        from_jump = np.where(there, from_jump[..., place], 0.0) + np.einsum("yg,ypr->gpr", response[k], G)
-        if k >= onset and ((k - onset) % every == 0 or k == last):
-            sums = np.asarray(judge(score, from_jump, information, rows.seconds[k]))
-            first = np.where((sums > threshold) & (first == T), k, first)
-    return first
+        for i, jump in enumerate(losses):
+            if not jump.onset <= k <= jump.last:
+                continue
+            moved = np.einsum("yg,ypr->gpr", jump.response[k], G)
+            from_jump[i] = np.where(there, from_jump[i][..., place], 0.0) + moved
+            if (k - jump.onset) % max((jump.last - jump.onset) // looks[i], 1) == 0 or k == jump.last:
+                sums = np.asarray(judge(score, from_jump[i], information, rows.seconds[k]))
+                first[i] = np.where((sums > threshold) & (first[i] == T), k, first[i])
+    return list(first)
+
+
+def _begin(rows: _Responses, losses: list[_Jump]) -> int:
+    """The oldest onset that the detector watches when the first loss begins; it cannot be row 0."""
+    onset = min(jump.onset for jump in losses)
+    return max(int(rows.onsets[onset][rows.seconds[onset] > 0].min(initial=onset)), 1)
 
 
 def _log_sums(algorithm: ChangeDetection, score: Array, from_jump: Array, information: Array, seconds: Array) -> Array:

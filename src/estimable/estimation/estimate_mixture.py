@@ -8,7 +8,7 @@ from .. import forks
 from ..data.record import Record
 from ..filters.mixture import Mixture
 from ..models.prior import Prior
-from ..results import Estimate
+from ..results import Estimate, Origin
 from .estimate import estimate
 
 
@@ -31,6 +31,5 @@ def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estim
         infos, jnp.asarray(probability), jnp.asarray(np.diff(total, prepend=0.0))
     )
     info = jax.tree_util.tree_map(np.asarray, merged)
-    return Estimate(
-        info, runs[0].t, float(total[-1]), runs[0].outcome, runs[0].engine, mixture.names, gaps=runs[0].gaps
-    )
+    first, origin = runs[0], Origin(mixture, record, prior)
+    return Estimate(info, first.t, float(total[-1]), first.outcome, first.engine, mixture.names, origin, first.gaps)

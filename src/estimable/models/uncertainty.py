@@ -137,7 +137,7 @@ class ModelUncertainty:
             faults.add("`uncertainty` names no parameter: all its standard deviations are 0 in this model.")
 
 
-def _read_parameters(given: Any, faults: checks.Faults) -> Any:
+def _read_parameters(given: Mapping[str, float], faults: checks.Faults) -> Any:
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         faults.add(
             f"`parameters` must be a mapping of names to standard deviations, such as {{'drag': 0.03}}. "

@@ -1,6 +1,6 @@
 """A result as one HTML page that needs no other file: `write_report(report_of(result, ...), path)`."""
 
-from .contents import Chart, Fact, Finding, Key, Report, Section
+from .contents import Chart, Fact, Finding, Key, Report, Section, Table
 from .estimate_page import report_of
 from .identification_page import report_of_comparison
 from .page import page_of, write_report
@@ -13,6 +13,7 @@ __all__ = [
     "Key",
     "Report",
     "Section",
+    "Table",
     "page_of",
     "report_of",
     "report_of_comparison",

@@ -22,11 +22,19 @@ class Key(NamedTuple):
     drawn: str
 
 
+class Table(NamedTuple):
+    """A table with headings and rows of text."""
+
+    heading: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
 class Chart(NamedTuple):
     """One diagram of a report: its heading, its legend, and its traces and layout for plotly.js.
 
     The horizontal axis is that of the report, unless the layout has its own axis `xaxis`. `part`: the heading above the
-    diagram.
+    diagram. `table`: its numbers, which the reader may open.
     """
 
     heading: str
@@ -35,6 +43,7 @@ class Chart(NamedTuple):
     layout: dict[str, Any]
     caption: str = ""
     part: str = "What was estimated"
+    table: Table | None = None
 
     @property
     def over(self) -> str:
@@ -66,7 +75,7 @@ class Report(NamedTuple):
     """The contents of a report: a title, sentences, main numbers, charts, checks, and the assumptions.
 
     - `commands`: pairs of what a command does and the command itself, which reproduce the report.
-    - `found`: sections before the charts.
+    - `tables`: tables below the main numbers. `found`: sections before the charts.
     - `times`: the values of the horizontal axis of the charts. They may be another quantity, which `time_axis` names. With
       `log_axis` the axis is logarithmic.
     """
@@ -82,3 +91,4 @@ class Report(NamedTuple):
     commands: tuple[tuple[str, str], ...]
     found: tuple[Section, ...] = ()
     log_axis: bool = False
+    tables: tuple[Table, ...] = ()

@@ -2,7 +2,7 @@
 
 import hashlib
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,11 @@ from ..estimation.binding import columns, model_of
 from ..figures.bands import bands
 from ..models.prior import Prior
 from ..protocols import Algorithm
-from ..results import Estimate, SmoothedEstimate
+from ..results import DetectableLoss, Estimate, SmoothedEstimate
 from .assumptions import sections_of
-from .charts import MeasuredState, Moment, charts_of, output_bands, thinned
-from .contents import Fact, Finding, Report, Section
+from .charts import MeasuredState, charts_of, output_bands, thinned
+from .contents import Fact, Finding, Report, Section, Table
+from .curves import Moment
 
 SIZE = "Size of the innovations (NIS)"
 
@@ -38,9 +39,11 @@ def report_of(
     commands: Sequence[tuple[str, str]] = (),
     files: Sequence[Path] = (),
     judged: Estimate | None = None,
-    quiet: Mapping[str, tuple[float, float]] | None = None,
     outputs: bool = False,
     smoothed: SmoothedEstimate | None = None,
+    detectable: DetectableLoss | None = None,
+    tables: Sequence[Table] = (),
+    notes: Sequence[str] = (),
 ) -> Report:
     """Make a report of one `Estimate`, with its record, algorithm and prior.
 
@@ -49,9 +52,11 @@ def report_of(
     - `files`: paths of files whose SHA-256 the report lists.
     - `judged`: another `Estimate` of the record, whose innovations are checked instead. For a change detector this is the
       estimate of the algorithm inside it, because the detector assumes more process noise than the model has.
-    - `quiet`: {gain: (start, end)}, the interval in which the input carries no information about a gain.
     - `outputs`: draw each output as measured and as the estimated states imply it (`Estimate.output`), and list the last
       estimates in a table. `smoothed`: the result of `smooth` on the same record, as a second curve.
+    - `detectable`: the smallest loss that the record would have shown. Where the input carries no information about a gain, the
+      diagram is shaded.
+    - `tables`: below the main numbers. `notes`: sentences about what was prepared, among the assumptions.
 
     Equal arguments give equal reports, byte for byte. Raises `InputError` if the result has no rows over time.
     """
@@ -61,11 +66,17 @@ def report_of(
     times = np.arange(len(record)) if result.t is None else np.asarray(result.t)
     states = {} if outputs else measured_states(algorithm, record)
     sensors = measured_outputs(result, record) if outputs else None
-    charts = charts_of(result, states, _moments(result, times), quiet, sensors, smoothed)
+    charts = charts_of(
+        result, states, _moments(result, times), sensors, smoothed, detectable=detectable,
+        together=algorithm.innermost.gain_is_effectiveness,
+    )  # fmt: skip
+    prepared = Section("Preparation", tuple((f"{i}", note) for i, note in enumerate(notes, start=1)))
+    sections = sections_of(algorithm, record, prior)
     return Report(
         title, tuple(lead), tuple(facts), times[rows], "sample" if result.t is None else "time [s]", tuple(charts),
-        _verdicts(result, judged, record), (*sections_of(algorithm, record, prior), versions(result.engine, files)),
-        tuple(commands), (last_estimates(result),) if outputs else (),
+        _verdicts(result, judged, record),
+        (*([prepared] if notes else []), *sections, versions(result.engine, files)),
+        tuple(commands), (last_estimates(result),) if outputs else (), tables=tuple(tables),
     )  # fmt: skip
 
 

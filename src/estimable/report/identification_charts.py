@@ -13,8 +13,9 @@ from ..identifiers.residuals import first_lag
 from ..results import Excitation, Fit
 from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
-from .charts import BOUND, FILL, MARK, MEASURED, STATE, packed, thinned
+from .charts import BOUND, MEASURED, STATE, thinned
 from .contents import Chart, Key
+from .curves import FILL, MARK, packed
 
 ACCENT = "#B34700"
 CRITERIA = (("bic", "BIC", STATE, "solid"), ("aicc", "AICc", ACCENT, "dash"), ("aic", "AIC", BOUND, "dot"))

@@ -10,8 +10,8 @@ import numpy as np
 from ..figures.tuning_plots import CHOSEN, INK, KINDS, MOST, WORDS, series, speed
 from ..results.designs import BEST, RhoSynthesis
 from .assumptions import matrix_text, model_items
-from .charts import packed
 from .contents import Chart, Fact, Finding, Key, Report, Section
+from .curves import packed
 
 AGREED = 0.05  # largest relative difference of the curve of rho from the proven margin
 PART = "What each bandwidth costs"

@@ -29,6 +29,7 @@ _HOMES = {
     "Forecast": "results.estimates",
     "GainAssessment": "results.detectable",
     "GainInformation": "results.information",
+    "GainRow": "results.gain_row",
     "Gap": "results.steps",
     "Info": "results.steps",
     "Interval": "results.steps",

@@ -25,6 +25,7 @@ from .fits import Check as Check
 from .fits import Fit as Fit
 from .fits import NoiseFit as NoiseFit
 from .fits import Validation as Validation
+from .gain_row import GainRow as GainRow
 from .information import Excitation as Excitation
 from .information import GainInformation as GainInformation
 from .information import Score as Score

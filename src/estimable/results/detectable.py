@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..frozen import saved
+from .gain_row import GainRow, sentence_of
 from .trusts import Trust
 
 QUIET, SHORTEST = 0.05, 1.0  # a shorter end without information is not reported: part of the interval, and seconds
@@ -22,6 +23,8 @@ class DetectableLoss(NamedTuple):
     - `informed_until` (p,): the time in seconds after which the inputs add less than 1 % to the information about such a jump.
     - `delay` (p, k): the median time from `start` to the alarm, in seconds.
     - `gains` (p,): the names of the gains.
+    - `intervals`: the same for each interval of the record (`every`), of losses that begin with the interval and show before
+      it ends. `to_pandas()` has them as a table.
     """
 
     start: float
@@ -32,6 +35,22 @@ class DetectableLoss(NamedTuple):
     informed_until: Any
     delay: Any
     gains: tuple[str, ...]
+    intervals: tuple["DetectableLoss", ...] = ()
+
+    def to_pandas(self):
+        """A DataFrame, one row for each gain and interval (without intervals, for each gain): `start`, `end`, the loss for each
+        power, and `floor_sigma`.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([
+            {
+                "gain": name, "start": one.start, "end": one.end,
+                **{f"loss_{100 * power:.3g}": loss for power, loss in zip(one.power, one.loss[i], strict=True)},
+                "floor_sigma": one.floor_sigma[i],
+            }
+            for i, name in enumerate(self.gains) for one in self.intervals or (self,)
+        ])  # fmt: skip
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -72,6 +91,7 @@ class GainAssessment(NamedTuple):
     - `trust`: the verdict. `detectable`: the smallest loss that would have been detected; None where none can be said.
     - `noise`: the `NoiseFit` of the model; None where its own noises remain.
     - `notes`: what was prepared, as sentences.
+    - `rows`: a `GainRow` for each gain: before, after, when, and what happened. `finding`: the same in one sentence.
     """
 
     result: Any
@@ -81,8 +101,23 @@ class GainAssessment(NamedTuple):
     detectable: DetectableLoss | None
     noise: Any = None
     notes: tuple[str, ...] = ()
+    rows: tuple[GainRow, ...] = ()
 
     @property
     def sentence(self) -> str:
         """The verdict as one sentence."""
         return self.trust.sentence
+
+    @property
+    def finding(self) -> str:
+        """What happened to the gains, as one sentence."""
+        return sentence_of(self.rows)
+
+
+def size_of(loss: float) -> str:
+    """A loss in units of the gain; a dash where none would be detected.
+
+    >>> size_of(0.0634), size_of(np.inf)
+    ('0.063', '-')
+    """
+    return f"{loss:.2g}" if np.isfinite(loss) else "-"

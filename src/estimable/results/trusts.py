@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 from ..frozen import saved
 
+NAMED = 3  # most entries that the verdict names; `untestable` has all
+
 
 @saved
 class Direction(NamedTuple):
@@ -85,7 +87,8 @@ class Trust(NamedTuple):
         if self.word == "believe":
             if not self.untestable:
                 return "Believe: the record agrees with the model."
-            names = ", ".join(dict.fromkeys(one.direction.name for one in self.untestable))
-            return f"Believe, if {names} {'is' if len(self.untestable) == 1 else 'are'} right: the record agrees."
+            names = tuple(dict.fromkeys(one.direction.name for one in self.untestable))
+            what = ", ".join(names) if len(names) <= NAMED else f"{len(names)} entries such as {names[0]}"
+            return f"Believe, if {what} {'is' if len(names) == 1 else 'are'} right: the record agrees."
         lead = "Check the model" if self.word == "check" else "Do not use these numbers"
         return f"{lead}: {self.reasons[0]}" + ("" if self.reasons[0].endswith(".") else ".")
