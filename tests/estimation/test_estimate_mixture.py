@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from estimable import ChangeDetection, Mixture, Prior, Record, StateSpace, UnknownGain, estimate, simulate
+from estimable import ChangeDetection, Kalman, Mixture, Prior, Record, StateSpace, UnknownGain, estimate, simulate
 from estimable.estimation.estimate_mixture import estimate_mixture
 
 
@@ -20,3 +20,13 @@ def test_it_equals_one_run_of_the_whole():
     assert set(parts.extra) == set(whole.extra)
     for name, values in whole.extra.items():
         assert_allclose(parts.extra[name], values, rtol=1e-10, atol=1e-12)
+
+
+def test_angles_of_a_record_are_those_of_all_members():
+    model = StateSpace([[1.0]], [[0.3]], Q=[[0.01]], R=[[0.01]], dt=1, outputs=["heading"])
+    members = [Kalman(model), Kalman(StateSpace([[1.0]], [[0.3]], Q=[[1.0]], R=[[0.01]], dt=1, outputs=["heading"]))]
+    heading = np.mod(0.3 * np.arange(60) + np.pi, 2 * np.pi) - np.pi
+    record = Record(heading, np.ones(60), dt=1, outputs=["heading"], angles={"heading": "rad"})
+    found = estimate(Mixture(members), record, prior=Prior([0.0], [[1.0]]))
+    assert found.extra["probability"].shape == (60, 2)
+    assert np.abs(found.innovation).max() < 1.0

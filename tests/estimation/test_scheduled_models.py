@@ -167,3 +167,17 @@ def test_a_speed_change_is_not_read_as_a_lost_gain():
     assert found["scheduled"][0] <= 1.2
     assert found["constant"][0] > 10
     assert abs(found["constant"][1] - 1) > 0.2
+
+
+def test_a_mixture_follows_with_all_its_members():
+    def mixture(model):
+        return es.Mixture([es.UnknownGain(model, GAIN, walk=walk) for walk in (0.0, 0.1)])
+
+    found = es.estimate(mixture(model()), RECORD, prior=PRIOR)
+    known = es.estimate(mixture(model().along({"airspeed": SPEED})), RECORD, prior=PRIOR)
+    assert found.extra["probability"].shape == (T, 2)
+    assert np.array_equal(found.gain, known.gain)
+    for call in (lambda: es.fit_noise(mixture(model()), RECORD, prior=PRIOR),
+                 lambda: es.score(mixture(model()), RECORD, prior=PRIOR, with_respect_to=["R[q]"])):  # fmt: skip
+        with pytest.raises(es.InputError, match="a Mixture has several models"):
+            call()

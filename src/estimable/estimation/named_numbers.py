@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import checks
 from ..annotations import Array
+from ..filters.mixture import Mixture
 from ..frozen import field_names, replace
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
@@ -101,7 +102,11 @@ def _added(algorithm: Algorithm[Any], entry: NamedNumber, by: complex) -> Any:
 
 
 def with_innermost(algorithm: Algorithm[Any], inner: Algorithm[Any]) -> Any:
-    """The same wrappers around another algorithm."""
+    """The same wrappers around another algorithm. Raises `InputError` for a mixture."""
+    if isinstance(algorithm, Mixture):
+        checks.refuse(
+            "a Mixture has several models, whose numbers cannot be changed together: give one of its algorithms."
+        )
     if isinstance(algorithm, Wrapper):
         return replace(algorithm, algorithm=with_innermost(algorithm.algorithm, inner))
     return inner
