@@ -23,6 +23,7 @@ from ..results import Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
 from .connected import Connected, at_own_stamps, connected, with_checks
 from .loops import with_feedback_check
+from .rivals import with_rivals
 from .search import maximise
 
 Records = Record | Sequence[Record]
@@ -48,7 +49,8 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     to parts of a record that is broken, or in which an input is unknown for more than 10 rows; shorter runs are estimated, and
     `OutputErrorML` counts their error. With first-order hold u[k] enters y[k]: a delay of d steps becomes d - 1 with one more
     coefficient. Checks of `fit.validation` say what was done. `sigma` of a record weighs its samples; methods whose noise is
-    not that of single samples refuse it.
+    not that of single samples refuse it. Where an output is seen at every n-th row only, `fit.rivals` (k, d) are parameters that
+    fit as well, and the check "rivals" fails.
 
     Raises `InputError` with every fault of the call.
 
@@ -60,7 +62,7 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     """
     records = _read(method, record, engine)
     fit, done = fitted(method, records, engine)
-    return with_feedback_check(fit, done.method, done.records)
+    return with_feedback_check(with_rivals(fit, done.method, done.records), done.method, done.records)
 
 
 @np.errstate(over="ignore", invalid="ignore")

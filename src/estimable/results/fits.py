@@ -76,6 +76,7 @@ class Fit:
     - `log_likelihood`: the log-likelihood of the records under the model.
     - `outcome`: whether the run of a recursive method failed.
     - `method` and `engine`: the name of the method, and the engine that ran.
+    - `rivals` (k, d): other parameters that fit the records equally well (outputs seen at every n-th row). None: none found.
     - `extra`: results that only this method has, by name.
     """
 
@@ -92,6 +93,7 @@ class Fit:
     engine: str = static(default="")
     extra: Any = None
     covariance_white: Annotated[Any, "d d", "symmetric"] = None
+    rivals: Annotated[Any, "k d"] = None
 
     @property
     def sigma(self) -> np.ndarray:

@@ -29,7 +29,7 @@ ADDED: dict[str, dict[str, Any]] = {
     "DetectableLoss": {"intervals": ()},
     "GainAssessment": {"rows": ()},
     "Progress": {"schedule": None, "gaps": None},
-    "Fit": {"covariance_white": None},
+    "Fit": {"covariance_white": None, "rivals": None},
     "Validation": {"scores": ()},
     "OutputError": {"level": None},
     "OutputErrorML": {"level": "none"},
