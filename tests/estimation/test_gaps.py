@@ -266,3 +266,31 @@ def test_the_spread_of_an_input_that_hardly_moves_is_that_of_a_constant():
     constant = spread(np.array([[-2.0]]), np.zeros((1, 1)), np.ones((1, 1)), np.array([4.0]), np.zeros(1), 0.0)
     assert_allclose(slow.covariance, [[1.0]], rtol=1e-6)
     assert_allclose(constant.covariance, [[1.0]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("hold", ["first_order", "zero_order"])
+def test_an_input_that_stays_unknown_online_is_as_uncertain_as_offline(hold):
+    """Outputs are seen while the input walks away unseen: the errors stay within what is said, as offline."""
+    a, dt, seen, errors = 0.05, 0.1, slice(40, 120), {"online": [], "offline": []}
+    model = es.StateSpace([[-a]], [[1.0]], Q=[[1e-4]], R=[[1.0]], dt=0)
+    prior, gaps, φ = es.Prior([0.0], [[1.0]]), es.Gaps("bridge", diffusion=[1.0]), np.exp(-a * dt)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        u = np.cumsum(np.sqrt(dt) * rng.normal(size=121))
+        held = u[:-1] if hold == "zero_order" else (u[:-1] + u[1:]) / 2
+        x = lfilter([0.0, 1.0], [1.0, -φ], (1 - φ) / a * held)
+        record = es.Record(x + rng.normal(size=120), np.where(np.arange(120) < 30, u[:-1], np.nan), dt=dt, hold=hold)
+        offline = es.estimate(es.Kalman(model), record, prior=prior, gaps=gaps)
+        running, told = es.online(es.Kalman(model), prior=prior, hold=hold, gaps=gaps), []
+        for k in range(119):
+            info = running.correct(record.y[k])
+            told.append((info.mean[0], info.covariance[0, 0]))
+            running.predict(record.u[k], **({"u_end": record.u[k + 1]} if hold == "first_order" else {}), dt=dt)
+            if k == 60:
+                with pytest.raises(es.InputError, match="the run is inside a gap of its input: save it after a step"):
+                    running.save("run.npz")
+        mean, variance = np.array(told)[seen].T
+        errors["online"].append((mean - x[seen][: len(mean)]) ** 2 / variance)
+        errors["offline"].append((offline.mean[seen, 0] - x[seen]) ** 2 / offline.covariance[seen, 0, 0])
+    for each in errors.values():
+        assert 0.3 < np.mean(np.concatenate(each)) < 1.5

@@ -29,11 +29,13 @@ def settings_of(given: Given, algorithm: Algorithm[Any], faults: checks.Faults) 
 
 
 class Anchor(NamedTuple):
-    """The state after the last sample whose input was known, that input, and the seconds since."""
+    """The state after the last sample of which something is known, the last known input, and the seconds since that sample.
+    `since`: how long the input had not been known there."""
 
     state: Any
     u: np.ndarray
     seconds: float
+    since: float = 0.0
 
 
 class StepAcross(NamedTuple):
@@ -56,6 +58,7 @@ class OnlineGaps:
         self.known.logged = zeros if settings.spread is None else settings.spread
         self.known.moves = zeros if settings.diffusion is None else settings.diffusion
         self.anchor: Anchor | None = None
+        self.since, self.steps = 0.0, 0  # seconds and intervals in which the input was not known
         self.found: list[Gap] = []
         self.fresh = self._anew() if settings.how in ("auto", "break") else None
 
@@ -67,6 +70,11 @@ class OnlineGaps:
     def with_room(self, algorithm: Algorithm[Any]) -> Any:
         """The algorithm whose state has room for the diffuse directions of a break."""
         return algorithm if self.fresh is None else restarting(algorithm, self.fresh)
+
+    def pass_known(self, state: Tree, u: np.ndarray, dt: float) -> None:
+        """Begin anew after an interval whose input was known: at its end too where it moves linearly."""
+        self.anchor = Anchor(state, u, dt)
+        self.since, self.steps = (0.0 if self.hold == "first_order" else dt), 0
 
     def covers(self, u: np.ndarray, u_end: np.ndarray, dt: float, regular: float | None) -> bool:
         """Whether a step is part of a gap: an input is NaN, or the step is too long for one."""
@@ -80,10 +88,11 @@ class OnlineGaps:
         self, state: Tree, held: np.ndarray, u: np.ndarray, u_end: np.ndarray, dt: float, at: tuple[int, float]
     ) -> StepAcross:
         """The step across a gap. `at`: the sample, and the seconds since the start of the run."""
-        anchor, m = self.anchor, len(u)
-        if anchor is None or not np.isnan(u).any():
-            anchor = Anchor(state, np.where(np.isnan(u), held, u), 0.0)
+        anchor, m, unknown = self.anchor, len(u), np.isnan(u)
+        if anchor is None or not unknown.any():
+            anchor = Anchor(state, np.where(unknown, held, u), 0.0, self.since if unknown.any() else 0.0)
         seconds = anchor.seconds + dt
+        self.since, self.steps = anchor.since + seconds, self.steps + 1
         g = np.zeros(m) if self.settings.diffusion is None else np.asarray(self.settings.diffusion)
         why = self._why_break(seconds, g, at[1] + dt)
         gap = Gap(at[0], at[0] + 1, at[1], dt, "break" if why else "bridge", why)
@@ -92,10 +101,15 @@ class OnlineGaps:
             return StepAcross(self._sampled(dt), state, interval, anchor._replace(seconds=seconds), gap)
         ends = self.hold == "first_order" and not np.isnan(u_end).any()
         interval = Interval(anchor.u, u_end if ends else anchor.u, None, np.asarray(seconds))
-        if self.known.exact and (ends or self.hold == "zero_order"):
+        if anchor.since:  # outputs were seen meanwhile: an error that is constant over the interval, and lasts
+            variance = self.steps * g * self.since * (unknown | np.isnan(u_end))
+            interval = replace(interval, u_covariance=np.diag(variance))
+        elif self.known.exact and (ends or self.hold == "zero_order"):
             interval = replace(interval, u_diffusion=g)
         else:
             interval = replace(interval, u_covariance=np.diag(g * seconds / (4 if ends else 1)))
+        if ends:
+            self.since, self.steps = 0.0, 0
         if self.fresh is not None:
             interval = replace(interval, restart=np.asarray(False))
         return StepAcross(self._sampled(seconds), anchor.state, interval, anchor._replace(seconds=seconds), gap)

@@ -21,7 +21,7 @@ from ..results import Gap, Info, Interval, Outcome, Sample
 from .binding import model_of
 from .following import Following, Given, Values, channels_of, nominal
 from .online_arguments import KnownInputs, step_length
-from .online_gaps import Anchor, OnlineGaps
+from .online_gaps import OnlineGaps
 from .online_steps import Quick, sampled
 from .resuming import check_state
 from .turns import wait
@@ -299,7 +299,7 @@ class Online:
         self._elapsed += dt
         regular = model_of(self.algorithm).dt or now.dt
         if not across.covers(u, u_end, dt, regular):
-            across.anchor = Anchor(now.state, u, dt)
+            across.pass_known(now.state, u, dt)
             return False
         step = across.step(now.state, now.held, u, u_end, dt, at)
         state = _predict(step.algorithm, 0, step.state, step.interval)
@@ -368,7 +368,9 @@ class Online:
             raise RunError(outcome)
 
     def save(self, path: str | Path) -> None:
-        """Write the algorithm and its state to a file. `load` reads the file, and the run resumes."""
+        """Write the algorithm and its state to a file. `load` reads the file, and the run resumes. Not inside a gap."""
+        if self._across is not None and self._across.steps:
+            checks.refuse("the run is inside a gap of its input: save it after a step whose input is known.")
         from ..store.save import save
 
         save(path, self)
