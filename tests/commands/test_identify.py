@@ -143,3 +143,9 @@ def test_an_unknown_level_is_refused(run):
                  "--level", "walk=-1")  # fmt: skip
     assert answer.code == 2
     assert "`level` must be one of 'mean', 'trend', 'none'. Got 'walk=-1'." in answer.stderr
+
+
+def test_an_input_that_was_never_logged_is_named(run, tmp_path):
+    (tmp_path / "run.csv").write_text("time,u,y\n" + "\n".join(f"{0.1 * k},,{k % 7}" for k in range(60)) + "\n")
+    answer = run("identify", "run.csv")
+    assert (answer.code, answer.stderr) == (2, "Error: input 'u' was never logged: leave it out.\n")

@@ -103,6 +103,8 @@ def _read(
     others = None if held_out is None else several("held_out", held_out, faults)
     if methods is not None and (not isinstance(methods, list | tuple) or not methods):
         faults.add(f"`methods` must be a list of identifiers, or None. Got {checks.short(methods)}.")
+    if records and len(unknown := [name for name, u in _inputs_of(records) if np.isnan(u).all()]):
+        faults.add(f"input {checks.listed(unknown)} was never logged: leave it out.")
     fraction = faults.number("split", split, above=0.0, upper=1.0)
     if held_out is not None and split != SPLIT:
         faults.add("`split` divides a record, but with `held_out` whole records are fitted: leave one of them out.")
@@ -134,6 +136,13 @@ def _check_others(records: list[Record], others: list[Record], faults: checks.Fa
             faults.add(
                 f"record {i} of `held_out` is also in `record`: judge a model on a record that it was not fitted to."
             )
+
+
+def _inputs_of(records: Sequence[Record]) -> list[tuple[str, np.ndarray]]:
+    """Each input of all records together; none where the records have different channels."""
+    if len({one.inputs for one in records}) > 1:
+        return []
+    return list(zip(records[0].inputs, np.concatenate([one.u for one in records]).T, strict=True))
 
 
 def _divisible(records: list[Record], fraction: float, faults: checks.Faults) -> list[Record]:

@@ -47,7 +47,7 @@ def charts_of(
     """The gains, then the outputs with their measurements, the states, unknown inputs, and the innovations.
 
     `outputs`: the measurements of the outputs; None: no output is drawn, and `measured` are those of states. `smoothed`: a
-    second curve. `detectable`: the smallest loss that would have been detected, in a diagram of its own; where the input carries
+    second curve. `detectable`: the smallest loss that would have been detected, in a separate diagram; where the input carries
     no information about a gain, its diagram is shaded. `together`: the gains are in one diagram.
     """
     drawn = [*bands(result), *(output_bands(result) if outputs is not None else [])]
