@@ -5,11 +5,11 @@ import argparse
 import numpy as np
 
 import estimable as es
-from benchmarks.figures.f16_loop import GAIN, START, Q, fly, model, rms, standing
+from benchmarks.figures.f16_loop import GAIN, NONE, START, Q, fly, markov, model, rms, standing
 from estimable import markov_disturbance
 
 LASTING = 0.075, np.array([15.0, 15.0])  # time constant [s], and densities relative to Q
-TRUTHS = {"white": None, "lasting for .075 s": LASTING}
+TRUTHS = {"white": NONE, "lasting for .075 s": markov(*LASTING)}
 FILTERS = {
     "Q": model(), "15 Q": model(15.0),
     "lasting for .075 s": markov_disturbance(model(), time_constant=LASTING[0], density=LASTING[1] * np.diag(Q)),
@@ -28,7 +28,7 @@ def bank_of_noises(time_constants=(0.03, 0.1, 0.3, 1.0), densities=(1.0, 10.0, 4
 
 def figure(draws, amp, truth, algorithm, *, seconds=30.0, seed=1):
     """Median estimate, median sigma, rms z, and the largest |z|."""
-    records, gain = fly(draws, seed, amp=amp, seconds=seconds, markov=truth)
+    records, gain = fly(draws, seed, amp=amp, seconds=seconds, disturbance=truth)
     bank = es.estimate_bank(algorithm, es.stack(records), prior=START)
     z, sigma = standing(bank, gain[-1])
     estimate = bank.gain[:, -1, 0] if bank.info.gain_quantiles is None else bank.info.gain_quantiles[:, -1, 0, 2]
@@ -48,10 +48,10 @@ def main():
                     f"{name:20s} {amp:3.0f} deg/s  filter: {filter:20s} {row[0]:.3f} ± {row[1]:.3f}  rms z {row[2]:.2f}"
                 )
     bank = bank_of_noises()
-    nodes = {"white": None} | {f"{τ} s": (τ, np.array([10.0, 10.0])) for τ in (0.03, 0.1, 0.3, 1.0)}
+    nodes = {"white": NONE} | {f"{τ} s": markov(τ, np.array([10.0, 10.0])) for τ in (0.03, 0.1, 0.3, 1.0)}
     between = {
-        "between, .17 s on q alone": (0.17, np.array([0.0, 6.0])),
-        "between, .55 s, 20 Q": (0.55, np.array([20.0, 20.0])),
+        "between, .17 s on q alone": markov(0.17, np.array([0.0, 6.0])),
+        "between, .55 s, 20 Q": markov(0.55, np.array([20.0, 20.0])),
     }
     for name, truth in (nodes | between).items():
         for amp in (0.0, 1.0):

@@ -1,6 +1,6 @@
 """`estimable check`: what can be estimated with a model, before any data."""
 
-from . import check_report, options, show
+from . import options, show
 
 
 def check(
@@ -25,6 +25,8 @@ def check(
       estimable check aircraft.toml --dt 0.01 --json
       estimable check aircraft.toml --record flight.csv
     """
+    from . import check_report
+
     with show.working("Checking the model"):
         found = check_report.checked(model, dt=dt, horizon=horizon, record=record)
     if machine:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from . import options, reproduce_report, show
+from . import options, show
 from .destination import check_destination
 
 Name = Annotated[
@@ -30,6 +30,7 @@ def reproduce(name: Name = None, draws: Draws = 200, figure: Figure = None, mach
       estimable reproduce sillence-table-2 --figure poles.html
     """
     from .. import reproductions
+    from . import reproduce_report
 
     if name is None:
         reproduce_report.list_all(machine)

@@ -60,7 +60,9 @@ def once(make: Callable[..., Made], *arguments: Any) -> Made:
     forks.check()  # indices are followed by XLA
     made = make(*arguments)
     with suppress(TypeError):  # without a plain form it is made again
-        write(words, "json", plain_format.dumps(made))
+        content = plain_format.dumps(made)
+        write(words, "json", content)
+        return plain_format.loads(content)  # as in later processes, so that machine code has the same name
     return made
 
 

@@ -2,19 +2,18 @@
 
 import itertools
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import checks, forks
+from .. import checks
 from ..annotations import Array
 from ..data.record import Record
 from ..engines import choice
 from ..filters.change_detection import ChangeDetection, Watch
-from ..frozen import frozen, replace
+from ..frozen import frozen, replace, static
 from ..kernels import jumps
 from ..models.prior import Prior
 from ..results import DetectableLoss, Info, Interval, Sample
@@ -23,6 +22,7 @@ from .binding import bind
 DRAWS = 200
 LOSSES = np.geomspace(0.005, 2.0, 19)  # in units of the gain
 JUDGED = 80  # rows at which an alarm is looked for, at most
+TOGETHER = 100  # looks that are computed side by side
 FEWEST = 4  # of them in each of several intervals
 MOST = 200  # intervals
 ADDED = 0.01  # of the information: what comes later adds less
@@ -228,10 +228,8 @@ def _alarms(algorithm: ChangeDetection, rows: _Responses, losses: list[_Jump], s
     """The first judged row with an alarm, for each onset: (p, draws, losses); T where there is none."""
     T, y, p, r = rows.G.shape
     looks = [JUDGED, *[max(JUDGED // len(losses), FEWEST)] * (len(losses) - 1)]
-    threshold = float(np.log(algorithm.seconds_between_false_alarms))
-    score, information = np.zeros((DRAWS, p, r)), np.zeros((p, p, r))
-    from_jump, first = np.zeros((len(losses), p, p, r)), np.full((len(losses), p, DRAWS, len(LOSSES)), T)
-    judge = forks.jit(partial(_log_sums, algorithm))
+    score, information, from_jump = np.zeros((DRAWS, p, r)), np.zeros((p, p, r)), [np.zeros((p, p, r))] * len(losses)
+    first, waiting = [np.full((p, DRAWS, len(LOSSES)), T) for _ in losses], list[_Look]()
     for k in range(_begin(rows, losses), max(jump.last for jump in losses) + 1):
         place, there = rows.before(k)
         G, noise = rows.G[k], np.random.default_rng([seed, k]).normal(size=(DRAWS, y))
@@ -243,9 +241,35 @@ def _alarms(algorithm: ChangeDetection, rows: _Responses, losses: list[_Jump], s
             moved = np.einsum("yg,ypr->gpr", jump.response[k], G)
             from_jump[i] = np.where(there, from_jump[i][..., place], 0.0) + moved
             if (k - jump.onset) % max((jump.last - jump.onset) // looks[i], 1) == 0 or k == jump.last:
-                sums = np.asarray(judge(score, from_jump[i], information, rows.seconds[k]))
-                first[i] = np.where((sums > threshold) & (first[i] == T), k, first[i])
-    return list(first)
+                waiting.append(_Look(i, k, score, from_jump[i], information, rows.seconds[k]))
+        if len(waiting) >= TOGETHER:
+            _look(algorithm, waiting, first)
+            waiting = []
+    _look(algorithm, waiting, first)
+    return first
+
+
+class _Look(NamedTuple):
+    """A look at the detector's sums: the loss, the row, and what the sums are made of there."""
+
+    loss: int
+    row: int
+    score: np.ndarray
+    from_jump: np.ndarray
+    information: np.ndarray
+    seconds: np.ndarray
+
+
+def _look(algorithm: ChangeDetection, looks: list[_Look], first: list[np.ndarray]) -> None:
+    """Write the rows of the alarms that these looks, in the order of their rows, find first."""
+    if not looks:
+        return
+    crossed = _log_sums(algorithm, *map(np.stack, list(zip(*looks, strict=True))[2:])) > np.log(
+        algorithm.seconds_between_false_alarms
+    )
+    for look, alarms in zip(looks, crossed, strict=True):
+        found = first[look.loss]
+        found[...] = np.where(alarms.swapaxes(0, 1), np.minimum(found, look.row), found)
 
 
 def _begin(rows: _Responses, losses: list[_Jump]) -> int:
@@ -254,15 +278,57 @@ def _begin(rows: _Responses, losses: list[_Jump]) -> int:
     return max(int(rows.onsets[onset][rows.seconds[onset] > 0].min(initial=onset)), 1)
 
 
-def _log_sums(algorithm: ChangeDetection, score: Array, from_jump: Array, information: Array, seconds: Array) -> Array:
-    """The log of the detector's sum for each gain that jumps, draw and loss: (p, draws, losses)."""
+def _log_sums(
+    algorithm: ChangeDetection, score: np.ndarray, from_jump: np.ndarray, information: np.ndarray, seconds: np.ndarray
+) -> np.ndarray:
+    """The log of the detector's sum for each judged row, draw, gain that jumps, and loss: (rows, draws, p, losses)."""
+    jump, scales = (np.broadcast_to(one, (len(score), len(one))) for one in (algorithm.jump, algorithm.scales))
+    judging = Judging(jump, scales, from_jump, information, seconds, algorithm.jump_together)
+    samples = Sample(None, np.ones((*score.shape[:2], 1), bool), None, extra=score)
+    _, run = choice.scan_bank(
+        "auto", judging, None, samples, Interval(None, None), axes=(0, 0, None), keep="all", select=_extra
+    )
+    return np.nan_to_num(np.asarray(run.info), nan=-np.inf)
 
-    def one(score: Array) -> Array:
-        evidence = jumps.weigh(score, information, algorithm.jump, algorithm.scales, algorithm.jump_together)
-        return jumps.judge(evidence, seconds).log_sum
 
-    def of_draw(score: Array, moved: Array) -> Array:
-        return jax.vmap(lambda loss: one(score - loss * moved))(jnp.asarray(LOSSES))
+@frozen
+class Judging:
+    """The log of a detector's sum at one row, for a jump of each gain and of each size. A sample is a draw of the scores.
 
-    found = jax.vmap(lambda moved: jax.vmap(lambda one: of_draw(one, moved))(score))(from_jump)
-    return jnp.nan_to_num(found, nan=-jnp.inf)
+    `from_jump` (g, p, r): what a jump of 1 of gain g adds to the scores. `information`, `seconds`: those of the onsets.
+    """
+
+    jump: Any
+    scales: Any
+    from_jump: Any
+    information: Any
+    seconds: Any
+    together: bool = static()
+
+    def at(self, k: int | Array) -> "Judging":
+        """The same for every draw."""
+        return self
+
+    def init(self, prior: None) -> tuple[()]:
+        """No state."""
+        return ()
+
+    def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
+        """The sums of one draw, (g, losses)."""
+
+        def of(score: Array) -> Array:
+            evidence = jumps.weigh(score, self.information, self.jump, self.scales, self.together)
+            return jumps.judge(evidence, self.seconds).log_sum
+
+        moved = sample.extra - LOSSES[:, None, None] * self.from_jump[:, None]
+        return state, Info(
+            log_likelihood=jnp.zeros(()), outcome=jnp.zeros((), int), extra=jax.vmap(jax.vmap(of))(moved)
+        )
+
+    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
+        """No change."""
+        return state
+
+
+def _extra(info: Info, keep: str) -> Any:
+    return info.extra

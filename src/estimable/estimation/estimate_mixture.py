@@ -1,15 +1,42 @@
 """A mixture of algorithms, each run by itself: members that differ in numbers only share one program."""
 
+from typing import Any
+
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from .. import forks
+from ..annotations import Array
 from ..data.record import Record
+from ..engines import choice
 from ..filters.mixture import Mixture
+from ..frozen import frozen
 from ..models.prior import Prior
-from ..results import Estimate, Origin
+from ..results import Estimate, Info, Interval, Origin, Sample
+from .binding import select
 from .estimate import estimate
+
+
+@frozen
+class Merging:
+    """The reports of the members, in `extra` of each sample with their probabilities and the log-likelihood, as one report."""
+
+    mixture: Any
+
+    def at(self, k: int | Array) -> "Merging":
+        """The same at row k."""
+        return self
+
+    def init(self, prior: None) -> tuple[()]:
+        """No state."""
+        return ()
+
+    def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
+        """The report of the mixture."""
+        return state, self.mixture.merged(*sample.extra)
+
+    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
+        """No change."""
+        return state
 
 
 def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estimate:
@@ -27,9 +54,9 @@ def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estim
     )
     scores = weights - np.log(1 - unseen)
     probability = np.exp(scores - np.logaddexp.reduce(scores, axis=1, keepdims=True))
-    merged = forks.jit(jax.vmap(mixture.merged))(
-        infos, jnp.asarray(probability), jnp.asarray(np.diff(total, prepend=0.0))
-    )
-    info = jax.tree_util.tree_map(np.asarray, merged)
+    seen = np.ones((len(steps), 1), bool)
+    reports = Sample(None, seen, None, extra=(infos, probability, np.diff(total, prepend=0.0)))
+    _, run = choice.scan("auto", Merging(mixture), None, reports, Interval(None, None), keep="all", select=select)
+    info = jax.tree_util.tree_map(np.asarray, run.info)
     first, origin = runs[0], Origin(mixture, record, prior)
     return Estimate(info, first.t, float(total[-1]), first.outcome, first.engine, mixture.names, origin, first.gaps)

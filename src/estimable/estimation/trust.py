@@ -34,6 +34,7 @@ HIDDEN = 0.52  # correlation with a gain from which a bias of three standard dev
 NOTICED = 0.01  # of the gain: a smaller shift by an error of 10 % is not listed
 GAP = 0.5  # of the record: a longer one leaves nothing to judge
 KNOWN = 0.95  # of the prior's standard deviation: a gain that keeps more is not known
+UNIFORM = 3**0.5  # standard deviations of a uniform distribution in half of its width
 LEVEL = 0.02
 
 
@@ -176,15 +177,17 @@ def _detector(algorithm: Algorithm[Any]) -> ChangeDetection | None:
 
 
 def _walks(inner: Any, algorithm: Algorithm[Any], found: tuple[DetectedChange, ...], bound: Bound) -> np.ndarray | None:
-    """The factor of the walk of each row: that of the detector, and the variance of a jump before each onset."""
+    """The factor of the walk of each row: that of the detector, and the variance of a jump at each onset, which is known to some
+    rows: a jump at any of them has the covariance of a walk over them."""
     detector = _detector(algorithm)
     if detector is None:
         return None
     dt = np.asarray(bound.intervals.dt)
     walk = np.broadcast_to(detector.walk, (len(dt), *detector.walk.shape)).copy()
     for change in found:
-        before = max(change.onset - 1, 0)
-        walk[before] += np.diag(detector.jump) / dt[before]
+        half = round(UNIFORM * change.onset_sigma)
+        rows = slice(max(change.onset - 1 - half, 0), min(change.onset + half, change.detected_at))
+        walk[rows] += np.diag(detector.jump) / dt[rows].sum()
     return np.asarray(factors(walk))
 
 

@@ -169,10 +169,9 @@ class Mixture(Algorithm[Members]):
 
     def merged(self, infos: list[Info], probability: Array, log_likelihood: Array) -> Info:
         """The moments of the mixture of the reports, and its quantiles."""
-        columns = [np.array(at) for at in self.columns]
         shared = [
-            replace(info, mean=info.mean[at], covariance=info.covariance[np.ix_(at, at)])
-            for info, at in zip(infos, columns, strict=True)
+            replace(info, mean=_rows(info.mean, at), covariance=_block(info.covariance, at))
+            for info, at in zip(infos, self.columns, strict=True)
         ]
         first = infos[0]
         extra = {name: value for name, value in (first.extra or {}).items() if name in OF_THE_FIRST}
@@ -188,8 +187,7 @@ class Mixture(Algorithm[Members]):
             found["gain_quantiles"] = jnp.where(jnp.any(jnp.isnan(x), axis=(0, 2))[:, None], jnp.nan, merged)
             found["jump_probability"] = jnp.sum(probability * jnp.stack([_unseen(info) for info in infos]))
         if first.diffuse_covariance is not None:
-            at = columns[0]
-            found["diffuse_covariance"] = first.diffuse_covariance[np.ix_(at, at)]
+            found["diffuse_covariance"] = _block(first.diffuse_covariance, self.columns[0])
         outcome = jnp.max(jnp.stack([jnp.asarray(info.outcome) for info in infos]))
         return Info(
             **found, log_likelihood=log_likelihood, outcome=outcome, extra={**extra, "probability": probability}
@@ -239,6 +237,16 @@ def _columns(algorithms: tuple[Any, ...]) -> tuple[tuple[int, ...], ...]:
     """The common states among those of each algorithm."""
     common = _common(algorithms)
     return tuple(tuple(one.names.states.index(name) for name in common) for one in algorithms)
+
+
+def _rows(M: Array, at: Sequence[int]) -> Array:
+    """Some rows, by slices: machine code has no gather."""
+    return jnp.stack([M[i] for i in at])
+
+
+def _block(M: Array, at: Sequence[int]) -> Array:
+    """Some rows and the same columns."""
+    return _rows(_rows(M, at).T, at).T
 
 
 def _unseen(info: Info) -> Array:

@@ -1,19 +1,25 @@
-"""Loops in machine code, cached on disk under a name from the text, the versions and the processor."""
+"""Loops in machine code, cached on disk under a name from the program, the versions and the processor."""
 
 import ctypes
+import hashlib
+import pickle
+from collections.abc import Callable
 from functools import cache
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import disk_cache
 from ..program.primitives import UnsupportedError
+from . import libraries
 from .scalar_loop import ScalarLoop
 
 if TYPE_CHECKING:
     from .array_loop import ArrayLoop
 
 
+WORD = 8  # bytes
 LONG = 1_000_000  # characters of a module, above which LLVM's passes take minutes
 
 
@@ -23,7 +29,7 @@ class Compiled:
     def __init__(self, loop: "ScalarLoop | ArrayLoop", lanes: int = 1):
         _processor()  # fails without LLVM
         self.lanes, self.loop = lanes, loop
-        self._engine = _engine(loop.assembly(lanes), loop.has_loops)
+        self._engine = _engine(loop, f"lanes {lanes}", lambda: loop.assembly(lanes))
         kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * loop.integers, *[ctypes.c_void_p] * loop.pointers)
         self.address = kind(self._engine.get_function_address("run"))
 
@@ -42,6 +48,11 @@ class OneRow:
 
     def __init__(self, loop: "ScalarLoop | ArrayLoop", last: int):
         _processor()
+        self._engine = _engine(loop, f"one row, {last}", lambda: self._assembly(loop, last))
+        self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
+
+    @staticmethod
+    def _assembly(loop: "ScalarLoop | ArrayLoop", last: int) -> str:
         arrays, assembly, lines = loop.pointers - 2, loop.assembly(1), []
         for i in range(arrays):
             lines += [f"%at{i} = getelementptr inbounds ptr, ptr %places, i64 {i}", f"%array{i} = load ptr, ptr %at{i}"]
@@ -53,8 +64,7 @@ class OneRow:
                   "%code = load i64, ptr %place", "ret i64 %code"]  # fmt: skip
         memory = f"@memory = internal global [{loop.bytes} x i8] zeroinitializer, align 64\n"
         text = "\n  ".join(["define i64 @one(ptr %places) {", *lines]) + "\n}\n"
-        self._engine = _engine(assembly + memory + text, loop.has_loops)
-        self.address = ctypes.PYFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._engine.get_function_address("one"))
+        return assembly + memory + text
 
 
 @cache
@@ -78,25 +88,52 @@ def _machine() -> Any:
     return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
 
 
-def _engine(text: str, has_loops: bool) -> Any:
-    """The compiled module, from the disk if it was compiled before.
+def _engine(loop: Any, kind: str, assembly: Callable[[], str]) -> Any:
+    """The engine of a loop; its object code is from the disk if it was compiled before, and `assembly` is then not written."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    words = "|".join((disk_cache.source(), _name_of(loop), kind, llvmlite.__version__, *_processor()))
+    found = disk_cache.read(words, "o")
+    module = _optimised(assembly(), loop.has_loops) if found is None else llvm.parse_assembly("")
+    if found is None:
+        memory = int(loop.bytes).to_bytes(WORD, "little")
+    else:
+        memory = found[:WORD]
+        if loop.has_loops:
+            loop.bytes = int.from_bytes(memory, "little")
+        if libraries.PREFIX.encode() in found:
+            libraries.provide()
+    engine = llvm.create_mcjit_compiler(module, _machine())
+    engine.set_object_cache(
+        lambda _, compiled: disk_cache.write(words, "o", memory + compiled), lambda _: found and found[WORD:]
+    )
+    engine.finalize_object()
+    return engine
+
+
+def _name_of(loop: "ScalarLoop | ArrayLoop") -> str:
+    """The digest of everything in a loop: as pickled, but without references, so that equal loops have equal names."""
+    stream = BytesIO()
+    pickler = pickle.Pickler(stream)
+    pickler.fast = True
+    pickler.dump(loop)
+    return hashlib.sha256(stream.getvalue()).hexdigest()
+
+
+def _optimised(text: str, has_loops: bool) -> Any:
+    """A module, ready for the compiler.
 
     LLVM's passes are for loops over arrays. A line of scalars computes nothing twice, so that they would only take half of the
     time.
     """
-    import llvmlite
     import llvmlite.binding as llvm
 
-    words = "|".join((text, llvmlite.__version__, *_processor()))
-    found = disk_cache.read(words, "o")
     module = llvm.parse_assembly(text)
     module.verify()
-    if found is None and has_loops and len(text) < LONG:
+    if has_loops and len(text) < LONG:
         options = llvm.create_pipeline_tuning_options(speed_level=1)
         options.slp_vectorization = False
         builder = llvm.create_pass_builder(_machine(), options)
         builder.getModulePassManager().run(module, builder)
-    engine = llvm.create_mcjit_compiler(module, _machine())
-    engine.set_object_cache(lambda _, compiled: disk_cache.write(words, "o", compiled), lambda _: found)
-    engine.finalize_object()
-    return engine
+    return module

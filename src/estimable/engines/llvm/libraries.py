@@ -5,6 +5,7 @@ from functools import cache
 
 from .blocks import Blocks, Memory, Value, number
 
+PREFIX = "estimable_"  # of their names in machine code
 ROUTINES = {"dgemm": "cython_blas", "dsyrk": "cython_blas", "dgeqrf": "cython_lapack", "dpotrf": "cython_lapack"}
 
 
@@ -21,14 +22,14 @@ def provide() -> None:
     name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
     for routine, module in ROUTINES.items():
         capsule = import_module(f"scipy.linalg.{module}").__pyx_capi__[routine]
-        llvm.add_symbol(f"estimable_{routine}", pointer(capsule, name(capsule)))
+        llvm.add_symbol(f"{PREFIX}{routine}", pointer(capsule, name(capsule)))
 
 
 def _call(blocks: Blocks, routine: str, arguments: list[str]) -> None:
     """Call a routine; its arguments are passed by address, as in Fortran."""
     provide()
-    blocks.scalars.declared.add(f"declare void @estimable_{routine}({', '.join(['ptr'] * len(arguments))})")
-    blocks.lines.append(f"call void @estimable_{routine}({', '.join(f'ptr {a}' for a in arguments)})")
+    blocks.scalars.declared.add(f"declare void @{PREFIX}{routine}({', '.join(['ptr'] * len(arguments))})")
+    blocks.lines.append(f"call void @{PREFIX}{routine}({', '.join(f'ptr {a}' for a in arguments)})")
 
 
 def _given(blocks: Blocks, kind: str, value: str | float) -> str:
