@@ -1,8 +1,8 @@
 """How often `trust` warns of right models, and misses wrong ones, over a designed set of flights of the F-16 in closed loop.
 
-Commands are log-uniform from .3 to 10 deg/s; the gain drops to one of 1, .9, .8, .6, .4 at 3 to 10 s. A result counts as wrong
-where the printed gain is off by more than three times its half-width / 1.96: that of a detector of changes with the model as given
-("plain"), and that of the mixture of walks with errors of 10 % in A and B ("interval").
+Commands are log-uniform from .3 to 10 deg/s; the gain drops to one of 1, .9, .8, .6, .4 at 3 to 10 s. A result is wrong where
+the printed gain is off by more than three times its half-width / 1.96. "plain": by a detector of changes with the model as given.
+"interval": by the mixture of walks with errors of 10 % in A and B.
 """
 
 import argparse
@@ -157,7 +157,7 @@ def totals(rows):
         silent = wrong & (p >= LEVEL)
         yield (
             f"testable causes, plain: {silent.sum()} of {wrong.sum()} wrong results not warned "
-            f"({silent.sum() / wrong.sum():.3f}), z up to {np.abs(z[silent]).max(initial=0):.1f}"
+            f"({silent.sum() / max(wrong.sum(), 1):.3f}), z up to {np.abs(z[silent]).max(initial=0):.1f}"
         )
     p, z = (np.concatenate([getattr(row, name) for row in rows.values()]) for name in ("p", "interval"))
     silent = (np.abs(z) > WRONG) & (p >= LEVEL)

@@ -320,7 +320,7 @@ class Judging:
             evidence = jumps.weigh(score, self.information, self.jump, self.scales, self.together)
             return jumps.judge(evidence, self.seconds).log_sum
 
-        moved = sample.extra - LOSSES[:, None, None] * self.from_jump[:, None]
+        moved = sample.extra[None, None] - LOSSES[None, :, None, None] * self.from_jump[:, None]
         return state, Info(
             log_likelihood=jnp.zeros(()), outcome=jnp.zeros((), int), extra=jax.vmap(jax.vmap(of))(moved)
         )

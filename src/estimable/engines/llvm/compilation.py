@@ -93,31 +93,39 @@ def _engine(loop: Any, kind: str, assembly: Callable[[], str]) -> Any:
     import llvmlite
     import llvmlite.binding as llvm
 
-    words = "|".join((disk_cache.source(), _name_of(loop), kind, llvmlite.__version__, *_processor()))
-    found = disk_cache.read(words, "o")
-    module = _optimised(assembly(), loop.has_loops) if found is None else llvm.parse_assembly("")
+    name = _name_of(loop)
+    words = "|".join((disk_cache.source(), name or "", kind, llvmlite.__version__, *_processor()))
+    found = disk_cache.read(words, "o") if name else None
     if found is None:
+        module = _optimised(assembly(), loop.has_loops)
         memory = int(loop.bytes).to_bytes(WORD, "little")
     else:
-        memory = found[:WORD]
+        module, memory = llvm.parse_assembly(""), found[:WORD]
         if loop.has_loops:
             loop.bytes = int.from_bytes(memory, "little")
         if libraries.PREFIX.encode() in found:
             libraries.provide()
     engine = llvm.create_mcjit_compiler(module, _machine())
-    engine.set_object_cache(
-        lambda _, compiled: disk_cache.write(words, "o", memory + compiled), lambda _: found and found[WORD:]
-    )
+    if name:
+        engine.set_object_cache(
+            lambda _, code: disk_cache.write(words, "o", memory + code), lambda _: found and found[WORD:]
+        )
     engine.finalize_object()
     return engine
 
 
-def _name_of(loop: "ScalarLoop | ArrayLoop") -> str:
-    """The digest of everything in a loop: as pickled, but without references, so that equal loops have equal names."""
+def _name_of(loop: "ScalarLoop | ArrayLoop") -> str | None:
+    """The digest of everything in a loop: as pickled, but without references, so that equal loops have equal names.
+
+    None where it holds something that cannot be pickled; its code is compiled again in each process.
+    """
     stream = BytesIO()
     pickler = pickle.Pickler(stream)
     pickler.fast = True
-    pickler.dump(loop)
+    try:
+        pickler.dump(loop)
+    except (pickle.PicklingError, AttributeError, TypeError, ValueError):
+        return None
     return hashlib.sha256(stream.getvalue()).hexdigest()
 
 
