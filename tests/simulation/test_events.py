@@ -344,16 +344,13 @@ def test_banks_equal_single_runs_bit_for_bit_also_of_plants_with_different_event
         es.close_loop_bank(plants, law, es.Kalman(model), runs=3, **given)
 
 
-@pytest.mark.parametrize(
-    "wrap", [lambda one: one, lambda one: es.ChangeDetection(one, slots=4, levels=2)], ids=["gain", "detector"]
-)
-def test_a_scheduled_estimator_in_a_loop_is_that_over_the_record_and_banks_equal_single_runs(wrap):
+def test_a_scheduled_estimator_in_a_loop_is_that_over_the_record_and_banks_equal_single_runs():
     noises = {"Q": 0.1 * np.eye(2), "R": 0.01 * np.eye(2)}
     model = es.StateSpace(**matrices(1.0), **noises, dt=0, states=MODEL.states, inputs=MODEL.inputs, outputs=MODEL.outputs,
                           schedule={"speed": matrices})  # fmt: skip
     plant = es.ControlledPlant(model, actuator=SIDES, events=[es.Failure(1.0, 0.5)])
     law = es.StateFeedback([[0.3, 0.1], [0.1, 0.2]], reference_gain=np.eye(2))
-    estimator = wrap(es.UnknownGain(model, es.Prior([1.0], [[0.2]])))
+    estimator = es.UnknownGain(model, es.Prior([1.0], [[0.2]]))
     given = {"reference": COMMANDS, "seed": 5, "dt": DT, "prior": PRIOR, "schedule": COURSE}
     bank = es.close_loop_bank(plant, law, estimator, runs=9, engine="native", **given)
     single = es.close_loop_bank(plant, law, estimator, runs=1, first=8, engine="native", **given)[0]
