@@ -160,6 +160,9 @@ def test_in_a_loop_with_a_simulator_an_estimator_follows_a_measured_output_or_a_
     assert np.allclose(
         es.close_loop(plant, law, es.Kalman(model), schedule=course, **given).mean, flown.mean, atol=1e-10
     )
+    bank = es.close_loop_bank(plant, law, es.Kalman(near), runs=2, **given)
+    assert np.array_equal(bank[0].state, es.close_loop(plant, law, es.Kalman(near), **given).state)
+    assert np.abs(bank[1].state - bank[0].state).max() > 0.01  # each run has its own noise
     with pytest.raises(es.InputError, match="must not be a list of simulators"):
         es.close_loop_bank([plant, plant], law, es.Kalman(near), **given)
 

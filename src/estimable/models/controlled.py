@@ -40,8 +40,8 @@ class ControlledPlant:
       `Actuator` has its own.
     - `position_sigma`: the standard deviation of the measured positions, one number or (m,). None: measured without error.
       `Kalman`, `UnknownGain`, `ExtendedKalman` and other filters with a covariance count it as process noise, also inside
-      wrappers. Others ignore it. Noise in an input biases its estimated gain towards zero (measured: 0.4 % at 7 % of the rms of
-      the position, 1.5 % at 29 %, 8 % at 71 %): with more than some per cent let the estimator use the commands (`Actuated`).
+      wrappers. Others ignore it. Noise in an input biases its estimated gain towards zero, which sigma does not count: by
+      some 1 % where it is a quarter of the rms of the position, and with its square. The commands have no such bias (`Actuated`).
     - `quantum`, (m,) or one number: commands are rounded to multiples of it. `resolution`, (p,) or one number: the same for
       outputs.
     - `turbulence`: a `Turbulence`, which becomes part of `model` (and of the model of each `Change`): its states follow those of
