@@ -1,9 +1,10 @@
 """Sigma over time before any data: against the textbook filter with 60 digits, known set-ups, and what may not matter."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from estimable import Prior, StateSpace, UnknownGain, covariance_analysis, gain_information
+from estimable import NonlinearModel, Prior, StateSpace, UnknownGain, covariance_analysis, gain_information
 from estimable.errors import InputError
 from oracles.many_digits import after, sigma
 from oracles.stacked import covariances, explained
@@ -210,6 +211,57 @@ def test_another_prior_and_a_combination():
     assert figure.layout.annotations[0].text == "ahead"
 
 
+def bearings(turn):
+    """A target in the plane at constant velocity, seen by its bearing from an observer that may turn; x of the target."""
+    return NonlinearModel(
+        lambda x, u, θ: jnp.array([x[0] + x[2], x[1] + x[3], x[2], x[3]]),
+        lambda x, u, θ: jnp.arctan2(x[1] - u[1], x[0] - u[0])[None],
+        Q=np.zeros((4, 4)), R=[[1e-6]], dt=1, inputs=["east", "north"], states=["x", "y", "vx", "vy"],
+    ), np.stack([np.where(np.arange(41) < 20, 20.0 * np.arange(41), 400.0), np.where(
+        np.arange(41) < 20, 0.0, 20.0 * (np.arange(41) - 20) * turn)], axis=1)  # fmt: skip
+
+
+def test_bearings_from_a_fixed_observer_never_show_the_range_and_one_turn_does():
+    prior = Prior([1000.0, 500.0, 10.0, -5.0], np.diag([1e4, 1e4, 100.0, 100.0]))
+    model, path = bearings(1.0)
+    fixed = covariance_analysis(model, prior=prior, u=0 * path)
+    turned = covariance_analysis(model, prior=prior, u=path)
+    assert turned.sigma[-1, 0] < 0.3 * fixed.sigma[-1, 0]
+    diffuse = Prior(prior.mean, np.zeros((4, 4)), diffuse=np.eye(4))
+    assert np.all(np.isinf(covariance_analysis(model, prior=diffuse, u=0 * path).sigma[-1]))
+    assert np.all(np.isfinite(covariance_analysis(model, prior=diffuse, u=path).sigma[-1]))
+    # the bound of Cramér and Rao: the information of all bearings by differences
+    x0, h = np.array([1000.0, 500.0, 10.0, -5.0]), np.array([1e-3, 1e-3, 1e-5, 1e-5])
+    k = np.arange(41)
+
+    def seen(x):
+        return np.arctan2(x[1] + k * x[3] - path[:, 1], x[0] + k * x[2] - path[:, 0])
+
+    J = np.stack([(seen(x0 + d) - seen(x0 - d)) / (2 * d.max()) for d in np.diag(h)], axis=1)
+    P0 = np.linalg.inv(np.linalg.inv(prior.covariance) + J.T @ J / 1e-6)
+    F = np.block([[np.eye(2), 40 * np.eye(2)], [np.zeros((2, 2)), np.eye(2)]])
+    assert np.allclose(turned.sigma[-1] ** 2, np.diagonal(F @ P0 @ F.T), rtol=1e-5)
+    drawn = covariance_analysis(model, prior=prior, u=path, draws=5)
+    low, high = drawn.sigma_range
+    assert np.all((low <= drawn.sigma + 1e-12) & (drawn.sigma <= high * 1.5))
+
+
+def test_parameters_along_a_continuous_trajectory():
+    """A time constant and a gain from a step; exact sensitivities of the solution."""
+    model = NonlinearModel(
+        lambda x, u, θ: -θ[0] * x + θ[1] * u, lambda x, u, θ: x, Q=[[0.0]], R=[[0.01]], dt=0, inputs=["u"],
+        parameters={"rate": 0.5, "gain": 2.0}, states=["level"], substeps=8,
+    )  # fmt: skip
+    prior, t = Prior([0.0], [[0.0]]), 0.1 * np.arange(40)
+    parameters = Prior([0.5, 2.0], np.diag([0.04, 0.25]))
+    found = covariance_analysis(model, prior=prior, parameters=parameters, u=np.ones((40, 1)), dt=0.1)
+    assert found.names == ("level", "rate", "gain")
+    a, b = 0.5, 2.0
+    J = np.stack([-b / a**2 * -np.expm1(-a * t) + b / a * t * np.exp(-a * t), -np.expm1(-a * t) / a], axis=1)
+    P = np.linalg.inv(np.diag([25.0, 4.0]) + J.T @ J / 0.01)
+    assert np.allclose(found.sigma[-1, 1:], np.sqrt(np.diagonal(P)), rtol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -226,6 +278,8 @@ def test_another_prior_and_a_combination():
         ({"model": StateSpace([[0.5]], dt=1)}, "has no R"),
         ({"model": StateSpace([[0.5]], C=[[1.0], [2.0]], R=np.zeros((2, 2)), dt=1), "prior": Prior([0.0], [[1.0]])},
          "y1 and y2 repeat each other and have no noise"),
+        ({"model": bearings(1.0)[0], "prior": UNIT}, "`u` or `record` must be given: the tangents"),
+        ({"draws": 3}, "are for a `NonlinearModel`"),
         ({"model": CART, "prior": UNIT, "arrival": [1.0]}, "`arrival` concerns samples"),
     ],
 )  # fmt: skip

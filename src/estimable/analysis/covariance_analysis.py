@@ -9,6 +9,8 @@ from .. import checks
 from ..annotations import Numbers
 from ..data.record import Record
 from ..frozen import frozen, replace, static
+from ..kernels.step_factors import semidefinite_factor
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..protocols import Algorithm
@@ -41,6 +43,7 @@ class CovarianceAnalysis:
     - `rank`: the number of independent directions of the state that noise-free outputs show. `distance`: the relative size of
       the smallest change of the model that hides one; 0 if one is hidden. Both are certificates of the structure, and no
       verdict depends on them. None for models that vary in time.
+    - `sigma_range` (2, K, q): with `draws`, the 10 and 90 % quantiles of sigma over the trajectories; else None.
     - `until`: the time after which numbers overflow, None if they do not.
     - `question`: the arguments.
     """
@@ -63,6 +66,7 @@ class CovarianceAnalysis:
     distance: float | None
     until: float | None
     question: CovarianceQuestion
+    sigma_range: Any = None
 
     @property
     def met(self) -> bool:
@@ -116,7 +120,7 @@ class CovarianceAnalysis:
 
 
 def covariance_analysis(
-    model: StateSpace | Algorithm[Any],
+    model: StateSpace | NonlinearModel | Algorithm[Any],
     *,
     prior: Prior,
     horizon: float | None = None,
@@ -126,6 +130,8 @@ def covariance_analysis(
     arrival: Numbers | None = None,
     wanted: Mapping[str, Numbers] | None = None,
     requirement: Mapping[str, float] | None = None,
+    parameters: Prior | None = None,
+    draws: int = 0,
     learnt: float = 0.01,
 ) -> CovarianceAnalysis:
     """The sigma of every state, or wanted combination, over time, with a verdict on each: covariance analysis before any data.
@@ -135,16 +141,21 @@ def covariance_analysis(
     not guessed from rounding: what the outputs never show is split off first.
 
     - `model`: a `StateSpace`, constant or with rows in time; or an `UnknownGain`, whose gains become quantities too (its own
-      `gain` is their prior, `walk` their drift).
+      `gain` is their prior, `walk` their drift); or a `NonlinearModel`, along the trajectory from the mean of the prior under
+      the inputs: the bound of Cramér and Rao where it has no process noise.
     - `prior`: the `Prior` of the state before the first sample: exact, vague, zero or diffuse.
     - `horizon`: the number of samples (seconds where the model has dt = 0). None: until nothing changes, by powers of two; for
       a model with rows in time, all its rows.
     - `dt`: the step at which a continuous model is sampled, in seconds; R is then the covariance of a sample. None: R is a
       density, and the outputs are continuous.
-    - `u` (T, m) or `record`: the inputs, for an `UnknownGain`; a record also has its missing outputs.
+    - `u` (T, m) or `record`: the inputs, for an `UnknownGain` or a `NonlinearModel`; a record also has its missing outputs.
     - `arrival`: (T,) or (T, p) of 0 and 1: the samples, or channels, that arrive.
     - `wanted`: {name: row (n,)}: the quantities as combinations of states (then gains). None: every state and gain.
     - `requirement`: {name: sigma} in the user's units; None: verdicts against the prior only.
+    - `parameters`: the `Prior` of the parameters of a `NonlinearModel`, which become quantities. None: they are known.
+    - `draws`: the number of trajectories of a `NonlinearModel`, with starts and parameters drawn from the priors. `sigma` is then
+      the rms over them, and `sigma_range` has their 10 and 90 % quantiles. 0: the trajectory of the means alone. Where the
+      information depends strongly on the trajectory, that is too optimistic.
     - `learnt`: the share of sigma below which an improvement counts as none.
 
     Returns a `CovarianceAnalysis`. Raises `InputError` with all faults: a requirement that is not positive or has an unknown
@@ -154,7 +165,8 @@ def covariance_analysis(
     Cost: for a constant model 20 products and factorisations of n × n per power of two of the horizon. For others 10 per row.
 
     References: A. Gelb (ed.), Applied Optimal Estimation (1974) ch. 7; P. S. Maybeck, Stochastic Models, Estimation and
-    Control 1 (1979) ch. 6; Särkkä & García-Fernández, IEEE TAC 66 (2021) 299-306 (composition).
+    Control 1 (1979) ch. 6; Särkkä & García-Fernández, IEEE TAC 66 (2021) 299-306 (composition);
+    J. H. Taylor, IEEE TAC 24 (1979) 343 (along a trajectory).
 
     >>> model = StateSpace([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], R=[[1.0]], dt=1, states=["position", "speed"])
     >>> found = covariance_analysis(model, prior=Prior([0.0, 0.0], np.eye(2)), horizon=50, requirement={"speed": 0.1})
@@ -164,6 +176,7 @@ def covariance_analysis(
     question = CovarianceQuestion(
         model, prior, horizon, dt, u, record, arrival,
         None if wanted is None else dict(wanted), None if requirement is None else dict(requirement), learnt,
+        parameters, draws,
     )  # fmt: skip
     return _analysed(question)
 
@@ -171,7 +184,9 @@ def covariance_analysis(
 def _analysed(question: CovarianceQuestion) -> CovarianceAnalysis:
     """The answer to a question."""
     asked = ask(question)
-    found, h = _courses(asked)
+    (found, h), spread = _courses(asked), None
+    if question.draws:
+        found, spread = _drawn(question, found)
     time = np.array(found.steps, float) * h
     r = asked.requirement
     since = times(asked, found, h)
@@ -181,7 +196,7 @@ def _analysed(question: CovarianceQuestion) -> CovarianceAnalysis:
         time=time, sigma=found.sigma, prior_sigma=found.open, limit=found.limit, names=asked.names,
         verdicts=judge(found, r, since, float(question.learnt), asked.horizon), requirement=r, time_to_requirement=since,
         time_to_improve=_improved(time, found), states=asked.states, outputs=asked.outputs, indistinguishable=shifts,
-        share_left=left, squared_correlations=squared, rank=rank, distance=distance,
+        share_left=left, squared_correlations=squared, rank=rank, distance=distance, sigma_range=spread,
         until=None if found.until is None else found.until * h, question=question,
     )  # fmt: skip
 
@@ -207,6 +222,25 @@ def _courses(asked: ArrayQuestion) -> tuple[courses.Spreads, float]:
     rows = courses.MOST_ROWS if asked.horizon is None else int(asked.horizon) + 1
     found = courses.sample_by_sample(question, rows, noise_free=asked.noise_free, settle=asked.horizon is None)
     return found, question.dt
+
+
+def _drawn(question: CovarianceQuestion, nominal: courses.Spreads) -> tuple[courses.Spreads, np.ndarray]:
+    """The rms of sigma over trajectories from drawn starts and parameters, and its quantiles; the same draws at each call."""
+    rng = np.random.default_rng(0)
+    sigma = []
+    for _ in range(question.draws):
+        changes = {"prior": _moved(question.prior, rng)}
+        if question.parameters is not None:
+            changes["parameters"] = _moved(question.parameters, rng)
+        sigma.append(_courses(ask(replace(question, **changes)))[0].sigma)
+    rms = np.sqrt(np.mean(np.square(sigma), axis=0))
+    return nominal._replace(sigma=rms), np.quantile(sigma, [0.1, 0.9], axis=0)
+
+
+def _moved(prior: Prior, rng: np.random.Generator) -> Prior:
+    """The prior about a mean that is drawn from it."""
+    half = semidefinite_factor(np.asarray(prior.covariance))
+    return replace(prior, mean=prior.mean + half @ rng.normal(size=half.shape[1]))
 
 
 def _improved(time: np.ndarray, found: courses.Spreads) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks
 from ..kernels.step_factors import noise_factors, semidefinite_factor
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.sampled import sample
 from ..models.state_space import StateSpace, refuse_schedule
@@ -15,6 +16,7 @@ from ..results import CovarianceQuestion
 from . import covariance_problem as problem
 from .covariance_problem import Question, Stage
 from .gain_information import applied, gain_rows
+from .trajectories import stages_along
 
 Real = np.ndarray
 MOST_STATES = 1000
@@ -67,7 +69,23 @@ def ask(given: CovarianceQuestion) -> ArrayQuestion:
     )
 
 
-def _model_of(given: CovarianceQuestion, faults: checks.Faults) -> StateSpace:
+def _check_nonlinear(model: NonlinearModel, given: CovarianceQuestion, faults: checks.Faults) -> None:
+    """A nonlinear model needs a trajectory: inputs, or a horizon where it has none."""
+    if given.record is None and given.u is None and (model.m or given.horizon is None):
+        what = "`u` or `record`" if model.m else "`horizon` or `record`"
+        faults.add(f"{what} must be given: the tangents of a nonlinear model depend on its trajectory.")
+    if model.is_continuous and given.dt is None and given.record is None:
+        faults.add("`dt` is needed: the model is continuous (dt = 0), and its outputs are samples.")
+    if given.parameters is not None and faults.instance("parameters", given.parameters, Prior):
+        k = len(model.parameter_names)
+        if given.parameters.size != k:
+            faults.add(f"`parameters` must be a prior of the {k} parameters of the model. Got {given.parameters.size}.")
+    if given.prior.diffuse is not None and given.draws:
+        faults.add("`draws` needs a prior without diffuse directions, from which starts can be drawn.")
+    faults.whole("draws", given.draws, 0)
+
+
+def _model_of(given: CovarianceQuestion, faults: checks.Faults) -> Any:
     model = given.model
     if isinstance(model, JumpingGains) and isinstance(model.model, StateSpace):
         if given.u is None and given.record is None:
@@ -75,6 +93,9 @@ def _model_of(given: CovarianceQuestion, faults: checks.Faults) -> StateSpace:
         if given.u is not None and given.record is not None:
             faults.add("`u` and `record` both give the input: give one of them.")
         return model.model
+    if isinstance(model, NonlinearModel):
+        _check_nonlinear(model, given, faults)
+        return model
     if not faults.instance("model", model, StateSpace):
         faults.finish()
     if given.u is not None or given.record is not None:
@@ -82,15 +103,18 @@ def _model_of(given: CovarianceQuestion, faults: checks.Faults) -> StateSpace:
             "`u` and `record` are for unknown gains: the sigma of a linear model does not depend on its input. "
             "Leave them out, or give an `UnknownGain`."
         )
+    if given.parameters is not None or given.draws:
+        faults.add("`parameters` and `draws` are for a `NonlinearModel`: leave them out.")
     plain: Any = model
     return plain
 
 
 def _check(model: StateSpace, given: CovarianceQuestion, faults: checks.Faults) -> None:
-    refuse_schedule(model)
+    if isinstance(model, StateSpace):
+        refuse_schedule(model)
     if model.R is None:
         faults.add("`model` has no R: give the covariance of the measurement noise, StateSpace(..., R=...).")
-    elif model.is_continuous and given.dt is None and given.record is None:
+    elif model.is_continuous and given.dt is None and given.record is None and isinstance(model, StateSpace):
         _check_continuous(model, given, faults)
     if not model.is_continuous and given.dt not in (None, model.dt):
         faults.add(f"`dt` is for continuous models: this one has dt = {model.dt:g} s. Got {checks.short(given.dt)}.")
@@ -129,6 +153,8 @@ def _gains(given: CovarianceQuestion) -> tuple[Prior | None, tuple[str, ...]]:
     if isinstance(given.model, StateSpace):
         return None, ()
     algorithm: Any = given.model
+    if isinstance(algorithm, NonlinearModel):
+        return given.parameters, () if given.parameters is None else algorithm.parameter_names
     return algorithm.gain, algorithm.names.gains
 
 
@@ -183,7 +209,10 @@ Steps = tuple[Stage, Callable[[int], Stage] | None, tuple[str, ...], tuple[str, 
 
 def _timed(given: CovarianceQuestion, model: StateSpace, faults: checks.Faults) -> tuple[Steps, float | None, float]:
     """The first stage and the others (None: the same), the names of the sources, the last step, and the time of a step."""
-    if not isinstance(given.model, StateSpace):
+    if isinstance(given.model, NonlinearModel):
+        stages, dt = _stages_along(given, given.model, faults)
+        noises, sensors = ("process noise",), _sensor_names(model)[0]
+    elif not isinstance(given.model, StateSpace):
         stages, dt = _stages_of_gains(given, model, faults)
         noises, sensors = ("process noise", "walk of the gains"), _sensor_names(model)[0]
     elif model.is_continuous and given.dt is None:
@@ -200,8 +229,14 @@ def _timed(given: CovarianceQuestion, model: StateSpace, faults: checks.Faults) 
         stages, noises, sensors = _stages_in_rows(model, given, last, faults)
     if given.arrival is not None:
         stages = _arriving(stages, given.arrival, model.p, faults)
-    rows = len(stages) if given.horizon is None else min(len(stages), int(given.horizon))
+    rows = len(stages) if given.horizon is None else min(len(stages), _samples_in(given, model, dt))
     return (stages[0], lambda k: stages[k + 1], noises, sensors), rows - 1, dt
+
+
+def _samples_in(given: CovarianceQuestion, model: StateSpace | NonlinearModel, dt: float) -> int:
+    """The number of samples in the horizon."""
+    horizon = float(given.horizon or 1)
+    return round(horizon / dt) + 1 if model.is_continuous else int(horizon)
 
 
 def _sensor_names(model: StateSpace) -> tuple[tuple[str, ...], list[list[int]]]:
@@ -296,6 +331,21 @@ def _stages_of_gains(given: CovarianceQuestion, model: StateSpace, faults: check
     return stages, step
 
 
+def _stages_along(given: CovarianceQuestion, model: NonlinearModel, faults: checks.Faults) -> tuple[list[Stage], float]:
+    """The states (x, θ) of a nonlinear model, along the path from the means of the priors."""
+    if given.record is None:
+        dt = float(given.dt or model.dt)
+        u = faults.array("u", np.zeros((_samples_in(given, model, dt), 0)) if given.u is None else given.u, "T m")
+        seen = None if u is None else np.ones((len(u), model.p), bool)
+    else:
+        u, seen, clock = applied(model, given.record, None, faults)
+        dt = float(np.max(clock.lengths))
+    faults.finish()
+    free = given.parameters is not None
+    θ = np.asarray(given.parameters.mean if free else model.parameters)
+    return stages_along(model, np.asarray(given.prior.mean), θ, np.asarray(u), np.asarray(seen), dt, free=free), dt
+
+
 def _floors(first: Stage, prior: Prior, continuous: bool) -> tuple[Real, Real]:
     return problem.floors(first.A, first.noise, first.C, first.sensors, prior, continuous=continuous)
 
@@ -303,7 +353,11 @@ def _floors(first: Stage, prior: Prior, continuous: bool) -> tuple[Real, Real]:
 def _noise_free(model: StateSpace, faults: checks.Faults) -> bool:
     """Whether R is singular in some row; noise-free sensors that repeat another are a fault."""
     R = np.asarray(model.R).reshape(-1, model.p, model.p)
-    C = np.asarray(model.C).reshape(-1, model.p, model.n)[0]
+    C = (
+        np.asarray(model.C).reshape(-1, model.p, model.n)[0]
+        if isinstance(model, StateSpace)
+        else np.zeros((model.p, 0))
+    )
     exact = [i for i in range(model.p) if R[0, i, i] == 0]
     for a, i in enumerate(exact):
         for j in exact[a + 1 :]:

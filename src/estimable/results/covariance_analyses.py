@@ -20,6 +20,8 @@ class CovarianceQuestion:
     wanted: dict[str, Any] | None = None
     requirement: dict[str, Any] | None = None
     learnt: float = 0.01
+    parameters: Prior | None = None
+    draws: int = 0
 
 
 @saved
