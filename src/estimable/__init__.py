@@ -158,6 +158,7 @@ _HOMES = {
     "smooth_bank": "estimation.smooth_bank",
     "stability_radius": "analysis.rho",
     "stack": "estimation.stack",
+    "structural_identifiability": "analysis.structural_identifiability",
     "through_actuators": "data.through_actuators",
     "trans_kalman": "design.trans_kalman",
     "trust": "estimation.trust",

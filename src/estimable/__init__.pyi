@@ -20,6 +20,7 @@ from .analysis.rho import rho_margin as rho_margin
 from .analysis.rho import stability_radius as stability_radius
 from .analysis.signal_to_noise import noise_at as noise_at
 from .analysis.signal_to_noise import signal_to_noise as signal_to_noise
+from .analysis.structural_identifiability import structural_identifiability as structural_identifiability
 from .analysis.unknown_input_existence import unknown_input_existence as unknown_input_existence
 from .controllers.dither import Dither as Dither
 from .controllers.gain_reconfiguration import GainReconfiguration as GainReconfiguration

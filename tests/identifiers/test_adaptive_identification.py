@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 import estimable as es
+from estimable.analysis.structural_identifiability import hidden_parameters
 from estimable.diagnostics import changes
 from estimable.identifiers import linear_start
 
@@ -185,3 +186,14 @@ def test_a_parameter_that_the_tangent_does_not_show_needs_a_prior():
 def test_records_without_the_models_channels_are_refused_in_words():
     record = es.Record(np.ones((30, 1)), np.ones((30, 1)), dt=1, inputs=["valve"], outputs=["level"])
     refused(es.InputError, "'pump'", lambda: es.identify(es.AdaptiveIdentification(tank(0.5, 1.0), BEGIN), record))
+
+
+def test_parameters_that_only_act_together_have_no_sigma():
+    """Only inflow * scale enters: each alone is undetermined, the outflow is not."""
+    model = es.NonlinearModel(
+        lambda x, u, θ: x + θ[1] * θ[2] * u - θ[0] * jnp.sqrt(jnp.maximum(x, 1e-6)), lambda x, u, θ: x, Q=[[1e-6]], R=[[1e-4]],
+        dt=1, inputs=["pump"], outputs=["level"], parameters={"outflow": 0.2, "inflow": 0.5, "scale": 1.0},
+    )  # fmt: skip
+    hidden = hidden_parameters(model, np.array([1.5]), 0.5 + 0.3 * np.sin(np.arange(40.0))[:, None])
+    assert hidden.shape == (3, 1)
+    assert np.allclose(hidden[:, 0] / hidden[1, 0], [0.0, 1.0, -2.0], atol=1e-9)  # inflow and scale, by the same ratio

@@ -342,7 +342,7 @@ def _stages_along(given: CovarianceQuestion, model: NonlinearModel, faults: chec
         dt = float(np.max(clock.lengths))
     faults.finish()
     free = given.parameters is not None
-    θ = np.asarray(given.parameters.mean if free else model.parameters)
+    θ = np.asarray(model.parameters if given.parameters is None else given.parameters.mean)
     return stages_along(model, np.asarray(given.prior.mean), θ, np.asarray(u), np.asarray(seen), dt, free=free), dt
 
 

@@ -10,6 +10,7 @@ from ..data.record import Record, match
 from ..errors import AssumptionError
 from ..kernels.gain_fisher_information import information_factor
 from ..models import gain_blocks
+from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
 from ..models.sampled import Clock, SampledModel, sample
 from ..models.state_space import StateSpace
@@ -86,7 +87,7 @@ def _check_prior(name: str, prior: Prior | None, size: int, what: str, faults: c
         faults.add(f"`{name}` must be a prior of {checks.counted(size, what)}. Got {prior.size}.")
 
 
-def applied(model: StateSpace, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
+def applied(model: StateSpace | NonlinearModel, u: Numbers | Record, dt: float | None, faults: checks.Faults) -> Any:
     """The applied inputs (T, m), the mask of seen outputs (T, p), and the steps."""
     if isinstance(u, Record):
         return _from_record(model, u, dt, faults)
@@ -101,7 +102,7 @@ def applied(model: StateSpace, u: Numbers | Record, dt: float | None, faults: ch
     return inputs, seen, Clock.every(dt or 1.0)
 
 
-def _from_record(model: StateSpace, record: Record, dt: float | None, faults: checks.Faults) -> Any:
+def _from_record(model: StateSpace | NonlinearModel, record: Record, dt: float | None, faults: checks.Faults) -> Any:
     if dt is not None:
         faults.add("`dt` is for inputs without times, but the record has its own: leave it out.")
     columns = []
@@ -121,7 +122,7 @@ def _from_record(model: StateSpace, record: Record, dt: float | None, faults: ch
     return u, record.seen[:, columns[1]], record.clock(model.dt or None)
 
 
-def _check_length(model: StateSpace, u: np.ndarray | None, faults: checks.Faults) -> None:
+def _check_length(model: StateSpace | NonlinearModel, u: np.ndarray | None, faults: checks.Faults) -> None:
     if u is not None and len(u) == 0:
         faults.add("`u` must have at least one row.")
     if u is not None and model.steps not in (None, len(u)):

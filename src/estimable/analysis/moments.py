@@ -78,8 +78,8 @@ def stationary(problem: Problem, *, continuous: bool) -> StateMoments:
     predictor = reach(F_scaled, M_scaled)
     with_present = predictor if continuous else reach(F_scaled, np.hstack([N, M_scaled]))
     found = pairs(StateFactors(lower(_root(Π, D)), _root(P, D), _root(Σ, D)))
-    shares = (np.clip(np.diagonal(X) / D**2, 0.0, 1.0) for X in (Σ, Σ_filter))
-    return StateMoments(Π, symmetric(P), *shares, reachability_matrix(F, M), predictor, with_present, found)
+    share, present = (np.clip(np.diagonal(X) / D**2, 0.0, 1.0) for X in (Σ, Σ_filter))
+    return StateMoments(Π, symmetric(P), share, present, reachability_matrix(F, M), predictor, with_present, found)
 
 
 def _root(X: np.ndarray, D: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ def _row(model: NonlinearModel, θ: Real, dt: float, k: int) -> Callable[..., An
         half = jnp.asarray(G) @ jnp.asarray(semidefinite_factor(np.asarray(model.Q)))
         return jnp.concatenate([half, jnp.zeros((k, half.shape[1]))])
 
-    def row(z: jax.Array, u: jax.Array) -> tuple[jax.Array, tuple[jax.Array, jax.Array, jax.Array]]:
+    def row(z: jax.Array, u: jax.Array) -> tuple[Any, tuple[Any, Any, Any]]:
         def move(w: jax.Array) -> jax.Array:
             rate = model.f(parts(w)[0], u, parts(w)[1])
             still = jnp.zeros(k) if model.is_continuous else w[n:]

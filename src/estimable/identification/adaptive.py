@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import checks, forks
+from ..analysis.structural_identifiability import hidden_parameters
 from ..annotations import Array
 from ..data.record import Record
 from ..estimation.binding import bind, columns
@@ -77,9 +78,10 @@ def _assembled(
 ) -> Fit:
     model, path = replace(method.model, parameters=parameters.mean), paths[-1]
     validation = _validated(method, model, records, begun, paths)
+    hidden = hidden_parameters(model, method.state_prior.mean, np.nan_to_num(records[-1].applied()))
     extra = {"start": begun.parameters.mean, "start_covariance": begun.parameters.covariance, "linear": begun.linear}
     return Fit(
-        model, parameters.mean, parameters.covariance, model.parameter_names, validation, path, total, None, path.outcome,
+        model, parameters.mean, parameters.covariance, model.parameter_names, validation, path, total, hidden, path.outcome,
         type(method).__name__, path.engine, extra,
     )  # fmt: skip
 

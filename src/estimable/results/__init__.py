@@ -63,6 +63,7 @@ _HOMES = {
     "SmoothedEstimate": "results.estimates",
     "StabilityRadius": "results.margins",
     "Stacked": "results.stacked",
+    "StructuralIdentifiability": "results.identifiabilities",
     "Suspect": "results.trusts",
     "TrackerChoices": "results.stationary_gains",
     "TransKalman": "results.designs",

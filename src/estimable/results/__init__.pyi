@@ -26,6 +26,7 @@ from .fits import Fit as Fit
 from .fits import NoiseFit as NoiseFit
 from .fits import Validation as Validation
 from .gain_row import GainRow as GainRow
+from .identifiabilities import StructuralIdentifiability as StructuralIdentifiability
 from .information import Excitation as Excitation
 from .information import GainInformation as GainInformation
 from .information import Score as Score
