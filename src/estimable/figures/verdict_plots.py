@@ -6,13 +6,11 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..results import Estimability
-
 PREDICTED, FILTERED, SPECTRUM = "#0072B2", "#56B4E9", "#555555"  # distinguishable with colour blindness
 FLOOR = 1e-17  # where a singular value of zero is drawn on the logarithmic axis
 
 
-def plot_estimability(found: Estimability) -> go.Figure:
+def plot_estimability(found: Any) -> go.Figure:
     """By how much the outputs reduce the variance of each state, and the Gramian's spectrum with the limits of the verdict.
 
     Left: a pair of bars for each state, with past outputs only and with the present one. Right: the singular values relative to
@@ -37,7 +35,7 @@ def plot_estimability(found: Estimability) -> go.Figure:
     return figure
 
 
-def _spectrum(figure: go.Figure, found: Estimability) -> None:
+def _spectrum(figure: go.Figure, found: Any) -> None:
     σ = found.singular_values
     relative = [max(float(value / σ[0]), FLOOR) if σ[0] > 0 else FLOOR for value in σ]
     number = list(range(1, len(σ) + 1))

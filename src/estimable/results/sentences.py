@@ -1,7 +1,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 """Verdicts as sentences, with the numbers that show them."""
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,6 +10,30 @@ from .. import checks, phrases
 DIRECTIONS = 4  # listed at most
 TERMS = 6  # of a direction, listed at most
 SHOWN = 0.005  # entries below this part of the largest are not shown
+
+
+class _Judged(Protocol):
+    """The members of a verdict that its sentences use; `verdicts` documents them."""
+
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def distance(self) -> float: ...
+    @property
+    def directions(self) -> Any: ...
+    @property
+    def states(self) -> tuple[str, ...]: ...
+
+
+class _JudgedStructure(_Judged, Protocol):
+    """Those of `Observability` and `Reachability`."""
+
+    @property
+    def channels(self) -> tuple[str, ...]: ...
+    @property
+    def horizon(self) -> Any: ...
+    @property
+    def unstable_directions(self) -> Any: ...
 
 
 def words(direction: np.ndarray, names: tuple[str, ...]) -> str:
@@ -110,7 +134,7 @@ def _and(names: tuple[str, ...]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def structure_sentences(found: Any) -> tuple[str, ...]:
+def structure_sentences(found: _JudgedStructure) -> tuple[str, ...]:
     """The directions that never show, or are not moved, and whether they die out."""
     outputs = type(found).__name__ == "Observability"
     channels = _and(found.channels) if found.channels else "any input"
@@ -126,7 +150,7 @@ def structure_sentences(found: Any) -> tuple[str, ...]:
     return (*sentences, *(() if found.horizon is not None else _decay(found)))
 
 
-def _decay(found: Any) -> list[str]:
+def _decay(found: _JudgedStructure) -> list[str]:
     """Whether the hidden directions die out."""
     if len(found.unstable_directions) == 0:
         return ["It dies out by itself." if len(found.directions) == 1 else "All of it dies out by itself."]
