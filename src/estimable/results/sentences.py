@@ -12,7 +12,7 @@ TERMS = 6  # of a direction, listed at most
 SHOWN = 0.005  # entries below this part of the largest are not shown
 
 
-class _Judged(Protocol):
+class _DirectionVerdict(Protocol):
     """The members of a verdict that its sentences use; `verdicts` documents them."""
 
     @property
@@ -25,7 +25,7 @@ class _Judged(Protocol):
     def states(self) -> tuple[str, ...]: ...
 
 
-class _JudgedStructure(_Judged, Protocol):
+class _StructureVerdict(_DirectionVerdict, Protocol):
     """Those of `Observability` and `Reachability`."""
 
     @property
@@ -134,7 +134,7 @@ def _and(names: tuple[str, ...]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def structure_sentences(found: _JudgedStructure) -> tuple[str, ...]:
+def structure_sentences(found: _StructureVerdict) -> tuple[str, ...]:
     """The directions that never show, or are not moved, and whether they die out."""
     outputs = type(found).__name__ == "Observability"
     channels = _and(found.channels) if found.channels else "any input"
@@ -150,7 +150,7 @@ def structure_sentences(found: _JudgedStructure) -> tuple[str, ...]:
     return (*sentences, *(() if found.horizon is not None else _decay(found)))
 
 
-def _decay(found: _JudgedStructure) -> list[str]:
+def _decay(found: _StructureVerdict) -> list[str]:
     """Whether the hidden directions die out."""
     if len(found.unstable_directions) == 0:
         return ["It dies out by itself." if len(found.directions) == 1 else "All of it dies out by itself."]
