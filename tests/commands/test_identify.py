@@ -149,3 +149,54 @@ def test_an_input_that_was_never_logged_is_named(run, tmp_path):
     (tmp_path / "run.csv").write_text("time,u,y\n" + "\n".join(f"{0.1 * k},,{k % 7}" for k in range(60)) + "\n")
     answer = run("identify", "run.csv")
     assert (answer.code, answer.stderr) == (2, "Error: input 'u' was never logged: leave it out.\n")
+
+
+def test_a_second_flight_judges_and_the_verdict_comes_first(run, tmp_path):
+    for name, seed in (("flight1", 1), ("flight2", 2)):
+        rng = np.random.default_rng(seed)
+        u, x, rows = rng.normal(size=160), 0.0, []
+        for k in range(160):
+            rows.append(f"{u[k]:.6f},{x + 0.1 * rng.normal() + 5 * seed:.6f}")
+            x = 0.7 * x + u[k]
+        (tmp_path / f"{name}.csv").write_text("elevator,rate\n" + "\n".join(rows) + "\n")
+    given = (
+        "identify",
+        "flight1.csv",
+        "--held-out",
+        "flight2.csv",
+        "--input",
+        "elevator",
+        "--output",
+        "rate",
+        "--order",
+        "1",
+    )
+    told = run(*given, "--json").json
+    assert told["held_out"] == ["flight2.csv"]
+    assert told["split"] is None
+    assert "explain" in told["verdict"]
+    assert told["best"]["fit_percent"] > 85  # the other level is no fault
+    assert told["delay"]["samples"] == 1
+    assert told["feedback"]["closed"] is False
+    assert told["judged"] == "simulation"
+    answer = run(*given, width=200)
+    assert answer.stdout.splitlines()[0] == told["verdict"]
+    assert "ranked on 'flight2.csv'" in answer.stdout
+    page = (tmp_path / "flight1-report.html").read_text()
+    assert "--held-out flight2.csv" in page
+    assert "held_out=others" in page
+    assert told["verdict"].rstrip(".") in page
+
+
+def test_a_closed_loop_is_said_and_may_be_accepted(run, tmp_path):
+    from benchmarks.figures.closed_loops import closed_loop
+
+    loop = closed_loop(400, 0, noise="process", late=1)
+    rows = "\n".join(f"{u:.6f},{y:.6f}" for u, y in zip(loop.u[:, 0], loop.y[:, 0], strict=True))
+    (tmp_path / "loop.csv").write_text(f"u,y\n{rows}\n")
+    told = run("identify", "loop.csv", "--order", "1", "--json").json
+    assert told["feedback"]["closed"] is True
+    assert told["judged"] == "one step ahead"
+    assert "it was made in a closed loop" in told["verdict"]
+    assert {one["method"] for one in told["methods"]} == {"PredictionError", "PredictorSubspace"}
+    assert run("identify", "loop.csv", "--feedback", "perhaps").code == 2

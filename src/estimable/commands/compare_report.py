@@ -12,7 +12,7 @@ from ..results import Comparison, Ranked
 from ..results.comparisons import shown
 from ..results.order_selection import OrderSelection
 from .identify_files import Asked, WrittenFiles, write_model_file, write_page
-from .identify_report import file_options, options_of, read
+from .identify_report import checks_of, file_options, options_of, read
 from .numbers import counted
 
 
@@ -30,9 +30,12 @@ def compared(asked: Asked, order: int | None, progress: Callable[[str, int, int]
     """Read the record, compare the methods that suit it, and write the model and the page."""
     from ..identification.compare import compare
 
-    record = read(asked.path, asked.outputs, asked.inputs, asked.reading)
+    record, *others = (read(path, asked.outputs, asked.inputs, asked.reading) for path in (asked.path, *asked.held_out))
     level = asked.level or "mean"
-    found = compare(None, record, split=asked.split, level=level, order=order, progress=progress)
+    found = compare(
+        None, record, split=asked.split, level=level, order=order, held_out=others or None, feedback=asked.feedback,
+        progress=progress,
+    )  # fmt: skip
     if all(one.fit is None for one in found.ranked):
         why = "; ".join(dict.fromkeys(f"{one.label}: {one.failure}" for one in found.ranked))
         checks.refuse(
@@ -66,8 +69,8 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
     if len(parts := run.found.task.records) > 1:  # the page shows one record
         return WrittenFiles(files.model if best is not None else None, None)
     write_page(
-        run.found, parts[0], files.report, chosen=best, selection=run.selection, source=run.asked.path,
-        command=run.asked.again(*options), lead=_sentences(run),
+        run.found, parts[0], files.report, chosen=best, selection=run.selection, asked=run.asked,
+        options=options, lead=[run.found.verdict, *_sentences(run)],
         reading=options_of(run.asked.path, run.asked.inputs, run.asked.reading),
     )  # fmt: skip
     return WrittenFiles(files.model if best is not None else None, files.report)
@@ -76,6 +79,12 @@ def _write(run: Compared, order: int | None) -> WrittenFiles:
 def _sentences(run: Compared) -> list[str]:
     """The findings, as sentences."""
     lines = [run.found.sentence]
+    if len(orders := run.found.orders) > 1:
+        lines.append(
+            "Orders differ: " + "; ".join(f"{n} ({', '.join(dict.fromkeys(by))})" for n, by in orders.items()) + "."
+        )
+    if run.found.delay is not None:
+        lines.append(run.found.delay.sentence)
     best, filtering = run.found.best, run.found.predictor
     if best is not None and filtering is not None and filtering is not best:
         ahead, behind = (float(one.one_step_fits.mean()) for one in (filtering, best))
@@ -93,16 +102,44 @@ def as_data(run: Compared) -> dict[str, Any]:
     best, filtering, selection = run.found.best, run.found.predictor, run.selection
     return {
         "outcome": {"code": 0, "sentence": run.found.sentence},
+        "verdict": run.found.verdict,
+        "judged": "one step ahead" if run.found.ahead else "simulation",
+        "feedback": _feedback(run.found),
+        "delay": _delay(run.found),
         "record": str(run.asked.path),
         "samples": len(run.record),
         "notes": list(run.record.notes),
         "outputs_seen": int(run.record.seen.sum()),
-        "split": run.asked.split,
+        "split": None if run.asked.held_out else run.asked.split,
+        "held_out": [str(path) for path in run.asked.held_out],
         "best": None if best is None else _short(best),
         "for_a_filter": None if filtering is None else _short(filtering),
         "recommended_orders": None if selection is None else _orders(selection),
         "written": run.written.as_data(),
         "methods": [_long(one, run.record.outputs) for one in run.found.ranked],
+    }
+
+
+def _feedback(found: Comparison) -> dict[str, Any] | None:
+    """The test of feedback; null without inputs."""
+    seen = found.feedback
+    if seen is None:
+        return None
+    p = {"p_earlier_rows": seen.earlier, "p_same_row": seen.same_row}
+    return {"closed": found.closed, "unclear": seen.unclear, **p, "sentence": seen.sentence}
+
+
+def _delay(found: Comparison) -> dict[str, Any] | None:
+    """The dead time; null without inputs."""
+    late = found.delay
+    if late is None:
+        return None
+    return {
+        "samples": late.delay,
+        "alike": list(late.alike),
+        "p": late.p,
+        "at_edge": late.at_edge,
+        "sentence": late.sentence,
     }
 
 
@@ -136,7 +173,7 @@ def _long(one: Ranked, outputs: Sequence[str]) -> dict[str, Any]:
         "behind": one.behind,
         "ratio": _number(one.ratio),
         "within_noise_of_best": one.alike,
-        "checks": [check._asdict() | {"passed": bool(check.passed)} for check in one.fit.validation.checks],
+        **checks_of(one.fit),
         "failure": "",
     }
 
@@ -167,10 +204,10 @@ def as_text(run: Compared) -> list[Any]:
             ahead = shown(float(one.one_step_fits.mean()))
             table.add_row(one.label, str(one.order), one.shown_fit.removesuffix(" %"), ahead.removesuffix(" %"), behind)
     samples = counted(len(run.record), "sample")
-    head = f"{run.asked.path.name}: {samples}; fitted to the first {run.asked.split:.0%}, ranked on the rest"
+    judged = f"ranked on {checks.listed([path.name for path in run.asked.held_out])}"
+    split = f"fitted to the first {run.asked.split:.0%}, ranked on the rest"
+    head = f"{run.asked.path.name}: {samples}; {judged if run.asked.held_out else split}"
     failed = [f"{one.name}: {one.failure}" for one in run.found.ranked if one.failure]
-    legend = (
-        "fit: of a simulation of these rows; diverged: it ran away. behind: how many standard errors the squared errors are "
-        "above the best."
-    )
-    return [head, "", table, "", legend, *failed, *_sentences(run)]
+    by = "of predictions one step ahead" if run.found.ahead else "of a simulation of these rows; diverged: it ran away"
+    legend = f"fit: {by}. behind: how many standard errors the squared errors are above the best."
+    return [run.found.verdict, head, "", table, "", legend, *failed, *_sentences(run)]

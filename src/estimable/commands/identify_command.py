@@ -10,10 +10,16 @@ from .identify_files import Asked, destinations
 from .record_options import reads_a_record
 
 METHOD_HELP = "One method instead of a comparison: output-error-ml, subspace, ..."
+HELD_OUT_HELP = "Rank the methods on this other record, and fit them to the whole of RECORD. May be repeated."
+FEEDBACK_HELP = "What to do about a closed loop: tested, accepted (run every method) or closed (the record is one)."
 LEVEL_HELP = "What is subtracted first: mean, trend or none. Default: mean; none with --method."
 Method = Annotated[str | None, typer.Option("--method", metavar="NAME", help=METHOD_HELP, show_default=False)]
 SPLIT_HELP = "Fit to this fraction of the record, compare on the rest."
 Split = Annotated[float, typer.Option("--split", metavar="FRACTION", help=SPLIT_HELP)]
+HeldOut = Annotated[
+    list[Path] | None, typer.Option("--held-out", metavar="RECORD", help=HELD_OUT_HELP, show_default=False)
+]
+Feedback = Annotated[str, typer.Option("--feedback", metavar="WHAT", help=FEEDBACK_HELP)]
 Outputs = Annotated[
     list[str] | None,
     typer.Option(
@@ -63,6 +69,8 @@ def identify(
     order: Order = None,
     level: Level = None,
     split: Split = 0.5,
+    held_out: HeldOut = None,
+    feedback: Feedback = "tested",
     out: ModelOut = None,
     report: PageOut = None,
     reading: Any = None,
@@ -82,10 +90,21 @@ def identify(
     Example:
       estimable identify run.csv --input valve --output level --dt 0.1
       estimable identify run.csv --input valve --output level --dt 0.1 --order 3
+      estimable identify flight1.csv --held-out flight2.csv --input elevator --output rate --dt 0.02
       estimable identify run.csv --method recursive-output-error
       estimable identify run.csv --input valve --output level --dt 0.1 --set na=2 --set nb=1
     """
-    asked = Asked(record, output or ["y"], input or ["u"], reading, split, level, destinations(record, out, report))
+    asked = Asked(
+        record,
+        output or ["y"],
+        input or ["u"],
+        reading,
+        split,
+        level,
+        destinations(record, out, report),
+        tuple(held_out or ()),
+        feedback,
+    )
     if method is None and not settings:
         with show.counted("Comparing methods") as progress:
             run = compare_report.compared(asked, order, progress)

@@ -24,7 +24,8 @@ class Files(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What the command line asked for: the record and how to read it, the split, the level to subtract, and the files."""
+    """What the command line asked for: the records and how to read them, the split, the level to subtract, what to do about
+    feedback, and the files."""
 
     path: Path
     outputs: Sequence[str]
@@ -33,6 +34,8 @@ class Asked(NamedTuple):
     split: float
     level: str | None
     files: Files
+    held_out: Sequence[Path] = ()
+    feedback: str = "tested"
 
     def again(self, *options: str) -> str:
         """The command line of the same run."""
@@ -41,6 +44,8 @@ class Asked(NamedTuple):
         words += as_words(self.reading)
         words += [] if self.split == 0.5 else [f"--split {self.split:g}"]
         words += [] if self.level is None else [f"--level {self.level}"]
+        words += [f"--held-out {path.name}" for path in self.held_out]
+        words += [] if self.feedback == "tested" else [f"--feedback {self.feedback}"]
         return " ".join([*words, *options])
 
 
@@ -90,29 +95,32 @@ def write_model_file(model: StateSpace, reading: dict[str, Any], path: Path) -> 
 
 def write_page(
     found: Comparison, record: Record, path: Path, *, chosen: Ranked | None, selection: OrderSelection | None,
-    source: Path, command: str, lead: Sequence[str], reading: dict[str, Any],
+    asked: Asked, options: Sequence[str], lead: Sequence[str], reading: dict[str, Any],
 ) -> None:  # fmt: skip
     """Write the page of a comparison."""
     from ..report import report_of_comparison, write_report
 
     page = report_of_comparison(
-        found, record, chosen=chosen, selection=selection, title=f"A model of {source.name}", lead=lead,
-        commands=(("From a terminal:", command), ("In Python:", _script(found, record, source, reading))), files=(source,),
+        found, record, chosen=chosen, selection=selection, title=f"A model of {asked.path.name}", lead=lead,
+        commands=(("From a terminal:", asked.again(*options)), ("In Python:", _script(found, record, asked, reading))),
+        files=(asked.path, *asked.held_out),
     )  # fmt: skip
     write_report(page, path)
 
 
-def _script(found: Comparison, record: Record, source: Path, reading: dict[str, Any]) -> str:
+def _script(found: Comparison, record: Record, asked: Asked, reading: dict[str, Any]) -> str:
     """The same comparison in Python."""
     methods = ", ".join(_call(one.method) for one in found.ranked)
     names = f"outputs={list(record.outputs)!r}, inputs={list(record.inputs)!r}"
     columns = ", ".join([names, *(f"{name}={value!r}" for name, value in reading.items())])
+    others = [f"es.read_record({path.name!r}, {columns})" for path in asked.held_out]
     return "\n".join(
         [
             "import estimable as es",
-            f"record = es.read_record({source.name!r}, {columns})",
-            f"found = es.compare([{methods}], record)",
-            "print(found.sentence)",
+            f"record = es.read_record({asked.path.name!r}, {columns})",
+            *([f"others = [{', '.join(others)}]"] if others else []),
+            f"found = es.compare([{methods}], record{', held_out=others' if others else ''})",
+            "print(found.verdict, found.sentence)",
             "model = found.predictor.model  # for es.Kalman(model), es.observability(model), es.to_control(model)",
         ]
     )

@@ -94,14 +94,15 @@ def _write(asked: Asked, record: Record, method: Method, fit: Fit, level: str) -
     model = absolute(fit.model, divided([record], 1.0, level).trend.at(len(record)))
     write_model_file(model, file_options(asked, record), asked.files.model)
     try:
-        found = compare([method], record, split=asked.split, level=level)
+        others = [read(path, asked.outputs, asked.inputs, asked.reading) for path in asked.held_out] or None
+        found = compare([method], record, split=asked.split, level=level, held_out=others, feedback="accepted")
     except InputError:
         return WrittenFiles(asked.files.model, None)
     if found.ranked[0].fit is None or found.task is None or len(found.task.records) > 1:
         return WrittenFiles(asked.files.model, None)
     write_page(
-        found, found.task.records[0], asked.files.report, chosen=found.ranked[0], selection=None, source=asked.path,
-        command=asked.again(f"--method {name_of(method)}"), lead=[found.sentence],
+        found, found.task.records[0], asked.files.report, chosen=found.ranked[0], selection=None, asked=asked,
+        options=(f"--method {name_of(method)}",), lead=[found.verdict, found.sentence],
         reading=options_of(asked.path, asked.inputs, asked.reading),
     )  # fmt: skip
     return WrittenFiles(asked.files.model, asked.files.report)
@@ -114,11 +115,20 @@ def name_of(method: Method) -> str:
     return next(entry.name for entry in catalogue.IDENTIFIERS if entry.cls is type(method))
 
 
+def verdict(fit: Fit) -> str:
+    """The verdict in one line."""
+    failed = [check.name for check in fit.validation.checks if not check.passed]
+    if not failed:
+        return "The model passes every check."
+    return f"The model fails the {'check' if len(failed) == 1 else 'checks'} {', '.join(failed)}: see below."
+
+
 def as_data(run: Identified) -> dict[str, Any]:
     """What `identify` prints as JSON."""
     fit = run.fit
     return {
         "outcome": {"code": fit.outcome.code, "sentence": fit.outcome.sentence},
+        "verdict": verdict(fit),
         "record": str(run.asked.path),
         "method": run.method,
         "samples": len(run.record),
@@ -131,7 +141,16 @@ def as_data(run: Identified) -> dict[str, Any]:
         "fit_percent": dict(zip(run.record.outputs, map(float, fit.validation.fit), strict=True)),
         "undetermined": 0 if fit.undetermined is None else int(fit.undetermined.shape[1]),
         "written": run.written.as_data(),
-        "checks": [check._asdict() | {"passed": bool(check.passed)} for check in fit.validation.checks],
+        **checks_of(fit),
+    }
+
+
+def checks_of(fit: Fit) -> dict[str, Any]:
+    """The checks of a fit, and the tests of single assumptions, as JSON."""
+    found = fit.validation
+    return {
+        name: [check._asdict() | {"passed": bool(check.passed)} for check in each]
+        for name, each in (("checks", found.checks), ("scores", found.scores))
     }
 
 
@@ -151,7 +170,7 @@ def as_text(run: Identified) -> list[Any]:
     variances = zip(run.record.outputs, fit.validation.fit, _noise_variance(fit), strict=True)
     fits = [f"{name}: fit {percent:.1f} %, noise variance {r:.4g}." for name, percent, r in variances]
     chosen = [] if run.chosen is None else [run.chosen]
-    return [head, *chosen, "", table, "", *fits, *fit.validation.sentences]
+    return [verdict(fit), head, *chosen, "", table, "", *fits, *fit.validation.sentences]
 
 
 def _degrees(fit: Fit) -> dict[str, int | None]:

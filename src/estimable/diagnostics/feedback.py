@@ -135,7 +135,9 @@ def _p_value(u: np.ndarray, y: np.ndarray, *, same_row: bool) -> float | None:
     tests = []
     for target in u.T:
         input = _predicted(now[:, :1], u, target[:, None], OWN_REACHES)
-        for rows in (1, RECENT) if input is not None else ():
+        if input is None:
+            continue
+        for rows in (1, RECENT):
             late = range(rows) if same_row else range(1, rows + 1)
             tests.append(_added(input.past, np.concatenate([lagged(one, late) for one in output.e.T], axis=1), target))
     known = [p for p in tests if p is not None]
@@ -162,7 +164,7 @@ def _predicted(now: np.ndarray, x: np.ndarray, y: np.ndarray, reaches: Sequence[
         N = int(rows.sum())
         if ROWS * d > N:
             continue
-        R = np.linalg.qr(np.concatenate([past[rows], y[rows]], axis=1), mode="r")
+        R = np.asarray(np.linalg.qr(np.concatenate([past[rows], y[rows]], axis=1), mode="r"))
         left = np.cumsum((R[:, d:] ** 2)[::-1], axis=0)[
             ::-1
         ]  # row n: the squares that n columns leave, on the same rows
@@ -186,7 +188,7 @@ def _added(past: np.ndarray, more: np.ndarray, y: np.ndarray) -> float | None:
     N, k, d = len(whole), past.shape[1], past.shape[1] + more.shape[1]
     if ROWS * d > N:
         return None
-    squares = np.linalg.qr(whole, mode="r")[:, -1] ** 2
+    squares = np.asarray(np.linalg.qr(whole, mode="r"))[:, -1] ** 2
     without, left = squares[k:].sum(), squares[d:].sum()
     if without <= EXACT * np.sum((whole[:, -1] - whole[:, -1].mean()) ** 2):
         return 1.0

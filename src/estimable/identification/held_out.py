@@ -13,7 +13,6 @@ LEVELS = {"mean": 0, "trend": 1, "none": None}
 BEGIN, LEAST = 0.1, 20  # share of a whole record, and least rows, from which its first state is found
 BANDS = 24  # of equal ratio in frequency, in which the inputs of two parts are compared
 THIN = 0.05  # of the density of the judged part, below which a frequency was hardly fitted
-UNLIKE = 0.5  # of the energy of the judged inputs: more than this at such frequencies, and the parts are unlike
 
 
 def divided(records: Sequence[Record], split: float, level: str) -> Divided:

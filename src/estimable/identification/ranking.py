@@ -11,9 +11,9 @@ from ..diagnostics.feedback import Feedback
 from ..identifiers.standing import Standing
 from ..protocols import Method
 from ..results import Comparison, DeadTime, Fit
-from ..results.comparisons import Divided, Ranked
+from ..results.comparisons import UNLIKE, Divided, Ranked
 from . import judge
-from .held_out import UNLIKE, not_fitted
+from .held_out import not_fitted
 
 GAP = 20  # missing rows between records, more than the order of any autoregression of errors
 REFUSED = "no linear model explains this record"
@@ -89,7 +89,8 @@ def ranked(found: Sequence[FittedMethod | FailedMethod], task: Divided, before: 
             Ranked(one.method, one.fit, one.model, simulated, steps, t, ratio=ratio, diverged=ran_away, ahead=ahead)
         )
     best, sentence = _verdict(lines, judge.explained(first.by(ahead), first.y), task, before)
-    return Comparison((*lines, *failed), best, _unlike(task) + sentence, task, *before, ahead)
+    share = not_fitted(task)
+    return Comparison((*lines, *failed), best, _unlike(share) + sentence, task, *before, ahead, share)
 
 
 def _verdict(lines: list[Ranked], explained: np.ndarray, task: Divided, before: Before) -> tuple[Ranked | None, str]:
@@ -112,9 +113,8 @@ def _verdict(lines: list[Ranked], explained: np.ndarray, task: Divided, before: 
     return best, result + doubt + rest + loop
 
 
-def _unlike(task: Divided) -> str:
+def _unlike(share: float) -> str:
     """A sentence where the judged inputs move at frequencies that were hardly fitted; otherwise empty."""
-    share = not_fitted(task)
     if share <= UNLIKE:
         return ""
     return (

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
 
@@ -85,7 +86,8 @@ class PredictorSubspace(Identifier):
             found.A, found.B, found.C, np.zeros((sizes.p, sizes.m)), G=found.K, Q=found.Σ, R=found.Σ, S=found.Σ,
             dt=float(first.dt or 0.0), inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
-        Σ, extra = None, {"singular_values": found.singular_values}
+        Σ = None
+        extra: dict[str, Any] = {"singular_values": found.singular_values}
         if self.blocks:
             moves = kernel.spread(found, sizes, self.weighting)
             base = Dynamics(found.A, found.B, found.C, np.zeros((sizes.p, sizes.m)))

@@ -69,7 +69,7 @@ def windows(data: Sequence[tuple[np.ndarray, np.ndarray]], P: int, F: int, block
 
 def _factor(W: np.ndarray) -> np.ndarray:
     """R (L, L) of W = Q R, with rows of zeros where W has fewer."""
-    R = np.linalg.qr(W, mode="r")
+    R = np.asarray(np.linalg.qr(W, mode="r"))
     return np.concatenate([R, np.zeros((R.shape[1] - len(R), R.shape[1]))])
 
 

@@ -38,7 +38,7 @@ HELD, ORDER, LEFT, MODEL, EXCITED = (
 def simulation_charts(
     names: Sequence[str], y: np.ndarray, simulated: np.ndarray, sigma: np.ndarray, fits: Sequence[float], split: float
 ) -> list[Chart]:
-    """Measured and simulated outputs (T, p) with the band of the parameters; `split`: start of the held-out part."""
+    """Measured and simulated outputs (T, p) with the band of the parameters and the noise; `split`: start of what was judged."""
     rows, charts = thinned(len(y)), []
     edge = {
         "type": "line",
@@ -58,7 +58,7 @@ def simulation_charts(
         )
         traces.append(_curve(None, middle, "simulated", STATE))
         keys = [Key("simulated from the inputs alone", STATE, "line"), Key(f"measured {name}", MEASURED, "line")]
-        keys += [Key("± 2 sigma of the parameters", STATE, "band")] if known else []
+        keys += [Key("± 2 sigma of the parameters and the noise", STATE, "band")] if known else []
         keys.append(Key("start of the held-out part", MARK, "line"))
         charts.append(
             Chart(
@@ -74,22 +74,20 @@ def simulation_charts(
 
 def order_charts(found: OrderSelection, taken: int) -> list[Chart]:
     """Each criterion relative to its minimum, and the singular values; the chosen order is marked."""
-    traces, keys, tops = [], [], []
+    traces, keys = [], []
     for name, word, colour, dash in (*CRITERIA, CROSS):
         values = getattr(found, name)
         finite = np.isfinite(values)
         above = values[finite] - values[finite].min()
-        tops.append(above[found.orders[finite] >= found.order].max(initial=0.0))
         line = {"color": colour, "width": 2, "dash": dash}
         traces.append({
-            "x": found.orders[finite].tolist(), "y": packed(above), "mode": "lines+markers", "name": word, "line": line,
+            "x": found.orders[finite].tolist(), "y": packed(1 + above), "mode": "lines+markers", "name": word, "line": line,
             "marker": {"size": 8, "color": colour}, "hovertemplate": "%{y:.1f}",
         })  # fmt: skip
         keys.append(Key(f"{word}: {found.by(name)}", colour, "line" if dash == "solid" else "dash"))
-    top = 1.2 * max(*tops, 10.0)
     layout = {
         "xaxis": {"title": {"text": "order"}, "dtick": 1},
-        "yaxis": {"title": {"text": "above its minimum"}, "range": [-0.04 * top, top]},
+        "yaxis": {"title": {"text": "1 + amount above its minimum"}, "type": "log", "dtick": 1},
         "shapes": [_at(taken)],
     }  # fmt: skip
     caption = "Smaller is better; differences below 2 are not significant. Each method has its own order."

@@ -9,6 +9,8 @@ import numpy as np
 from .. import checks, diagnostics
 from ..analysis.excitation import excitation
 from ..data.record import Record
+from ..data.trends import Trend
+from ..frozen import replace
 from ..identifiers.residuals import residual_checks
 from ..identifiers.standing import standing, state_space_of
 from ..models.nonlinear_model import NonlinearModel
@@ -58,7 +60,8 @@ def report_of_comparison(
     orders = [] if selection is None else order_charts(selection, chosen.order_of_a_model)
     explained = found.best is not None
     return Report(
-        title, tuple(lead) or (found.sentence,), tuple(_facts(chosen, record)), times[thinned(len(record))], "time [s]",
+        title, tuple(lead) or (found.verdict, found.sentence), tuple(_facts(chosen, record)), times[thinned(len(record))],
+        "time [s]",
         tuple([
             *charts[0], *orders, *_excited(found, chosen, times), *charts[1],
             *(model_charts(chosen.fit) if explained else []),
@@ -86,8 +89,9 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
     assert chosen.fit is not None
     whole, first = found.task.whole[0], found.task.rows[0]
     stand = standing(state_space_of(chosen.fit.model), whole, first)
-    level = found.task.trend.outputs[0] + np.arange(len(record))[:, None] * found.task.trend.outputs[1]
-    sigma = diagnostics.simulation_sigma(chosen.fit, whole.u, stand.state)
+    line = Trend.of([replace(record, y=record.y - whole.y)], 1).outputs
+    level = line[0] + np.arange(len(record))[:, None] * line[1]
+    sigma = np.hypot(np.nan_to_num(diagnostics.simulation_sigma(chosen.fit, whole.u, stand.state)), _noise(chosen.fit))
     simulated = simulation_charts(
         record.outputs, record.y, stand.outputs + level, sigma, [float(fit) for fit in chosen.fits], float(times[first])
     )
@@ -101,6 +105,11 @@ def _held_out(found: Comparison, chosen: Ranked, record: Record, times: np.ndarr
     return (simulated, residual_charts(e, u, record.outputs, record.inputs, direct=direct)), [*judged, *own]
 
 
+def _noise(fit: Fit) -> np.ndarray:
+    """The standard deviation (p,) of what the simulation leaves of the fitted outputs."""
+    return np.sqrt(np.nanmean(np.concatenate(fit.validation.residuals) ** 2, axis=0))
+
+
 def _own(fit: Fit) -> list[Any]:
     """The checks of the fit itself, without those that were made on held-out data."""
     return [check for check in fit.validation.checks if check.name not in ("whiteness", "input-left")]
@@ -112,7 +121,7 @@ def _name(check: Check) -> str:
 
 def _facts(chosen: Ranked, record: Record) -> Any:
     yield Fact("Method", chosen.label, f"order {chosen.order}")
-    yield Fact("Simulation", chosen.shown_fit, "of the held-out part, from the inputs alone")
+    yield Fact("Simulation", shown(float(np.mean(chosen.fits))), "of the held-out part, from the inputs alone")
     yield Fact("One step ahead", shown(float(np.mean(chosen.one_step_fits))), "of the held-out part")
     missing = 1 - float(record.seen.mean())
     yield Fact(

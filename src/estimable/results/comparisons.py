@@ -14,6 +14,8 @@ from .order_selection import DeadTime
 NOISE = 2.262157  # t of the differences of squared errors over ten segments, within which two methods are equally good
 FACTOR = 2.0  # of the squared errors of two methods that are equally good
 FARTHEST = -1000.0  # per cent: a worse fit is not printed as a number
+UNLIKE = 0.5  # of the energy of the judged inputs at frequencies that were hardly fitted: beyond, the fit says little
+LARGER = 1.5  # sigma relative to that for white residuals: beyond, the verdict says so
 LEAD = 1.0  # points of one-step fit: below this lead the best simulation is also the best for a filter
 
 
@@ -124,6 +126,7 @@ class Comparison(NamedTuple):
     - `feedback`: the test whether the inputs depend on the noise of the outputs. `closed`: whether the records count as made in
       a closed loop. `delay`: the dead time. None without inputs, or where the records are too short.
     - `ahead`: whether the methods were judged one step ahead, as in a loop and without inputs, instead of by simulation.
+    - `unlike`: the share of the energy of the judged inputs at frequencies that hardly excited the fitted part.
     """
 
     ranked: tuple[Ranked, ...]
@@ -134,6 +137,49 @@ class Comparison(NamedTuple):
     closed: bool = False
     delay: DeadTime | None = None
     ahead: bool = False
+    unlike: float = 0.0
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in one line: how many models explain the records, and what to doubt."""
+        if self.best is None:
+            found = "No linear model explains the record"
+        else:
+            alike = sum(one.alike for one in self.ranked)
+            found = "One model explains the record" if alike == 1 else f"{alike} models explain the record equally well"
+        return "; ".join([found, *self._doubts]) + "."
+
+    @property
+    def _doubts(self) -> list[str]:
+        """What the verdict leaves open."""
+        seen, late, best = self.feedback, self.delay, self.predictor
+        doubts: list[str] = []
+        if self.unlike > UNLIKE:
+            doubts.append("its parts have different frequencies, so that the fit says little")
+        if self.closed:
+            doubts.append("it was made in a closed loop")
+        elif seen is not None and seen.unclear:
+            doubts.append("it may be a closed loop")
+        if late is not None and late.at_edge:
+            doubts.append("the dead time is at the edge of the search")
+        if best is None or best.fit is None:
+            return doubts
+        checks = {} if best.fit.validation is None else {check.name: check for check in best.fit.validation.checks}
+        failed = [name for name, check in checks.items() if not check.passed]
+        if failed:
+            doubts.append(f"{best.label} fails the {'check' if len(failed) == 1 else 'checks'} {', '.join(failed)}")
+        if "sigma" in checks and not 1 / LARGER < (factor := checks["sigma"].value) < LARGER:
+            doubts.append(f"sigma is {factor:.2g} times the white one")
+        return doubts
+
+    @property
+    def orders(self) -> dict[int, list[str]]:
+        """The order of each method that was fitted, and the methods of each order."""
+        found: dict[int, list[str]] = {}
+        for one in self.ranked:
+            if one.order is not None:
+                found.setdefault(one.order, []).append(one.label)
+        return dict(sorted(found.items()))
 
     @property
     def predictor(self) -> Ranked | None:
