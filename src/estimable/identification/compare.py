@@ -21,18 +21,18 @@ from .candidates import candidates
 from .connected import known, parts_of
 from .dead_time import dead_time
 from .held_out import LEVELS, divided, with_held_out
-from .identify import fitted
+from .identify import Records, fitted
 from .loops import INSTEAD
 from .ranking import Before, FailedMethod, FittedMethod, errors_of, ranked
 
 FEEDBACK = ("tested", "accepted", "closed")
 SPLIT = 0.5
+Progress = Callable[[str, int, int], None]
 
 
 def compare(
-    methods: Sequence[Any] | None, record: Record | Sequence[Record], *, split: float = SPLIT, level: str = "mean",
-    order: int | None = None, held_out: Record | Sequence[Record] | None = None, feedback: str = "tested",
-    progress: Callable[[str, int, int], None] | None = None,
+    methods: Sequence[Any] | None, record: Records, *, split: float = SPLIT, level: str = "mean", order: int | None = None,
+    held_out: Records | None = None, feedback: str = "tested", progress: Progress | None = None,
 ) -> Comparison:  # fmt: skip
     """Identify a model by several methods on the first part of a record, or of each of several, and rank the methods on the
     rest; or on other records.
@@ -94,8 +94,8 @@ def compare(
 
 
 def _read(
-    methods: Sequence[Method] | None, record: Any, held_out: Any, split: float, level: str, order: int | None, feedback: str,
-    progress: Any,
+    methods: Sequence[Method] | None, record: Records, held_out: Records | None, split: float, level: str, order: int | None,
+    feedback: str, progress: Progress | None,
 ) -> tuple[list[Record], list[Record] | None]:  # fmt: skip
     """The records to fit, or to divide, and those to judge on; every fault of the call at once."""
     faults = checks.Faults()
@@ -163,7 +163,7 @@ def _divisible(records: list[Record], fraction: float, faults: checks.Faults) ->
     return records
 
 
-def _before(task: Divided, asked: str, report: Any) -> Before:
+def _before(task: Divided, asked: str, report: Progress) -> Before:
     """The test of feedback and the dead time, of the fitted parts; neither without inputs."""
     if not task.first[0].inputs:
         return Before(None, False, None)
