@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.figures import sparse_outputs
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
@@ -225,3 +226,35 @@ def test_it_is_saved_and_goes_on(tmp_path):
     resumed = es.load(tmp_path / "run.npz")
     told = [one.correct(record.y[24], record.u[24], arrived=record.arrived[24]) for one in (running, resumed)]
     assert_allclose(told[0].mean, told[1].mean, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("every", [2, 5, 0], ids=["every 2nd", "every 5th", "random 10 %"])
+def test_sparse_outputs_are_learnt_from_without_a_prior(every):
+    errors, z, passed = zip(*(sparse_outputs.found(seed, "poles -.26+-.53i", every) for seed in range(4)), strict=True)
+    assert np.median(errors) < 0.05
+    assert max(z) < 4
+    assert all(passed)
+
+
+def test_the_weights_are_those_of_the_members_likelihoods():
+    """The mixture against its members run one by one: each with its own prior."""
+    record = lossy(FIRST_ORDER, rows=40)
+    whole = identify(JointOutputError(1, 0, noise_variance=0.1, alarm=100.0), record)
+    mean, P = JointOutputError(1, 0, noise_variance=0.1)._members()
+    alone = [
+        identify(JointOutputError(1, 0, noise_variance=0.1, alarm=100.0, prior=Prior(m, C)), record)
+        for m, C in zip(np.asarray(mean[0]), np.asarray(P[0]), strict=True)
+    ]
+    logs = np.array([one.log_likelihood for one in alone])
+    w = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+    θ = np.array([one.parameters for one in alone])
+    assert_allclose(whole.parameters, w @ θ, rtol=0.02, atol=0.01)
+
+
+def test_few_rows_are_said_not_to_suffice():
+    record, r = sparse_outputs.drawn(0, "poles -.26+-.53i", 0, rows=1000)
+    fit = identify(JointOutputError(2, 1, noise_variance=r), record)
+    (check,) = (one for one in fit.validation.checks if one.name == "belief")
+    assert not fit.validation.passed
+    assert "rows were seen for 4 parameters" in check.sentence
+    assert "use OutputErrorML" in check.sentence

@@ -15,11 +15,12 @@ from ..diagnostics.cramer_rao import undetermined
 from ..engines import choice
 from ..estimation.binding import bind, select
 from ..frozen import frozen
+from ..identifiers.joint_output_error import JointOutputError
 from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.realised import check_lags
 from ..identifiers.validation import information_of, stability_check, validated
 from ..protocols import FilterIdentifier, Identifier, Method, RecursiveIdentifier, StartedIdentifier, Wrapper
-from ..results import Estimate, Fit, Outcome, Validation
+from ..results import Check, Estimate, Fit, Outcome, Validation
 from .adaptive import tracked
 from .connected import Connected, at_own_stamps, connected, with_checks
 from .loops import with_feedback_check
@@ -28,6 +29,7 @@ from .search import maximise
 
 Records = Record | Sequence[Record]
 LONGEST = 100_000  # rows up to which every row is stored
+ENOUGH = 50  # seen rows a parameter, for a Gaussian belief that begins without a prior
 
 
 def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
@@ -193,10 +195,25 @@ def _recursive(method: RecursiveIdentifier[Any], records: list[Record], engine: 
         M = information_of(model, records)
         free, printed = undetermined(M), method.method == "printed"
         validation = validated(model, records, method.noise_variance, information=M, pseudo_linear=printed)
+    if isinstance(method, JointOutputError) and method.prior is None:
+        validation = validation._replace(checks=(*validation.checks, *_belief_checks(method, records)))
     return Fit(
         model, θ, Σ, method.names.states, validation, estimate, log_likelihood,
         free if free is not None and free.shape[1] else None, estimate.outcome, type(method).__name__, estimate.engine,
     )  # fmt: skip
+
+
+def _belief_checks(method: JointOutputError, records: list[Record]) -> list[Check]:
+    """A failed check where few rows were seen: a sum of Gaussian beliefs is then not that of the data."""
+    size = len(method.names.states) // len(records[0].outputs)
+    seen = int(np.min(np.sum([record.seen.sum(axis=0) for record in records], axis=0)))
+    if seen >= ENOUGH * size:
+        return []
+    sentence = (
+        f"Belief: {seen} rows were seen for {checks.counted(size, 'parameter')}: with fewer than {ENOUGH} for each, sigma is not to be "
+        "trusted. Give a `prior`, or use OutputErrorML."
+    )
+    return [Check("belief", False, seen / size, float(ENOUGH), sentence)]
 
 
 def _run(method: RecursiveIdentifier[Any], records: list[Record], engine: str) -> tuple[Estimate, float]:

@@ -1,7 +1,8 @@
 """Outputs, parameters and inputs of unknown arrival of an output-error model, as one Gaussian belief."""
 
+import math
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,15 +20,21 @@ from ..results import Info, Interval, Names, Sample, outcome_code
 from . import recursive
 from .channels import Channels
 
+POLES = (0.9, 0.5, 0.0, -0.5, -0.9)  # of the members, for A of degree 1
+PAIRS = (  # and of degree 2 and more, with the other poles at 0
+    (0.85, 0.85), (0.5, 0.5), (0.8, -0.8), (-0.6, -0.6), (0.7j, -0.7j), (0.6 + 0.5j, 0.6 - 0.5j), (-0.5 + 0.5j, -0.5 - 0.5j),
+)  # fmt: skip
+AROUND = 0.3  # standard deviation of each coefficient of A in a member
+LIGHTEST = -600.0  # logarithm of a weight
 WILD = 100.0  # times the largest value seen of an output or expected from its inputs: its largest standard deviation
 
 
 @frozen
 class JointBelief:
-    """The belief, output by output: past outputs x° (p, nx), inputs of unknown arrival (p, nv), θ (p, d), and a factor of the
-    covariance of all three (p, n, n).
+    """The belief, output by output a sum of G Gaussian members: past outputs x° (p, G, nx), inputs of unknown arrival
+    (p, G, nv), θ (p, G, d), a factor of the covariance of all three (p, G, n, n), and the logarithms of the weights (p, G).
 
-    `lags` (m, q) are the known inputs before this sample, `largest` (p,) the largest output so far.
+    `lags` (m, q) are the known inputs before this sample, `largest` (p, G) the largest output so far.
     """
 
     outputs: Any
@@ -36,6 +43,7 @@ class JointBelief:
     factor: Any
     lags: Any
     largest: Any
+    weights: Any
 
 
 @frozen
@@ -48,12 +56,16 @@ class JointOutputError(Anticipating[JointBelief]):
     a poor early estimate is therefore represented in every direction, and the estimate does not lock on a wrong value. No
     fading of early data is needed.
 
-    Assumes a stable plant at rest before the first sample, right orders and noise variance, and white v. The belief is taken
-    as Gaussian after every sample. Too small a noise variance raises false alarms.
+    Without a `prior` the belief is a sum of Gaussian members (7, or 5 for na = 1) with poles all over the unit circle, each with
+    its weight: a single wide one learns nothing between seen rows. What is reported are the moments of the sum.
+
+    Assumes a stable plant at rest before the first sample, right orders and noise variance, and white v. Each member is taken
+    as Gaussian after every sample. With fewer than 50 seen rows a parameter and no prior, the check "belief" fails. Too small a
+    noise variance raises false alarms.
 
     Settings:
 
-    - `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs`: as in `RecursiveOutputError`.
+    - `na`, `nb`, `delay`, `noise_variance`, `prior`, `inputs`, `outputs`: as in `RecursiveOutputError`. A prior makes one member.
     - `alarm`: an innovation of more than this many standard deviations (default 5) means that the plant jumped. `jump` times
       the prior's covariance is then added to that of θ (default .1), and the variance of past outputs is raised by the
       innovation squared.
@@ -68,8 +80,8 @@ class JointOutputError(Anticipating[JointBelief]):
     Cost: about n² (2 n + d) multiplications per sample and output, for d parameters of an output; n = na + d, or
     n = na + d + m (nb + delay + 1) with `arrival`.
 
-    Reference: ours; the moments are those of M. Athans, R. Wishner & A. Bertolini (1968), exact here. Model and losses: H.
-    Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
+    Reference: ours; the sum is that of D. Alspach & H. Sorenson (1972); the moments are those of M. Athans, R. Wishner & A.
+    Bertolini (1968), exact here. Model and losses: H. Fang (2009), (3.1)-(3.5), (4.1)-(4.3).
 
     >>> plant = OutputError([-0.5], [1.0], noise_variance=0.01, dt=1)
     >>> record = simulate(plant, np.random.default_rng(1).normal(size=300), seed=1, output_link=BernoulliLink(0.5)).record
@@ -128,21 +140,37 @@ class JointOutputError(Anticipating[JointBelief]):
 
     def init(self, prior: None) -> JointBelief:
         """The belief before the first sample; the plant is at rest."""
-        mean, P = recursive.believed(self)
-        p, d = mean.shape
+        mean, P = self._members()
+        p, G, d = mean.shape
         nx, nv = self._sizes
-        none = jnp.zeros((p, nx + nv, nx + nv + d))
-        factors = jnp.concatenate([jnp.zeros((p, d, nx + nv)), jax.vmap(factor)(P)], axis=2)
+        none = jnp.zeros((p, G, nx + nv, nx + nv + d))
+        factors = jnp.concatenate([jnp.zeros((p, G, d, nx + nv)), jax.vmap(jax.vmap(factor))(P)], axis=3)
         return JointBelief(
-            jnp.zeros((p, nx)), jnp.zeros((p, nv)), mean, jnp.concatenate([none, factors], axis=1),
-            jnp.zeros((self.model.m, self.nb + self.delay)), jnp.zeros(p),
+            jnp.zeros((p, G, nx)), jnp.zeros((p, G, nv)), mean, jnp.concatenate([none, factors], axis=2),
+            jnp.zeros((self.model.m, self.nb + self.delay)), jnp.zeros((p, G)), jnp.full((p, G), -math.log(G)),
         )  # fmt: skip
+
+    def _members(self) -> tuple[Array, Array]:
+        """Means (p, G, d) and covariances (p, G, d, d) of θ before the first sample: one member, or poles all over the circle
+        where no prior is given: between seen rows a wide belief about A multiplies that about the outputs, and learns nothing.
+        """
+        mean, P = recursive.believed(self)
+        if self.prior is not None or self.na == 0:
+            return mean[:, None], P[:, None]
+        pairs = np.array(PAIRS if self.na > 1 else [(pole, 0.0) for pole in POLES])
+        a = np.column_stack([-pairs.sum(axis=1), pairs.prod(axis=1)]).real[:, : self.na]
+        centre = np.zeros((len(a), mean.shape[1]))
+        centre[:, : a.shape[1]] = a
+        variance = np.concatenate([np.full(self.na, AROUND**2), np.full(mean.shape[1] - self.na, recursive.VAGUE)])
+        p, G = mean.shape[0], len(a)
+        return jnp.broadcast_to(centre, (p, *centre.shape)), jnp.broadcast_to(np.diag(variance), (p, G, *P.shape[1:]))
 
     def rested(self, state: JointBelief) -> JointBelief:
         """The belief when another record begins: θ as before, and a plant at rest."""
         nx, nv = self._sizes
-        Θ = state.factor[:, nx + nv :]
-        factors = jax.vmap(lambda one: triangularise(jnp.concatenate([jnp.zeros((nx + nv, one.shape[1])), one])))(Θ)
+        Θ = state.factor[:, :, nx + nv :]
+        alone = lambda one: triangularise(jnp.concatenate([jnp.zeros((nx + nv, one.shape[1])), one]))  # noqa: E731
+        factors = jax.vmap(jax.vmap(alone))(Θ)
         return replace(
             state, outputs=jnp.zeros_like(state.outputs), inputs=jnp.zeros_like(state.inputs), factor=factors,
             lags=jnp.zeros_like(state.lags),
@@ -150,15 +178,24 @@ class JointOutputError(Anticipating[JointBelief]):
 
     def ahead(self, state: JointBelief) -> Info:
         """The belief before the next sample: θ, and in `extra` past outputs (p, na) and inputs (m, nb + delay)."""
-        nx, nv = self._sizes
-        Θ = jax.vmap(gram)(state.factor[:, nx + nv :])
+        _, nv = self._sizes
+        θ, P = self._mixture(state)
         lags = state.lags
         if nv:  # the mean over the outputs: each has its own belief
-            lags = jnp.mean(state.inputs, axis=0).reshape(self.model.m, -1)[:, : self.nb + self.delay]
+            lags = jnp.mean(_mean(state.weights, state.inputs), axis=0).reshape(self.model.m, -1)
+            lags = lags[:, : self.nb + self.delay]
         return Info(
-            mean=state.parameters.ravel(), covariance=recursive.block_diagonal(Θ),
-            extra={"past_outputs": state.outputs[:, : self.na], "past_inputs": lags},
+            mean=θ.ravel(), covariance=recursive.block_diagonal(P),
+            extra={"past_outputs": _mean(state.weights, state.outputs)[:, : self.na], "past_inputs": lags},
         )  # fmt: skip
+
+    def _mixture(self, state: JointBelief) -> tuple[Array, Array]:
+        """The mean (p, d) and covariance (p, d, d) of θ over the members."""
+        nx, nv = self._sizes
+        θ = _mean(state.weights, state.parameters)
+        apart = state.parameters - θ[:, None]
+        each = jax.vmap(jax.vmap(gram))(state.factor[:, :, nx + nv :]) + apart[..., :, None] * apart[..., None, :]
+        return θ, _mean(state.weights, each)
 
     def correct(self, state: JointBelief, sample: Sample) -> tuple[JointBelief, Info]:
         """Update the belief with one sample."""
@@ -197,6 +234,21 @@ class JointOutputError(Anticipating[JointBelief]):
         J: Array,
     ) -> tuple[JointBelief, Any]:
         """One output: the belief after its datum, and the report of it."""
+        ahead = jax.vmap(lambda one: self._ahead(one, window, arrivals))(belief)
+        x = ahead.x
+        e_each, S_each = y - x, jnp.sum(ahead.linear**2, axis=1) + ahead.rest + r
+        mean = _mean(belief.weights[None], x[None])[0]
+        S, e = _mean(belief.weights[None], (S_each + (x - mean) ** 2)[None])[0], y - mean
+        alarmed = seen & (e * e > self.alarm**2 * S)
+        after, shown = jax.vmap(lambda one, its: self._taught(one, its, alarmed, y, seen, r, J))(belief, ahead)
+        likelihood = _log_density(e_each, S_each)
+        if x.shape[0] > 1:
+            weights = jnp.where(alarmed, 0.0, belief.weights + jnp.where(seen, shown, 0.0))
+            after = replace(after, weights=jnp.maximum(weights - _log_sum(weights), LIGHTEST))
+        return after, (e, S, jnp.where(seen, y, mean), alarmed, _log_sum(belief.weights + likelihood))
+
+    def _ahead(self, belief: JointBelief, window: Array, arrivals: tuple[Array, Array] | None) -> "_Ahead":
+        """The prediction of one member."""
         nx, nv = self._sizes
         v, Z = belief.inputs, belief.factor
         X, V, Θ = Z[:nx], Z[nx : nx + nv], Z[nx + nv :]
@@ -206,11 +258,17 @@ class JointOutputError(Anticipating[JointBelief]):
             V = jnp.concatenate([V, noise], axis=1)
             window = recursive.delayed(v, self.model.m, self.delay)
         φ = jnp.concatenate([-belief.outputs[: self.na], window])
-        x, linear, rest = self._moments(belief.parameters, φ, Θ, X, V)
-        S, e = jnp.sum(linear * linear) + rest + r, y - x
-        alarmed = seen & (e * e > self.alarm**2 * S)
+        return _Ahead(*self._moments(belief.parameters, φ, Θ, X, V), φ, v, X, V, Θ)
+
+    def _taught(
+        self, belief: JointBelief, ahead: "_Ahead", alarmed: Array, y: Array, seen: Array, r: Array, J: Array
+    ) -> tuple[JointBelief, Array]:
+        """One member after a datum, and its log-likelihood."""
+        nx, nv = self._sizes
+        φ, v, e = ahead.φ, ahead.v, y - ahead.x
+        S = jnp.sum(ahead.linear**2) + ahead.rest + r
         doubt = jnp.where(alarmed, jnp.sqrt(jnp.maximum(e * e - S, 0.0)), 0.0)
-        X, V, Θ = _widened(X, V, Θ, doubt * jnp.eye(nx), jnp.where(alarmed, J, 0.0))
+        X, V, Θ = _widened(ahead.X, ahead.V, ahead.Θ, doubt * jnp.eye(nx), jnp.where(alarmed, J, 0.0))
         x, linear, rest = self._moments(belief.parameters, φ, Θ, X, V)
         largest = jnp.maximum(belief.largest, jnp.where(seen, jnp.abs(y), jnp.sqrt(r)))
         largest = jnp.maximum(largest, _driven(belief.parameters, φ, Θ, self.na))
@@ -224,7 +282,7 @@ class JointOutputError(Anticipating[JointBelief]):
         after = replace(
             belief, outputs=m[:nx], inputs=m[nx : nx + nv], parameters=m[nx + nv :], factor=Z, largest=largest
         )
-        return after, (e, S, jnp.where(seen, y, x), alarmed)
+        return after, _log_density(y - x, jnp.sum(linear * linear) + rest + r)
 
     def _moments(self, θ: Array, φ: Array, Θ: Array, X: Array, V: Array):
         """The moments of the product θ'φ; known inputs have no variance."""
@@ -257,6 +315,40 @@ class JointOutputError(Anticipating[JointBelief]):
         return replace(state, lags=shifted)
 
 
+class _Ahead(NamedTuple):
+    """The moments of one member's next output, and what they were made of."""
+
+    x: Array
+    linear: Array
+    rest: Array
+    φ: Array
+    v: Array
+    X: Array
+    V: Array
+    Θ: Array
+
+
+def _mean(weights: Array, values: Array) -> Array:
+    """The mean of values (p, G, ..) over the members."""
+    if values.shape[1] == 1:
+        return values[:, 0]
+    w = jnp.exp(weights).reshape(weights.shape + (1,) * (values.ndim - 2))
+    return jnp.sum(w * values, axis=1)
+
+
+def _log_density(e: Array, S: Array) -> Array:
+    """The logarithm of a Gaussian density."""
+    return -0.5 * (jnp.log(2 * jnp.pi * S) + e * e / S)
+
+
+def _log_sum(logs: Array) -> Array:
+    """log Σ exp (G,)."""
+    if logs.shape[0] == 1:
+        return logs[0]
+    top = jnp.max(logs)
+    return top + jnp.log(jnp.sum(jnp.exp(logs - top)))
+
+
 def _widened(X: Array, V: Array, Θ: Array, doubt: Array, J: Array):
     """Factors after a jump: of past outputs by `doubt`, of parameters by J."""
     nx, d = X.shape[0], Θ.shape[0]
@@ -280,18 +372,17 @@ def _tamed(x: Array, linear: Array, rest: Array, most: Array | float):
 
 def _informed(method: JointOutputError, state: JointBelief, steps: tuple, sample: Sample) -> Info:
     """The report of all outputs together: their noises, and so their errors, are independent."""
-    e, S, completed, alarmed = steps
-    p = state.parameters.shape[0]
-    nx, nv = method._sizes
+    e, S, completed, alarmed, likelihood = steps
+    θ, P = method._mixture(state)
+    p = θ.shape[0]
+    _, nv = method._sizes
     seen = jnp.asarray(sample.seen)
-    extra = {"output": state.outputs[:, 0], "completed": completed, "alarm": alarmed}
+    extra = {"output": _mean(state.weights, state.outputs)[:, 0], "completed": completed, "alarm": alarmed}
     if nv:
-        m = method.model.m
-        extra["applied"] = state.inputs.reshape(p, m, -1)[:, :, 0]
-    likelihood = -0.5 * jnp.sum(jnp.where(seen, jnp.log(2 * jnp.pi * S) + e * e / S, 0.0))
+        extra["applied"] = _mean(state.weights, state.inputs).reshape(p, method.model.m, -1)[:, :, 0]
     return Info(
-        mean=state.parameters.ravel(), covariance=recursive.block_diagonal(jax.vmap(gram)(state.factor[:, nx + nv :])),
-        innovation=jnp.where(seen, e, jnp.nan), innovation_covariance=jnp.eye(p) * S[:, None], log_likelihood=likelihood,
+        mean=θ.ravel(), covariance=recursive.block_diagonal(P), innovation=jnp.where(seen, e, jnp.nan),
+        innovation_covariance=jnp.eye(p) * S[:, None], log_likelihood=jnp.sum(jnp.where(seen, likelihood, 0.0)),
         outcome=outcome_code(jnp.asarray(False), state.parameters.ravel(), state.factor.reshape(-1, 1)), extra=extra,
     )  # fmt: skip
 
