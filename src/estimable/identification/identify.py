@@ -210,8 +210,8 @@ def _belief_checks(method: JointOutputError, records: list[Record]) -> list[Chec
     if seen >= ENOUGH * size:
         return []
     sentence = (
-        f"Belief: {seen} rows were seen for {checks.counted(size, 'parameter')}: with fewer than {ENOUGH} for each, sigma is not to be "
-        "trusted. Give a `prior`, or use OutputErrorML."
+        f"Belief: {seen} rows were seen for {checks.counted(size, 'parameter')}: with fewer than {ENOUGH} for each, sigma is not "
+        "to be trusted. Give a `prior`, or use OutputErrorML."
     )
     return [Check("belief", False, seen / size, float(ENOUGH), sentence)]
 
