@@ -59,6 +59,7 @@ class Known:
         self.inputs = [self.model.inputs.index(name) for name in algorithm.names.inputs]
         self.linear = isinstance(self.model, StateSpace)
         self.exact = self.linear and not isinstance(algorithm.innermost, Linearised)
+        self.logged: np.ndarray | None = settings.spread
         varying = bool(getattr(self.model, "varying", ()))
         self.steps_may_vary = (
             not varying and not (stacked and not self.model.is_continuous) and (self.linear or self.model.is_continuous)
@@ -165,6 +166,8 @@ class Known:
             limit = share * (duration if np.isinf(growth) else growth)
             what = "the record" if np.isinf(growth) else "the time constant of the fastest unstable mode"
             return f"longer than {share:g} of {what}, {limit:.3g} s" if seconds > limit else ""
+        if self.logged is None:
+            return ""  # a restart would know nothing
         known = self.spread_of(diffusion)
         if known.leaves_more_unknown_than(self._growth(seconds, diffusion)):
             return ""

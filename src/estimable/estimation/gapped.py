@@ -58,6 +58,9 @@ def fresh_of(known: Known, settings: Gaps) -> Belief:
     if settings.restart is not None:
         point = known.states if known.linear else 0.0
         return believe(replace(settings.restart, mean=settings.restart.mean - point))
+    if known.logged is None:  # how far the input goes is not known, and so neither the state
+        n = len(known.states)
+        return believe(Prior(np.zeros(n), np.zeros((n, n)), diffuse=np.eye(n)))
     found = known.spread_of(known.moves)
     diffuse = found.diffuse if found.diffuse.shape[1] else None
     return believe(Prior(np.zeros(len(found.covariance)), _rounded(found.covariance), diffuse=diffuse))

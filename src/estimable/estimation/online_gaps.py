@@ -54,9 +54,7 @@ class OnlineGaps:
     def __init__(self, algorithm: Algorithm[Any], settings: Gaps, hold: str):
         self.known = Known(algorithm, hold, settings, False)
         self.settings, self.hold, self.algorithm = settings, hold, algorithm
-        zeros = np.zeros(len(self.known.inputs))
-        self.known.logged = zeros if settings.spread is None else settings.spread
-        self.known.moves = zeros if settings.diffusion is None else settings.diffusion
+        self.known.moves = np.zeros(len(self.known.inputs)) if settings.diffusion is None else settings.diffusion
         self.anchor: Anchor | None = None
         self.since, self.steps = 0.0, 0  # seconds and intervals in which the input was not known
         self.found: list[Gap] = []
@@ -94,7 +92,7 @@ class OnlineGaps:
         seconds = anchor.seconds + dt
         self.since, self.steps = anchor.since + seconds, self.steps + 1
         g = np.zeros(m) if self.settings.diffusion is None else np.asarray(self.settings.diffusion)
-        why = self._why_break(seconds, g, at[1] + dt)
+        why = self._why_break(self.since, g, at[1] + dt)
         gap = Gap(at[0], at[0] + 1, at[1], dt, "break" if why else "bridge", why)
         if why:
             interval = Interval(anchor.u, anchor.u, None, np.asarray(dt), restart=np.asarray(True))

@@ -109,7 +109,8 @@ class Gust(Event):
 @frozen
 class SensorFault(Event):
     """An event of a run: from `time` to `until` [s] (None: the end), the sensor of `output` fails. The estimator and the
-    controller receive what it reads.
+    controller receive what it reads. With the kind "dropout" it may be an input: the position of that actuator, or its command,
+    is then not known, and `gaps` of `close_loop` says what the estimator does.
 
     `kind`: "bias": `value` is added; "scale": multiplied by `value`; "drift": `value` per second is added, from `time` on;
     "noise": white noise with the standard deviation `value` is added; "frozen": it repeats its last reading, or `value`;
@@ -137,5 +138,6 @@ class SensorFault(Event):
         set_field(self, **read)
 
     def check(self, model: StateSpace, faults: checks.Faults) -> None:
-        """Check the output."""
-        known_channel("SensorFault", "output", self.output, model.outputs, faults)
+        """Check the output; of an input only a dropout is possible."""
+        positions = model.inputs if self.kind == "dropout" and self.value is None else ()
+        known_channel("SensorFault", "output", self.output, (*model.outputs, *positions), faults)

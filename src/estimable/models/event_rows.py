@@ -29,7 +29,8 @@ class Sensed:
 
 def sensed(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndarray, t: np.ndarray) -> Sensed | None:
     """The failures of the sensors, and what gusts add to the outputs; None without any. `models` and `phase`: as in `pushes`."""
-    faults, model = [event for event in events if isinstance(event, SensorFault)], models[0]
+    model = models[0]
+    faults = [event for event in events if isinstance(event, SensorFault) and event.output in model.outputs]
     air = _air(events, models, phase, t)
     if not faults and air is None:
         return None
@@ -41,6 +42,17 @@ def sensed(events: Sequence[Event], models: Sequence[StateSpace], phase: np.ndar
         on, j = acts(event, t), model.outputs.index(event.output)
         _apply(event, rows, on, j, t)
     return rows
+
+
+def unmeasured(events: Sequence[Event], model: StateSpace, t: np.ndarray) -> np.ndarray | None:
+    """The inputs whose position is not measured, (T, m); None without such an event."""
+    lost = [event for event in events if isinstance(event, SensorFault) and event.output not in model.outputs]
+    if not lost:
+        return None
+    missing = np.zeros((len(t), model.m), bool)
+    for event in lost:
+        missing[acts(event, t), model.inputs.index(event.output)] = True
+    return missing
 
 
 def _apply(event: SensorFault, rows: Sensed, on: np.ndarray, j: int, t: np.ndarray) -> None:

@@ -12,7 +12,9 @@ import numpy as np
 from .. import forks
 from ..annotations import Array, Numbers
 from ..errors import RunError
+from ..estimation.gaps import Gaps, Given
 from ..filters.actuated import Actuated
+from ..filters.restarting import restarting
 from ..frozen import replace
 from ..models.controlled import ControlledPlant
 from ..models.disturbances import SensorFault
@@ -28,6 +30,7 @@ from . import plants_apart, python_loop, scheduled, window_loop
 from .late_outputs import Reordered, longest_delay
 from .loop import ControlLoop, LoopInputs, intervals_of
 from .loop_checks import check_call, check_run, check_simulators, known_hold
+from .loop_gaps import check_gaps, planned
 from .transmit import Links
 
 Plant = ControlledPlant | StateSpace | OutputError | Simulator
@@ -50,6 +53,7 @@ def close_loop(
     on_failure: str = "raise",
     engine: str = "auto",
     schedule: Mapping[str, Numbers] | None = None,
+    gaps: Given = "auto",
 ) -> ClosedLoop:
     """Simulate a closed loop of plant, sensor link, estimator, controller and actuator link along a reference (T, r), or
     (T,).
@@ -71,6 +75,8 @@ def close_loop(
     - `dt`: the step in seconds, for a continuous plant. `start` (n,): its initial state (default zero).
     - `schedule`: {channel: values (T,), or one number}, the course of each channel that the matrices of the plant or of the
       estimator follow. With a simulator as the plant, the estimator reads a channel without a course from the outputs.
+    - `gaps`: what the estimator does while a position is not measured (`SensorFault` of an input), as in `online`: a bridge needs
+      the variance of the input per second.
     - `seed`: of the noises and links.
     - `engine`: "auto", "native" or "xla". `on_failure`: "raise" or "keep". Both are as in `estimate`.
 
@@ -86,6 +92,7 @@ def close_loop(
     bank = close_loop_bank(
         plant, controller, estimator, reference=reference, seed=seed, runs=1, prior=prior, dt=dt, start=start,
         input_link=input_link, output_link=output_link, lost=lost, on_failure=on_failure, engine=engine, schedule=schedule,
+        gaps=gaps,
     )  # fmt: skip
     return bank[0]
 
@@ -108,6 +115,7 @@ def close_loop_bank(
     on_failure: str = "raise",
     engine: str = "auto",
     schedule: Mapping[str, Numbers] | None = None,
+    gaps: Given = "auto",
 ) -> ClosedLoopBank:
     """Simulate the same loop many times, with new noises and losses each time. Run 0 equals `close_loop` with the same seed.
 
@@ -128,6 +136,7 @@ def close_loop_bank(
     assert followed is not None
     assert step is not None
     check_run(seed, runs, first, on_failure, engine, len(plants) if several else None)
+    call = call._replace(gaps=check_gaps(plants, along.estimator, gaps, longest_delay(call.links.output) > 0))
     check_simulators([one for _, one in plants if one is not None], several, call.links, along.measured)
     which, simulator = first + np.arange(runs or 0), plants[0][1]
     if several:
@@ -168,6 +177,7 @@ class _Call(NamedTuple):
     start: Numbers | None
     lost: str
     seed: int
+    gaps: Gaps | None = None
 
     def knowing(self, plant: ControlledPlant) -> Any:
         """The estimator; an identifier has the names of the plant's channels, where it does not define its own."""
@@ -194,13 +204,20 @@ class _Call(NamedTuple):
         counts = not commanded and estimator.innermost.takes_uncertain_inputs
         columns = tuple(plant.model.outputs.index(name) for name in estimator.names.outputs)
         t = np.arange(len(followed)) * step
+        lost = self.gaps and planned(plant, estimator, self.gaps, t, step, known_hold(plant, estimator))
+        ready = self.ready(plant, step, estimator)
+        ready = ready if lost is None or lost.fresh is None else restarting(ready, lost.fresh)
         loop = ControlLoop(
-            plant.steps(step, t), self.ready(plant, step, estimator), self.controller, self.links, _start(plant, self.start),
+            plant.steps(step, t), ready, self.controller, self.links, _start(plant, self.start),
             plant.point.states, np.asarray(step), sigma, np.diag(sigma**2) if counts and sigma is not None else None,
             columns=columns, lost=self.lost, commanded=commanded, late=longest_delay(self.links.output) > 0,
-            freezes=_freezes(plant),
+            freezes=_freezes(plant), loses=lost is not None,
         )  # fmt: skip
-        return loop, _rows(loop, plant, t, followed, self.seed, which)
+        rows = _rows(loop, plant, t, followed, self.seed, which)
+        if lost is None:
+            return loop, rows
+        gap = jax.tree_util.tree_map(lambda leaf: np.broadcast_to(leaf, (len(which), *leaf.shape)), lost.rows)
+        return loop, replace(rows, gap=gap)
 
 
 def _plant(given: Plant | Sequence[Plant]) -> tuple[Any, Any]:

@@ -14,6 +14,7 @@ from ..models.plant_steps import Steps
 from ..models.prior import Prior
 from ..protocols import Link
 from ..results import Info, Interval, Sample
+from .loop_gaps import UnknownInputs
 from .plant_motion import acting, effective, move, phase_of, placed, row_of
 from .transmit import Links
 
@@ -23,7 +24,8 @@ class LoopInputs:
     """The inputs of the loop at one instant: unit normal noises, uniform draws of the links, the reference, and the phase of
     the plant (its entry 1, the others 0). `push` (n,): what disturbances add to the next state; `sensed`: what failures of
     sensors do, with the draw `sensor_noise` (p,); `position_noise` (2, m): of the positions measured
-    now and at the next sample. `begin`, `place`: data of a window from the previous block (`window_loop`)."""
+    now and at the next sample. `gap`: which inputs are unknown. `begin`, `place`: data of a window from the previous block
+    (`window_loop`)."""
 
     noise: Any
     input_draw: Any
@@ -35,6 +37,7 @@ class LoopInputs:
     sensed: Any = None
     sensor_noise: Any = None
     position_noise: Any = None
+    gap: Any = None
     begin: Any = None
     place: Any = None
 
@@ -45,7 +48,7 @@ class LoopState:
     the actuators; `commands` (L, m): the last ones, the newest first, where actuators delay them; `applied` (m,): the last
     command; `input`, `input_end`: the inputs over the next interval that the estimator knows; `output`: the last reading of
     each sensor, where one may freeze. `last`: the completed outputs of the last sample, and 1 for those seen, for a controller
-    that acts before a sample (else None)."""
+    that acts before a sample (else None). `held` (m,): what is taken for inputs that are unknown; `gap`: of the last row."""
 
     x: Any
     position: Any
@@ -58,6 +61,8 @@ class LoopState:
     input_end: Any
     output: Any = None
     last: Any = None
+    held: Any = None
+    gap: Any = None
 
 
 @frozen
@@ -96,6 +101,7 @@ class ControlLoop:
     commanded: bool = static(default=False)
     freezes: bool = static(default=False)
     late: bool = static(default=False)
+    loses: bool = static(default=False)
 
     def at(self, k: int | Array) -> "ControlLoop":
         """The loop at row k."""
@@ -119,6 +125,7 @@ class ControlLoop:
             rest,
             jnp.full(self.plant.C.shape[-2], jnp.nan) if self.freezes else None,
             (jnp.zeros(p), jnp.zeros(p)) if self.acts_first else None,
+            *((rest, self._no_gap(rest.shape[0])) if self.loses else ()),
         )
 
     @property
@@ -136,15 +143,21 @@ class ControlLoop:
         if now.moves:
             measured = measured + apply(now.D, effective(now, position))
         standing = self._standing(state, acting(now, position), row)
+        standing = standing if row.gap is None or not now.moves else _filled(state.held, standing, row.gap.unknown[0])
         decided = self.decide(state, measured, standing, row)
         commands = self._commands(state, decided.applied)
         moved = move(now, state.x, position, commands, row.noise[p:])
         x = moved.x if row.push is None else moved.x + row.push
         after = replace(state, x=x, position=moved.position, commands=commands if state.commands is not None else None)
         if self.commanded or not now.moves:
-            return self.go_on(after, decided, state.x, moved.acting, decided.applied, decided.applied)
+            known = decided.applied if row.gap is None else _filled(state.held, decided.applied, row.gap.unknown[0])
+            return self.go_on(after, decided, state.x, moved.acting, known, known, row.gap)
         end = self._measured(acting(now, moved.position), row, 1)
-        return self.go_on(after, decided, state.x, moved.acting, standing, end)
+        end = end if row.gap is None else _filled(standing, end, row.gap.unknown[1])
+        return self.go_on(after, decided, state.x, moved.acting, standing, end, row.gap)
+
+    def _no_gap(self, m: int) -> UnknownInputs:
+        return UnknownInputs(jnp.zeros((2, m)), jnp.zeros(m), jnp.zeros(()))
 
     def _standing(self, state: LoopState, position: Array, row: LoopInputs) -> Any:
         """The known inputs at a sample: the measured positions, or the last command."""
@@ -184,7 +197,14 @@ class ControlLoop:
         return Decided(belief, control, (carrier, sensors), output, applied, info, report)
 
     def go_on(
-        self, state: LoopState, decided: Decided, x: Array, acting: Array, known: Array, known_end: Array
+        self,
+        state: LoopState,
+        decided: Decided,
+        x: Array,
+        acting: Array,
+        known: Array,
+        known_end: Array,
+        gap: Tree = None,
     ) -> tuple[LoopState, Info]:
         """The state of the loop after the plant has moved, and the report of the sample: the state x (n,), the positions that
         act, and the inputs that the estimator knows at both ends of the interval.
@@ -193,12 +213,12 @@ class ControlLoop:
             **decided.report,
             "state": x + self.origin,
             "input": acting,
-            "known_input": known,
+            "known_input": known if gap is None else jnp.where(gap.unknown[0] > 0, jnp.nan, known),
             "interval": Interval(known, known_end, None, self.dt, self.input_covariance),
         }
         after = replace(
             state, belief=decided.belief, control=decided.control, links=decided.links, applied=decided.applied,
-            output=decided.output, input=known, input_end=known_end,
+            output=decided.output, input=known, input_end=known_end, **({} if gap is None else {"held": known_end, "gap": gap}),
         )  # fmt: skip
         return after, replace(decided.info, extra={"estimator": decided.info.extra or {}, "loop": report})
 
@@ -248,6 +268,11 @@ class ControlLoop:
     def predict(self, state: LoopState, interval: Interval) -> LoopState:
         """The prediction of the estimator, from the inputs that it knows."""
         seen = Interval(state.input, state.input_end, None, interval.dt, self.input_covariance)
+        if state.gap is not None:
+            variance = state.gap.variance[:, None] * jnp.eye(state.gap.variance.shape[0])
+            more = variance if self.input_covariance is None else self.input_covariance + variance
+            uncertain = self.estimator.innermost.takes_uncertain_inputs
+            seen = replace(seen, u_covariance=more if uncertain else None, restart=state.gap.restart > 0)
         return replace(state, belief=self.estimator.predict(state.belief, seen))
 
     def _learn(
@@ -263,6 +288,11 @@ class ControlLoop:
         y = jnp.where(seen, measured, 0.0)
         sample = Sample(entries(y, columns), entries(seen, columns), u, arrived, extra)
         return self.estimator.correct(state.belief, sample)
+
+
+def _filled(held: Array, value: Array, unknown: Array) -> Array:
+    """The inputs, and what was last known of those that are unknown."""
+    return jnp.where(unknown > 0, held, value)
 
 
 def intervals_of(rows: LoopInputs, step: float) -> Interval:

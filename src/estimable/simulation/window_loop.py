@@ -40,6 +40,7 @@ def scan_bank(
         or jax.default_backend() != "cpu"
         or loop.plant.rows is not None
         or loop.input_covariance is not None  # its effect depends on the gain
+        or loop.loses
         or not _fits(window)
     ):
         return choice.scan_bank(engine, loop, prior, rows, intervals, **general)
