@@ -204,7 +204,7 @@ class ControlLoop:
         acting: Array,
         known: Array,
         known_end: Array,
-        gap: Tree = None,
+        gap: UnknownInputs | None = None,
     ) -> tuple[LoopState, Info]:
         """The state of the loop after the plant has moved, and the report of the sample: the state x (n,), the positions that
         act, and the inputs that the estimator knows at both ends of the interval.

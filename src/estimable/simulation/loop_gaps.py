@@ -81,7 +81,7 @@ def planned(
     m, moving = missing.shape[1], hold == "first_order"
     known.moves = np.zeros(m) if settings.diffusion is None else settings.diffusion
     unknown = np.stack([missing[:-1], missing[1:]], axis=1)
-    inside = unknown.any(axis=1) if moving else unknown[:, 0]  # (T, m): unknown in the interval after the row
+    inside = missing[:-1] | missing[1:] if moving else missing[:-1]  # (T, m): unknown in the interval after the row
     variance, restart, steps, last = np.zeros(inside.shape), np.zeros(len(t), bool), 0, 0
     for k, mask in enumerate(inside):
         if not mask.any():
