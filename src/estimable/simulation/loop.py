@@ -291,7 +291,7 @@ class ControlLoop:
 
 
 def _filled(held: Array, value: Array, unknown: Array) -> Array:
-    """The inputs, and what was last known of those that are unknown."""
+    """The inputs, and what was last known about those that are unknown."""
     return jnp.where(unknown > 0, held, value)
 
 
