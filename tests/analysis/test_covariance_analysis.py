@@ -262,6 +262,42 @@ def test_parameters_along_a_continuous_trajectory():
     assert np.allclose(found.sigma[-1, 1:], np.sqrt(np.diagonal(P)), rtol=1e-5)
 
 
+def test_the_true_error_of_a_filter_with_fewer_states_and_wrong_noises():
+    """Against the joint Gaussian: x^ is a linear map of the outputs, by the gains of the filter's own recursion."""
+    true = StateSpace(
+        [[0.95, 0.2, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]], C=[[1.0, 0.0, 0.0], [0.0, 1.0, 0.5]], Q=np.diag([0.1, 0.2, 0.0]),
+        R=np.diag([0.3, 0.4]), dt=1, states=["a", "b", "bias"],
+    )  # fmt: skip
+    small = StateSpace(
+        [[0.9, 0.2], [0.0, 0.9]],
+        C=[[1.0, 0.0], [0.0, 1.0]],
+        Q=np.diag([0.01, 0.3]),
+        R=np.diag([0.1, 0.4]),
+        dt=1,
+        states=["a", "b"],
+    )
+    prior, T = Prior(np.zeros(3), np.diag([1.0, 2.0, 0.5])), 6
+    found = covariance_analysis(true, prior=prior, filter=small, horizon=T)
+    P, gains, claimed = np.diag([1.0, 2.0]), [], []
+    for k in range(T):
+        P = small.A @ P @ small.A.T + small.Q if k else P
+        K = P @ small.C.T @ np.linalg.inv(small.C @ P @ small.C.T + small.R)
+        P = P - K @ small.C @ P
+        gains.append(K)
+        claimed.append(np.sqrt(np.diagonal(P)))
+    Π, cross, Y = covariances(true, prior.covariance, T - 1)
+    W = np.zeros((2, 0))  # x^ = W Y
+    for k, K in enumerate(gains):
+        W = np.hstack([(np.eye(2) - K @ small.C) @ (small.A if k else np.eye(2)) @ W, K])
+    E = Π[:2, :2] - cross[:2] @ W.T - W @ cross[:2].T + W @ Y @ W.T
+    assert np.allclose(found.sigma[-1, :2] ** 2, np.diagonal(E), rtol=1e-9)
+    assert found.sigma[-1, 2] == pytest.approx(np.sqrt(0.5))
+    assert np.allclose(found.claimed_sigma[:, :2], claimed, rtol=1e-10)
+    assert "claims too small a sigma for a" in " ".join(found.sentences)
+    same = covariance_analysis(true, prior=prior, filter=true, horizon=T)
+    assert np.allclose(same.sigma, same.claimed_sigma, rtol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -279,6 +315,7 @@ def test_parameters_along_a_continuous_trajectory():
         ({"model": StateSpace([[0.5]], C=[[1.0], [2.0]], R=np.zeros((2, 2)), dt=1), "prior": Prior([0.0], [[1.0]])},
          "y1 and y2 repeat each other and have no noise"),
         ({"model": bearings(1.0)[0], "prior": UNIT}, "`u` or `record` must be given: the tangents"),
+        ({"filter": CART}, "has states that the model does not have"),
         ({"draws": 3}, "are for a `NonlinearModel`"),
         ({"model": CART, "prior": UNIT, "arrival": [1.0]}, "`arrival` concerns samples"),
     ],

@@ -20,6 +20,7 @@ from .blind_combinations import blind, certificates
 from .covariance_models import ArrayQuestion, ask
 from .covariance_sentences import covariance_sentences
 from .covariance_verdicts import judge, times
+from .filter_errors import filter_course, of_filter
 from .remedies import remedies, without
 
 
@@ -44,6 +45,7 @@ class CovarianceAnalysis:
       the smallest change of the model that hides one; 0 if one is hidden. Both are certificates of the structure, and no
       verdict depends on them. None for models that vary in time.
     - `sigma_range` (2, K, q): with `draws`, the 10 and 90 % quantiles of sigma over the trajectories; else None.
+    - `claimed_sigma` (K, q): with `filter`, the sigma that this filter computes for itself; else None.
     - `until`: the time after which numbers overflow, None if they do not.
     - `question`: the arguments.
     """
@@ -67,6 +69,7 @@ class CovarianceAnalysis:
     until: float | None
     question: CovarianceQuestion
     sigma_range: Any = None
+    claimed_sigma: Any = None
 
     @property
     def met(self) -> bool:
@@ -131,6 +134,7 @@ def covariance_analysis(
     wanted: Mapping[str, Numbers] | None = None,
     requirement: Mapping[str, float] | None = None,
     parameters: Prior | None = None,
+    filter: StateSpace | Algorithm[Any] | None = None,
     draws: int = 0,
     learnt: float = 0.01,
 ) -> CovarianceAnalysis:
@@ -153,6 +157,9 @@ def covariance_analysis(
     - `wanted`: {name: row (n,)}: the quantities as combinations of states (then gains). None: every state and gain.
     - `requirement`: {name: sigma} in the user's units; None: verdicts against the prior only.
     - `parameters`: the `Prior` of the parameters of a `NonlinearModel`, which become quantities. None: they are known.
+    - `filter`: a `Kalman` filter with fewer states, or with other matrices or noises, whose true errors on this model are asked
+      for. Its states are named as those of the model; a state that it omits is considered, and never estimated. `sigma` is then
+      that of its true error, and `claimed_sigma` what it says itself. None: the optimal filter of the model.
     - `draws`: the number of trajectories of a `NonlinearModel`, with starts and parameters drawn from the priors. `sigma` is then
       the rms over them, and `sigma_range` has their 10 and 90 % quantiles. 0: the trajectory of the means alone. Where the
       information depends strongly on the trajectory, that is too optimistic.
@@ -176,7 +183,7 @@ def covariance_analysis(
     question = CovarianceQuestion(
         model, prior, horizon, dt, u, record, arrival,
         None if wanted is None else dict(wanted), None if requirement is None else dict(requirement), learnt,
-        parameters, draws,
+        parameters, draws, filter,
     )  # fmt: skip
     return _analysed(question)
 
@@ -187,6 +194,9 @@ def _analysed(question: CovarianceQuestion) -> CovarianceAnalysis:
     (found, h), spread = _courses(asked), None
     if question.draws:
         found, spread = _drawn(question, found)
+    claimed = None
+    if question.filter is not None:
+        found, claimed = _filtered(question, asked)
     time = np.array(found.steps, float) * h
     r = asked.requirement
     since = times(asked, found, h)
@@ -196,7 +206,7 @@ def _analysed(question: CovarianceQuestion) -> CovarianceAnalysis:
         time=time, sigma=found.sigma, prior_sigma=found.open, limit=found.limit, names=asked.names,
         verdicts=judge(found, r, since, float(question.learnt), asked.horizon), requirement=r, time_to_requirement=since,
         time_to_improve=_improved(time, found), states=asked.states, outputs=asked.outputs, indistinguishable=shifts,
-        share_left=left, squared_correlations=squared, rank=rank, distance=distance, sigma_range=spread,
+        share_left=left, squared_correlations=squared, rank=rank, distance=distance, sigma_range=spread, claimed_sigma=claimed,
         until=None if found.until is None else found.until * h, question=question,
     )  # fmt: skip
 
@@ -241,6 +251,18 @@ def _moved(prior: Prior, rng: np.random.Generator) -> Prior:
     """The prior about a mean that is drawn from it."""
     half = semidefinite_factor(np.asarray(prior.covariance))
     return replace(prior, mean=prior.mean + half @ rng.normal(size=half.shape[1]))
+
+
+def _filtered(question: CovarianceQuestion, asked: ArrayQuestion) -> tuple[courses.Spreads, np.ndarray]:
+    """The true sigma of a given filter at every sample, and what it claims."""
+    own, M = of_filter(question, asked)
+    settle = asked.horizon is None
+    rows = courses.MOST_ROWS if settle else int(asked.horizon or 0) + 1
+    filtered = filter_course(asked.question, own.question, M, rows, settle=settle)
+    steps = len(filtered.sigma)
+    optimal = courses.sample_by_sample(asked.question, steps, noise_free=asked.noise_free)
+    settled, limit = courses.limits(filtered.sigma, optimal.steps, None if settle and steps < rows else rows)
+    return optimal._replace(sigma=filtered.sigma, settled=settled, limit=limit), filtered.claimed
 
 
 def _improved(time: np.ndarray, found: courses.Spreads) -> np.ndarray:

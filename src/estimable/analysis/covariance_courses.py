@@ -199,7 +199,7 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
             if last is None and (k == enough or (enough is None and k & (k - 1) == 0 and _forgotten(powers, k))):
                 break
     σ, σ0 = np.array(sigma), np.array(open_)
-    settled, limit = _limit(σ, steps, last)
+    settled, limit = limits(σ, steps, last)
     return Spreads(steps, σ, σ0, belief, prior, settled, limit, hidden, until)
 
 
@@ -208,7 +208,7 @@ def _forgotten(powers: Powers, k: int) -> bool:
     return k > 0 and bool(np.abs(powers.at(k.bit_length() - 1).Φ).max(initial=0.0) < FORGOTTEN)
 
 
-def _limit(σ: Real, steps: list[int], last: int | None) -> tuple[Real, Real]:
+def limits(σ: Real, steps: list[int], last: int | None) -> tuple[Real, Real]:
     """Whether the last octave changed anything; the value it tends to: 0 where it still falls as 1 / sqrt(t) does."""
     before = next((i for i in range(len(steps) - 1, -1, -1) if 2 * steps[i] <= steps[-1]), 0)
     now, then = σ[-1], σ[before]
@@ -238,7 +238,7 @@ def sample_by_sample(question: Question, rows: int, *, noise_free: bool, settle:
         if settle and k > 2 * len(L) and np.all(np.abs(sigma[-1] - sigma[-2]) <= 1e-14 * sigma[-1]):
             break
     σ, σ0 = np.array(sigma), np.array(open_)
-    settled, limit = _limit(σ, list(range(done + 1)), None if settle and done + 1 < rows else rows)
+    settled, limit = limits(σ, list(range(done + 1)), None if settle and done + 1 < rows else rows)
     return Spreads(list(range(done + 1)), σ, σ0, belief, alone, settled, limit, np.zeros(len(H), bool), None)
 
 

@@ -18,7 +18,16 @@ def covariance_sentences(found: AnsweredQuestion) -> tuple[str, ...]:
     until = [] if found.until is None else [
         f"An unseen mode grows until numbers overflow: the answer holds until {_seconds(found.until)}."
     ]  # fmt: skip
-    return (*each, *shifts, *until)
+    return (*each, *_claims(found), *shifts, *until)
+
+
+def _claims(found: AnsweredQuestion) -> list[str]:
+    """Where the filter claims less than its true error."""
+    if found.claimed_sigma is None:
+        return []
+    pairs = zip(found.names, found.sigma[-1], found.claimed_sigma[-1], strict=True)
+    low = [f"{name} (claimed {claimed:.3g}, true {σ:.3g})" for name, σ, claimed in pairs if 0 < claimed < 0.9 * σ]
+    return [f"This filter claims too small a sigma for {', '.join(low)}."] if low else []
 
 
 def _sentence(found: AnsweredQuestion, i: int) -> str:

@@ -22,6 +22,7 @@ class CovarianceQuestion:
     learnt: float = 0.01
     parameters: Prior | None = None
     draws: int = 0
+    filter: Any = None
 
 
 @saved
