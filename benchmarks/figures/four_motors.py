@@ -22,7 +22,7 @@ def flown(seed, changes=(), rows=ROWS):
     R = np.array(model.R)
     R[SENSORS - 1] /= 2  # the other half of the accelerometer's variance is vibration
     plant = es.plants.NonlinearPlant(
-        replace(model, R=R), np.zeros(12), frame.hover, actuator=1 / multirotors.TIME_CONSTANT, changes=changes, seed=seed,
+        replace(model, R=R), np.zeros(12), frame.hover, actuator=1 / multirotors.TIME_CONSTANT, changes=changes, noisy=True,
         limits=[0.0, multirotors.MAX_THRUST],
     )  # fmt: skip
     law = replace(world.controller, operating_point=None)

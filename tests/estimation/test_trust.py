@@ -114,6 +114,19 @@ def test_a_gain_that_jumps_is_no_fault_of_the_model():
     assert judged(records[0]).word == "do not use"  # of a constant gain
 
 
+def test_an_offset_that_begins_in_mid_record_has_a_name_though_it_looks_like_a_jump():
+    """The detector takes it for a fall of the gain to about zero: the printed gain is off by many of its standard deviations."""
+    record = drawn(u=0.2 * U)
+    late = replace(record, u=0.2 * U + 0.6 * (np.arange(T)[:, None] >= 250))
+    detector = ChangeDetection(UnknownGain(MODEL, GAIN))
+    result = estimate(detector, late, prior=PRIOR)
+    assert result.gain_quantiles[-1, 0, 4] < 0.9
+    found = trust(detector, late, prior=PRIOR, result=result)
+    assert found.word == "do not use"
+    assert found.suspects[0].direction.name.startswith("offset of dq/dt from 12.")
+    assert found.suspects[0].direction.kind == "late offset"
+
+
 def test_where_nothing_can_be_known_no_number_is_to_be_used():
     record = drawn()
     y = record.y.copy()

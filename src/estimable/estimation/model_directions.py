@@ -1,7 +1,8 @@
 """Directions in which a linear model may be wrong, as small numbers that are zero in the model itself.
 
-Entries of A and of B by their relative error, a delay of each input, an offset of each state equation and of each sensor. Delay
-and offsets enter as further inputs, (u[k] - u[k-1]) / dt and 1, whose columns are the numbers.
+Entries of A and of B by their relative error, a delay of each input, an offset of each state equation and of each sensor, and an
+offset of each driven state equation that begins in mid-record. Delay and offsets enter as further inputs, (u[k] - u[k-1]) / dt,
+1, and a step, whose columns are the numbers.
 """
 
 from typing import Any, NamedTuple
@@ -24,10 +25,10 @@ class Directions(NamedTuple):
     found: tuple[Direction, ...]
 
     @staticmethod
-    def of(plain: StateSpace, blocked: StateSpace) -> "Directions":
-        """The directions of a model; `blocked` has its B in blocks."""
+    def of(plain: StateSpace, blocked: StateSpace, since: str | None = None) -> "Directions":
+        """The directions of a model; `blocked` has its B in blocks. `since`: when late offsets begin, None: none do."""
         blocks = blocked.B.shape[-1] // plain.m if plain.m else 1
-        return Directions(blocked, blocks, tuple(_directions(plain, _of_blocks(blocked.B, blocks, plain.m))))
+        return Directions(blocked, blocks, tuple(_directions(plain, _of_blocks(blocked.B, blocks, plain.m), since)))
 
     @property
     def inputs(self) -> int:
@@ -35,12 +36,12 @@ class Directions(NamedTuple):
         return self.model.B.shape[-1] // self.blocks
 
     def moved(self, θ: np.ndarray) -> StateSpace:
-        """The model with θ (d,), which may be complex, and its further inputs: a delay for each input, and a constant."""
+        """The model with θ (d,), which may be complex, and its further inputs: a delay for each input, a constant, and a step."""
         model, m = self.model, self.inputs
         A, B, D = model.A, _of_blocks(model.B, self.blocks, m), _of_blocks(model.D, self.blocks, m)
         end = None if model.B_end is None else _of_blocks(model.B_end, self.blocks, m)
-        late, constant = np.zeros((*B.shape[:-1], m), θ.dtype), np.zeros((*B.shape[:-1], 1), θ.dtype)
-        level = np.zeros((*D.shape[:-1], m + 1), θ.dtype)
+        late, constant = np.zeros((*B.shape[:-1], m), θ.dtype), np.zeros((*B.shape[:-1], 2), θ.dtype)
+        level = np.zeros((*D.shape[:-1], m + 2), θ.dtype)
         for by, one in zip(θ, self.found, strict=True):
             if one.kind == "A":
                 A = A * _scaled(A.shape[-2:], one.at, by)
@@ -53,10 +54,12 @@ class Directions(NamedTuple):
                 level[..., j] = level[..., j] - by * D[..., j]
             elif one.kind == "state offset":
                 constant[..., 0, one.at[0], 0] += by
+            elif one.kind == "late offset":
+                constant[..., 0, one.at[0], 1] += by
             else:
                 level[..., 0, one.at[0], m] += by
         point = point_of(model)
-        inputs = np.concatenate([point.inputs[..., :m], np.zeros((*point.inputs.shape[:-1], m + 1))], axis=-1)
+        inputs = np.concatenate([point.inputs[..., :m], np.zeros((*point.inputs.shape[:-1], m + 2))], axis=-1)
         return replace(
             model, A=A, B=_side_by_side([B, late, constant]), D=_side_by_side([D, level]),
             B_end=None if end is None else _side_by_side([end, 0 * late, 0 * constant]),
@@ -64,7 +67,7 @@ class Directions(NamedTuple):
         )  # fmt: skip
 
 
-def _directions(model: StateSpace, blocks: np.ndarray) -> Any:
+def _directions(model: StateSpace, blocks: np.ndarray, since: str | None) -> Any:
     x, u, y = model.states, model.inputs, model.outputs
     shaped = _shapes_noise(model)
     for i, j in np.ndindex(model.n, model.n):
@@ -77,6 +80,11 @@ def _directions(model: StateSpace, blocks: np.ndarray) -> Any:
     yield from (Direction(f"delay of {u[j]}", "delay", (j,)) for j in range(model.m))
     yield from (Direction(f"offset of d{x[i]}/dt", "state offset", (i,)) for i in range(model.n) if not shaped[i])
     yield from (Direction(f"offset of {y[i]}", "sensor offset", (i,)) for i in range(model.p))
+    if since is not None:
+        driven = _ever((blocks != 0).any(axis=(-3, -1)))
+        yield from (
+            Direction(f"offset of d{x[i]}/dt from {since} on", "late offset", (i,)) for i in np.flatnonzero(driven)
+        )
 
 
 def _shapes_noise(model: StateSpace) -> np.ndarray:
@@ -109,13 +117,14 @@ def _scaled(shape: tuple[int, ...], at: tuple[int, ...], by: complex) -> np.ndar
     return factor
 
 
-def with_further_inputs(samples: Sample, intervals: Interval, hold: str) -> tuple[Sample, Interval]:
-    """The rows with the rate of each input and a constant as inputs."""
+def with_further_inputs(samples: Sample, intervals: Interval, hold: str, begin: int | None) -> tuple[Sample, Interval]:
+    """The rows with the rate of each input, a constant, and a step at row `begin` (None: 0 in every row) as inputs."""
     u, dt = intervals.u, np.asarray(intervals.dt)[:, None]
     moved = intervals.u_end - u if hold == "first_order" else np.diff(u, axis=0, prepend=u[:1])
     start = end = np.divide(moved, dt, out=np.zeros_like(moved), where=dt > 0)
-    one = np.ones((len(u), 1))
-    before = np.concatenate([u, start, one], axis=1)
-    after = np.concatenate([intervals.u_end, end, one], axis=1)
-    seen = np.concatenate([samples.u, start, one], axis=1)
+    step = np.zeros(len(u)) if begin is None else np.arange(len(u)) >= begin
+    constant = np.stack([np.ones(len(u)), step], axis=1)
+    before = np.concatenate([u, start, constant], axis=1)
+    after = np.concatenate([intervals.u_end, end, constant], axis=1)
+    seen = np.concatenate([samples.u, start, constant], axis=1)
     return replace(samples, u=seen), replace(intervals, u=before, u_end=after)

@@ -55,7 +55,8 @@ def trust(
     Six families of tests share that level: the size of the innovations, on both sides; their whiteness; Rao's score test of
     all errors of the model together (entries of A and B, delays of the inputs, offsets of states and sensors); the largest of
     these scores; the number of alarms of a change detector; and the largest innovations over 1 and 3 s. The tests run on the
-    filter with the jumps that a change detector found, at their onsets.
+    filter with the jumps that a change detector found, at their onsets. An offset that begins in mid-record looks like a jump of
+    the gain: so the scores also test offsets of the state equations that begin with the first jump.
 
     The word is "believe" where the p-value is at least `level`, "check" below it, and "do not use" below 1e-6, where half of
     the record is missing, or where the record carries no information about a gain. An error that acts like the gain itself
@@ -87,7 +88,7 @@ def trust(
     result = estimate(algorithm, record, prior=prior) if result is None else result
     found = listed_changes(result) if "alarm" in result.extra else ()
     bound = bind(inner, record, prior)
-    judged = _Judged.of(inner, algorithm, found, bound, prior)
+    judged = _Judged.of(inner, algorithm, _as_run(found, bound), bound, prior)
     return _verdict(judged, algorithm, found, bound, level)
 
 
@@ -125,8 +126,10 @@ class _Judged(NamedTuple):
     ) -> "_Judged":  # fmt: skip
         """One pass over the record."""
         jumping, plain, base = _walks(inner, algorithm, found, bound), inner.model, inner.sampled(bound.clock)
-        directions = Directions.of(plain, inner.in_blocks() if isinstance(inner, UnknownGain) else plain)
-        samples, intervals = with_further_inputs(bound.samples, bound.intervals, bound.clock.hold)
+        in_blocks = inner.in_blocks() if isinstance(inner, UnknownGain) else plain
+        directions = Directions.of(plain, in_blocks, _when(found[0]) if found else None)
+        begin = found[0].onset if found else None
+        samples, intervals = with_further_inputs(bound.samples, bound.intervals, bound.clock.hold, begin)
 
         def build(θ: np.ndarray) -> tuple[Any, Prior]:
             ready = replace(base, ready=sample(directions.moved(θ), bound.clock))
@@ -143,6 +146,21 @@ class _Judged(NamedTuple):
             tests.whitened(np.concatenate(rows.e), np.concatenate(rows.S)), directions.found, rows.score, rows.information,
             gain[0], np.sqrt(variance[0]), slope,
         )  # fmt: skip
+
+
+def _as_run(found: tuple[DetectedChange, ...], bound: Bound) -> tuple[DetectedChange, ...]:
+    """The changes with the rows that are run, from those of the record: rows inside gaps are not run."""
+    if bound.gapped is None:
+        return found
+    rows = bound.gapped.plan.rows
+    return tuple(
+        one._replace(**{name: int(np.searchsorted(rows, getattr(one, name))) for name in ("onset", "detected_at")})
+        for one in found
+    )
+
+
+def _when(change: DetectedChange) -> str:
+    return f"row {change.onset}" if change.onset_s is None else f"{change.onset_s:.4g} s"
 
 
 class _Collected(slopes.Sums):

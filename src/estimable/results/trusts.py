@@ -12,8 +12,8 @@ class Direction(NamedTuple):
     """A way in which a model may be wrong.
 
     - `name`: such as "A[q, alpha]", "delay of elevator", "offset of dq/dt" or "offset of alpha".
-    - `kind`: "A", "B" (both in parts of the entry), "delay" (seconds), "state offset" or "sensor offset" (units of the
-      channel).
+    - `kind`: "A", "B" (both in parts of the entry), "delay" (seconds), "state offset", "late offset" (of a state equation, from
+      the first detected change on) or "sensor offset" (units of the channel).
     - `at`: the indices of its channels.
     """
 
@@ -46,8 +46,7 @@ class Untestable(NamedTuple):
 
     - `gain`: the gain that it moves. `correlation`: Fisher's correlation of the error with that gain; near ±1 no test of this
       record sees the error.
-    - `shift`: by how much an error of 10 % (of a delay: one sample; of an offset: one standard deviation of its channel's
-      noise) moves the gain.
+    - `shift`: by how much an error of 10 % moves the gain.
     """
 
     direction: Direction
