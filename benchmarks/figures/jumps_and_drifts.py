@@ -57,17 +57,19 @@ def delay(draws, after, seed=2):
     return float(np.median(np.where(late.any(axis=1), np.argmax(late, axis=1) / 100, np.inf)))
 
 
-def cut(flights, seed=4):
+def cut(flights, seed=4, algorithm=None):
     """Coverage of the 95 % interval at a uniform moment after 2 s of each flight.
 
     Commands are log-uniform from 1 to 10 deg/s. The gain drops to one of 1, .9, .8, .6, .4 at 4.5 s.
+    `algorithm`: default the mixture of walks.
     """
+    algorithm = mixture() if algorithm is None else algorithm
     rng, held = np.random.default_rng(seed), []
     for part in range(-(-flights // KEPT)):
         draws = min(KEPT, flights - part * KEPT)
         amp, K = np.exp(rng.uniform(0, np.log(10), size=draws)), rng.choice([1, 0.9, 0.8, 0.6, 0.4], size=draws)
         records, truth = fly(draws, [seed, part], amp=amp, gain=lambda t, K=K: np.where(t[:, None] >= 4.5, K, 1.0))
-        bank = es.estimate_bank(mixture(), es.stack(records), prior=START)
+        bank = es.estimate_bank(algorithm, es.stack(records), prior=START)
         row = rng.integers(200, len(truth), size=draws), np.arange(draws)
         low, high = bank.gain_quantiles[row[1], row[0], 0][:, [0, 4]].T
         held.append((low <= truth[row]) & (truth[row] <= high))
