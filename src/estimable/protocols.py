@@ -396,4 +396,4 @@ class Plant(ABC):
 
     @abstractmethod
     def begin(self, dt: float) -> Any:
-        """A run with steps `dt`: it has the deviations `state`, `input`, and `move(command, e)` with unit normal e (n,)."""
+        """A run with steps `dt`: deviations `state`, `input`, `output`, and `move(command, e)` with unit normal e (n,)."""

@@ -2,12 +2,14 @@
 
 from itertools import pairwise
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 import estimable as es
+from estimable.frozen import replace
 
 DT, T = 0.1, 36
 MODEL = es.StateSpace(
@@ -138,6 +140,32 @@ def test_an_actuator_event_is_what_an_integrator_makes_of_it(name):
     assert_allclose(closed.state, x, atol=1e-9)
     assert_allclose(closed.output, y, atol=1e-9)
     assert [type(event) for event in closed.events] == [type(event) for event in sorted(events, key=lambda e: e.time)]
+
+
+def test_a_nonlinear_plant_takes_the_events_of_the_linear_one():
+    """Its positions are exact; its state has the error of Runge-Kutta's steps. About inputs that are not zero."""
+    rest = np.array([0.1, -0.2])
+    A, B, C, D = (jnp.asarray(getattr(MODEL, name)) for name in "ABCD")
+    world = es.NonlinearModel(
+        lambda x, u, θ: A @ x + B @ (u - rest), lambda x, u, θ: C @ x + D @ (u - rest), Q=np.zeros((2, 2)), R=np.zeros((2, 2)),
+        dt=0, states=MODEL.states, inputs=MODEL.inputs, outputs=MODEL.outputs, substeps=10,
+    )  # fmt: skip
+    events = [es.Failure(0.7, 0.4, "left"), es.Offset(0.3, "right", 0.15), es.ActuatorChange(0.9, "left", rate=1.2, delay=0.04),
+              es.Upset(1.0, {"speed": 1.5}, until=1.3), es.HardOver(1.5, "left", 5.0), es.Floating(2.0, "right", 0.25, 0.3),
+              es.Stuck(2.5, "left", 0.4), es.SensorFault(2.6, "vane", "bias", 0.3)]  # fmt: skip
+    about = {name: replace(one, operating_point=rest[i]) for i, (name, one) in enumerate(SIDES.items())}
+    plant = es.plants.NonlinearPlant(world, [0.0, 0.0], rest, actuator=SIDES, events=events)
+    noisy = es.StateSpace(MODEL.A, MODEL.B, MODEL.C, R=np.eye(2), dt=0, inputs=MODEL.inputs, outputs=MODEL.outputs)
+    linear = fly(events=events, actuator=about)
+    closed = es.close_loop(plant, LAW, es.Kalman(noisy), reference=COMMANDS, seed=1, dt=DT, prior=PRIOR)
+    assert closed.engine == "python"
+    assert_allclose(closed.input, linear.input, atol=1e-9)
+    assert_allclose(closed.state, linear.state, atol=1e-4)
+    assert_allclose(closed.output, linear.output, atol=1e-4)
+    with pytest.raises(es.InputError, match="takes no Change: give `changes`"):
+        es.plants.NonlinearPlant(world, [0.0, 0.0], rest, actuator=SIDES, events=[es.Change(1.0, MODEL)])
+    with pytest.raises(es.InputError, match="`limits` are those of the Actuator"):
+        es.plants.NonlinearPlant(world, [0.0, 0.0], rest, actuator=SIDES, limits=(-1.0, 1.0))
 
 
 def gust(t):

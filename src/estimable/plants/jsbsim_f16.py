@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, forks
+from .. import checks
 from ..annotations import Array, Numbers
-from ..kernels.actuator_motion import glide
-from ..models.actuator import Actuator, parts_of
+from ..models.actuator import Actuator
 from ..models.controlled import ControlledPlant
 from ..models.disturbances import Gust, Upset
 from ..models.event_rows import acts, value_of
-from ..models.events import Change, Event, Failure, PlantPhase
+from ..models.events import Change, Event, Failure
 from ..models.state_space import StateSpace
 from ..models.turbulence import Turbulence
 from ..protocols import Plant
 from . import f16
+from .moving_actuators import MovingActuators
 
 AIRCRAFT, ELEVATOR = "f16", "estimable/elevator-rad"
 FULL = np.degrees(0.436)  # [deg]: the elevator at a command of -1 or 1
@@ -133,15 +133,13 @@ class _Flight:
         self.aircraft, self.dt = aircraft, dt
         self.simulator = _Simulator(aircraft.mach, aircraft.altitude_ft)
         self.steps = int(np.ceil(dt * STEPS_A_SECOND - 1e-9))
-        self.samples, self.position, self.commands = 0, 0.0, []
-        self.stages = aircraft.linear.stages()
+        self.actuators = MovingActuators(aircraft.linear, dt)
         self.gusts = [event for event in aircraft.linear.events if isinstance(event, Gust)]
         self.upsets = [event for event in aircraft.linear.events if isinstance(event, Upset)]
         self.moving_air = bool(self.gusts) or aircraft.turbulence is not None
         motion = aircraft.linear.steps(dt)
         self.air, (self.A, self.W) = np.zeros(aircraft.linear.model.n - 2), (M[0][2:] for M in (motion.A, motion.W))
         self.simulator.fdm.set_dt(dt / self.steps)
-        self._place()
 
     @property
     def state(self) -> np.ndarray:
@@ -155,30 +153,23 @@ class _Flight:
     @property
     def input(self) -> np.ndarray:
         """The elevator about the trim."""
-        return np.array([self.position + self.stage.offset[0]])
+        return self.actuators.acting
 
     @property
-    def stage(self) -> PlantPhase:
-        """The plant and its actuator after the events until now."""
-        return self.stages[int(self.aircraft.linear.phase_rows(np.array([self.samples * self.dt]))[0])]
-
-    def _place(self) -> None:
-        """Let a fault that begins now move the elevator at once."""
-        drive = self.stage.drives[0]
-        if drive is not None and drive.place is not None:
-            self.position = drive.place
+    def output(self) -> np.ndarray:
+        """What the sensors would read without noise."""
+        return self.aircraft.linear.model.C @ self.state
 
     def move(self, command: Array, e: Array) -> None:
         """Fly one sample under a held command (1,), with unit normal numbers e for the turbulence."""
-        fdm, trim, stage = self.simulator.fdm, self.aircraft.trim["elevator_deg"], self.stage
+        fdm, trim, stage = self.simulator.fdm, self.aircraft.trim["elevator_deg"], self.actuators.stage
         gain, about = float(stage.gain[0]), trim if self.aircraft.about == "trim" else 0.0
         fdm["estimable/effect"], fdm["estimable/about-rad"] = gain, np.radians(about)
         each, before = self.dt / self.steps, self.air
         self.air = self.A[:, 2:] @ before + self.W @ e
         for step in range(self.steps):
-            self.commands.append(float(command[0]))
-            mean = self._move_elevator(stage, each) + stage.offset[0]
-            t = np.array([self.samples * self.dt + (step + 0.5) * each])
+            mean = self.actuators.move(command, each).mean[0] + stage.offset[0]
+            t = np.array([self.actuators.samples * self.dt + (step + 0.5) * each])
             gust = sum(float(value_of(event, t)[0]) for event in self.gusts) + self._alpha_of(
                 before, (step + 0.5) / self.steps
             )
@@ -190,8 +181,7 @@ class _Flight:
             fdm["estimable/upset-lbsft"] = np.radians(upset) * fdm["inertia/iyy-slugs_ft2"]
             fdm["fcs/elevator-cmd-norm"] = (mean + trim) / FULL
             fdm.run()
-        self.samples += 1
-        self._place()
+        self.actuators.end_sample()
 
     def _alpha_of(self, before: np.ndarray, part: float) -> float:
         """The angle [deg] of the turbulence at a part of the sample."""
@@ -199,27 +189,6 @@ class _Flight:
             return 0.0
         w = (1 - part) * before[1] + part * self.air[1]
         return float(np.degrees(w / self.aircraft.turbulence.dryden.airspeed))
-
-    def _move_elevator(self, stage: PlantPhase, seconds: float) -> float:
-        """Move the elevator, and return its mean position; the delay is that of the last commands."""
-        own, drive = stage.actuators[0], stage.drives[0]
-        mover = own if drive is None else drive.actuator
-        total = 0.0
-        for part in parts_of(np.array([own.delay]), seconds):
-            age = int(part.age[0])
-            late = self.commands[-1 - age] if age < len(self.commands) else 0.0
-            c = float(np.clip(late, *own.stops))
-            if drive is not None:
-                c = self.position if drive.to is None else drive.to
-            rate = min(float(mover.fastest), 1e300)
-            position, integral = _glide(
-                self.position, c, mover.bandwidth, rate, float(mover.reach), float(part.seconds[0])
-            )
-            self.position, total = float(position), total + float(integral)
-        return total / seconds
-
-
-_glide = forks.jit(glide)
 
 
 def _check_turbulence(turbulence: Turbulence | None, faults: checks.Faults) -> None:

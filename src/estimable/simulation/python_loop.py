@@ -56,11 +56,11 @@ def _fly(
     """One run, its infos in rows."""
     rows, intervals = drawn
     state = replace(loop.at(0).init(prior), x=flight.state, position=flight.input)
-    C, V = np.asarray(loop.plant.C[0]), np.asarray(loop.plant.V[0])
-    infos, known = [], np.full(len(C), np.nan)
+    V = np.asarray(loop.plant.V[0])
+    infos, known = [], np.full(len(V), np.nan)
     for k in range(len(rows.seen)):
         row, interval = _of_run((rows, intervals), k)
-        measured, standing = C @ flight.state + V @ row.noise[: len(V)], flight.input
+        measured, standing = flight.output + V @ row.noise[: len(V)], flight.input
         now = loop.at(k)
         if follow is not None:
             delivered = np.asarray(_delivered(now, state, measured, row))

@@ -37,7 +37,10 @@ class Followed(NamedTuple):
 
 
 def along(
-    plants: Sequence[tuple[Any, Any]], estimator: Any, schedule: Mapping[str, Numbers] | None, reference: Numbers
+    plants: Sequence[tuple[Any, Any]],
+    estimator: Algorithm[Any],
+    schedule: Mapping[str, Numbers] | None,
+    reference: Numbers,
 ) -> Followed:
     """The plants and the estimator of a loop along a schedule. Raises `InputError` with every fault."""
     followed = [plant.scheduled_by for plant, _ in plants if isinstance(plant, ControlledPlant)]
