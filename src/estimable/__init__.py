@@ -151,6 +151,7 @@ _HOMES = {
     "save": "store.save",
     "score": "estimation.score",
     "select_order": "identification.select_order",
+    "sensor_selection": "analysis.sensor_selection",
     "signal_to_noise": "analysis.signal_to_noise",
     "simulate": "simulation.simulate",
     "simulate_bank": "simulation.simulate",

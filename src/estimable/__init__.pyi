@@ -18,6 +18,7 @@ from .analysis.reduction import reduce as reduce
 from .analysis.regulability import regulability as regulability
 from .analysis.rho import rho_margin as rho_margin
 from .analysis.rho import stability_radius as stability_radius
+from .analysis.sensor_selection import sensor_selection as sensor_selection
 from .analysis.signal_to_noise import noise_at as noise_at
 from .analysis.signal_to_noise import signal_to_noise as signal_to_noise
 from .analysis.structural_identifiability import structural_identifiability as structural_identifiability

@@ -226,6 +226,7 @@ THINGS = {
     "ClosedLoopBank": lambda: CLOSED_BANK,
     "Dither": lambda: es.Dither(LAW, amplitude=0.5, period=4, sigma=0.1),
     "StructuralIdentifiability": lambda: es.structural_identifiability(CURVED, points=1),
+    "SensorSelection": lambda: es.sensor_selection(SEEN, prior=Prior(np.zeros(SEEN.n), np.eye(SEEN.n)), choose=1, horizon=3),
     "Remedy": lambda: es.results.Remedy("half the noise of y1", np.ones(2), np.array([np.nan, 1.0])),
     "KalmanGain": lambda: es.kalman_gain(MODEL),
     "FeedbackGain": lambda: es.lqr_gain(MODEL, np.eye(2), [[1.0]]),

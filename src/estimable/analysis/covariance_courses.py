@@ -13,6 +13,7 @@ from ..kernels.undetectable import split, undetectable
 from .covariance_problem import Question, Stage
 
 Real = np.ndarray
+LATEST = 30  # octaves, for the end of a run without a horizon
 OCTAVES = 50  # of steps: 2^50
 ALL = 32  # steps up to which a constant model is shown at every sample
 FORGOTTEN = 1e-14  # of Φ: what came before has no effect
@@ -161,6 +162,21 @@ def by_octaves(question: Question, h: float, last: int | None) -> Spreads:
         found = _merged(found, seen, hidden)
     belief, alone = (Element(frame @ E.Φ, frame @ E.S, E.Z) for E in (found.belief, found.alone))
     return found._replace(belief=belief, alone=alone)
+
+
+def sigma_after(question: Question, h: float, steps: int | None) -> Real:
+    """The sigma of each quantity of a constant model after so many steps; None: when a start is forgotten."""
+    whole, part, _, hidden = split_off(question)
+
+    def end(one: Question) -> Real:
+        powers, count = Powers(one, h=h), steps
+        if count is None:
+            count = next((2**j for j in range(LATEST) if _forgotten(powers, 2**j)), 2**LATEST)
+        return sigma_of(powers.after(starts(one)[0], count), one.H)
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = end(whole)
+        return found if part is None else np.where(hidden, found, end(part))
 
 
 def of_quantity(question: Question, i: int) -> Question:

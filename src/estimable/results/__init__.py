@@ -59,6 +59,7 @@ _HOMES = {
     "RhoSynthesis": "results.designs",
     "Sample": "results.steps",
     "Score": "results.information",
+    "SensorSelection": "results.selections",
     "Simulation": "results.simulations",
     "SmoothedEstimate": "results.estimates",
     "StabilityRadius": "results.margins",

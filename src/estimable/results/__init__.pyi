@@ -39,6 +39,7 @@ from .order_selection import DeadTime as DeadTime
 from .order_selection import OrderCandidate as OrderCandidate
 from .order_selection import OrderRanking as OrderRanking
 from .order_selection import OrderSelection as OrderSelection
+from .selections import SensorSelection as SensorSelection
 from .simulations import ClosedLoop as ClosedLoop
 from .simulations import ClosedLoopBank as ClosedLoopBank
 from .simulations import MonteCarlo as MonteCarlo
