@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.figures import merged_topics
 from numpy.testing import assert_allclose, assert_array_equal
 
 import estimable as es
@@ -324,3 +325,12 @@ def test_wrong_topics_and_logs_are_refused():
         with pytest.raises(es.InputError) as raised:
             make()
         assert str(raised.value).startswith(sentence)
+
+
+def test_merged_topics_leave_white_innovations_of_the_right_size():
+    """NIS .95 to 1.06 and |lag-1| < .05; five draws of the figure give 1.00 and .01."""
+    imu, motor, x, _ = merged_topics.drawn(1, 5000)
+    merged = Log([imu, motor]).record(outputs=["y"], inputs=["u"], grid=merged_topics.H)
+    nis, lag, _ = merged_topics.judged(merged, x)
+    assert 0.95 < nis < 1.06
+    assert abs(lag) < 0.05

@@ -80,19 +80,18 @@ def test_a_detector_takes_no_break_for_a_change():
     assert alarms["held"] >= 5
 
 
-@pytest.mark.parametrize("how", ["break", "bridge"])
-def test_rows_of_nan_and_online_equal_a_long_interval_in_a_detector(how):
+def test_rows_of_nan_and_online_equal_a_long_interval_in_a_detector():
     model = es.StateSpace([[-1.0, 1.0], [-2.0, -1.0]], [[0.0], [1.0]], Q=0.01 * np.eye(2), R=R, dt=0)
     detector = es.ChangeDetection(
         es.UnknownGain(model, GAIN), jump=0.25, slots=8, levels=3, seconds_between_false_alarms=1e3
     )
-    gaps = es.Gaps(how, diffusion=[1.0], spread=[1.0])
+    gaps = es.Gaps("break", diffusion=[1.0], spread=[1.0])
     left = np.delete(np.arange(T), slice(BREAK, BREAK + 6))
     y, u = flown(20, 0.6), U.copy()
     y[BREAK : BREAK + 6], u[BREAK : BREAK + 6] = np.nan, np.nan
     rows = es.estimate(detector, es.Record(y, u, dt=DT), prior=PRIOR, gaps=gaps)
     long = es.estimate(detector, es.Record(y[left], u[left], t=DT * left), prior=PRIOR, gaps=gaps)
-    assert [gap.done for gap in rows.gaps] == [gap.done for gap in long.gaps] == [how]
+    assert [gap.done for gap in rows.gaps] == [gap.done for gap in long.gaps] == ["break"]
     assert_allclose(rows.gain[left], long.gain, atol=1e-10)
     assert_allclose(rows.mean[left], long.mean, atol=1e-10)
     assert_allclose(rows.extra["statistic"][left], long.extra["statistic"], atol=1e-8)
@@ -104,12 +103,11 @@ def test_rows_of_nan_and_online_equal_a_long_interval_in_a_detector(how):
             running.predict(u[k], dt=DT * (left[i + 1] - k))
 
 
-@pytest.mark.parametrize("own", [None, es.Prior([0.0, 0.0], np.eye(2))])
-def test_a_window_restarts_inside(own):
+def test_a_window_restarts_inside():
     """Row k is the last of a run over its window, whose state restarts where the record breaks."""
     record, inner, length = record_of(flown(T, 0.7)), es.UnknownGain(MODEL, GAIN), 8
-    found = es.estimate(es.MovingWindow(inner, length, state_prior=own), record, prior=PRIOR, gaps=GAPS)
-    start = es.Prior([0.0, 0.0], np.zeros((2, 2)), diffuse=np.eye(2)) if own is None else own
+    found = es.estimate(es.MovingWindow(inner, length), record, prior=PRIOR, gaps=GAPS)
+    start = es.Prior([0.0, 0.0], np.zeros((2, 2)), diffuse=np.eye(2))
     for k in (BREAK, BREAK + 4, BREAK + length - 1):  # it begins at the break in the last case
         window = es.estimate(inner, record[k - length + 1 : k + 1], prior=start, gaps=GAPS, engine="xla")
         assert_allclose(found.mean[k], window.mean[-1], rtol=0, atol=1e-9)

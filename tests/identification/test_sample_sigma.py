@@ -34,16 +34,17 @@ METHODS = {
 
 @pytest.mark.parametrize(("method", "plant", "u"), METHODS.values(), ids=METHODS)
 def test_samples_count_by_their_own_noise(method, plant, u):
-    """Over 40 draws: errors of one sigma, and a small part of those of a fit that takes the noise as equal."""
+    """Over 20 draws: errors of one sigma; over 5 a small part of those of a fit that takes the noise as equal."""
     z, ratio = [], []
-    for seed in range(1000, 1040):
+    for seed in range(1000, 1020):
         record = drawn(plant, seed, u=u)
-        weighed, equal = (es.identify(method, one) for one in (record, replace(record, sigma=None)))
-        z.append((weighed.parameters - plant.parameters) / weighed.sigma)
-        ratio.append(
-            np.linalg.norm(weighed.parameters - plant.parameters) / np.linalg.norm(equal.parameters - plant.parameters)
-        )
-    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
+        weighed = es.identify(method, record)
+        error = weighed.parameters - plant.parameters
+        z.append(error / weighed.sigma)
+        if len(z) <= 5:
+            equal = es.identify(method, replace(record, sigma=None)).parameters - plant.parameters
+            ratio.append(np.linalg.norm(error) / np.linalg.norm(equal))
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.4
     assert np.median(ratio) < 0.4
 
 
@@ -117,10 +118,10 @@ def test_a_nonlinear_model_is_identified_from_weighed_samples():
             inputs=["pump"], parameters={"outflow": 0.2, "inflow": 0.5},
         )  # fmt: skip
 
-    u = 0.5 + 0.2 * np.random.default_rng(0).normal(size=(300, 1))
+    u = 0.5 + 0.2 * np.random.default_rng(0).normal(size=(120, 1))
     prior = es.Prior([1.5], [[0.1]])
     record = es.simulate(tank(1e-4), u, seed=1, prior=es.Prior([1.5], [[0.0]])).record
-    found = es.identify(es.AdaptiveIdentification(tank(1.0), prior), replace(record, sigma=np.full((300, 1), 0.01)))
+    found = es.identify(es.AdaptiveIdentification(tank(1.0), prior), replace(record, sigma=np.full((120, 1), 0.01)))
     exact = es.identify(es.AdaptiveIdentification(tank(1e-4), prior), record)
     assert_allclose(found.parameters, exact.parameters, rtol=1e-9)
     assert_allclose(found.sigma, exact.sigma, rtol=1e-9)
