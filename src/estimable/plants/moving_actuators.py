@@ -43,7 +43,7 @@ class MovingActuators:
         """The positions with the offsets of faults."""
         return self.position + self.stage.offset
 
-    def move(self, command: np.ndarray, seconds: float) -> MovedPiece:
+    def move(self, command: Array, seconds: float) -> MovedPiece:
         """Move for a piece of a sample under a command (m,)."""
         stage = self.stage
         movers = [
@@ -53,7 +53,7 @@ class MovingActuators:
             np.array([float(getattr(a, name)) for a in movers]) for name in ("bandwidth", "fastest", "reach")
         )
         self.commands.append(np.asarray(command, float))
-        begin, total = None, 0.0
+        begin, total = None, np.zeros(len(b))
         for part in parts_of(np.array([own.delay for own in stage.actuators]), seconds):
             c = self._towards(stage, part.age)
             moved = _glided(self.position, c, b, np.minimum(rate, FASTEST), reach, part.seconds)
