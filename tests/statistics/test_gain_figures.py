@@ -1,7 +1,7 @@
 """Thin versions of the figures of the gain: benchmarks/figures has them with enough draws."""
 
 import numpy as np
-from benchmarks.figures import jumps_and_drifts, two_actuators, verdicts
+from benchmarks.figures import jumps_and_drifts, noisy_positions, two_actuators, verdicts
 
 
 def test_right_models_are_believed_and_wrong_ones_warned_of():
@@ -31,3 +31,11 @@ def test_two_actuators_that_fail_together_raise_one_alarm():
     assert 1 <= alarms <= 1.5
     assert max(z) < 2
     assert 0 < delay < 2
+
+
+def test_noise_of_a_position_biases_a_gain_and_the_commands_do_not():
+    found = noisy_positions.figure(40, sigmas=(0.5,))
+    _, gain, error, _ = found["positions", 0.5]
+    assert abs(gain - 0.925) < 4 * error
+    _, gain, error, _ = found["commands", 0.5]
+    assert abs(gain - 1) < 4 * error
