@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from estimable import estimability, gain_information, read_model, read_record, unknown_input_existence
+from estimable import (
+    covariance_analysis,
+    estimability,
+    gain_information,
+    read_model,
+    read_record,
+    unknown_input_existence,
+)
 from estimable.packaged import path
 
 HIDING = (
@@ -131,3 +138,52 @@ def test_what_is_wrong_is_said(run, write_model):
     refused = run("check", "model.toml", "--horizon", "2.5", "--json")
     assert (refused.code, refused.json["error"]) == (2, "InputError")
     assert refused.json["message"] == "`horizon` must be an integer of at least 1. Got 2.5."
+
+
+MOVING = (
+    '[model]\ndt = 1\nstates = ["pos", "vel"]\noutputs = ["gps", "doppler"]\nA = [[1.0, 1.0], [0.0, 1.0]]\n'
+    "C = [[1.0, 0.0], [0.0, 1.0]]\nQ = [[0.0, 0.0], [0.0, 0.01]]\nR = [[1.0, 0.0], [0.0, 4.0]]\n"
+    "[prior]\nmean = [0.0, 0.0]\ncovariance = [[100.0, 0.0], [0.0, 1.0]]\n"
+)
+
+
+def test_requirements_are_answered_first(run, write_model):
+    write_model(MOVING)
+    answer = run(
+        "check", "model.toml", "--require", "pos=0.8", "--require", "vel=0.01", "--without", "doppler", "--select", "1"
+    )
+    first = answer.stdout.splitlines()[0]
+    assert first == "Not known as required: vel (improves no further)."
+    assert "pos is known to 0.8 after" in answer.stdout
+    assert "Without doppler: pos" in answer.stdout
+    assert "Choose gps: no other set of this size is better." in answer.stdout
+    assert "Would help: " in answer.stdout
+    said = run("check", "model.toml", "--require", "pos=0.8", "--strict", "--json")
+    assert (said.code, said.json["known"]["met"]) == (0, True)
+    model = read_model("model.toml")
+    found = covariance_analysis(model.model, prior=model.prior, requirement={"pos": 0.8})
+    assert said.json["known"]["quantities"]["pos"]["time_s"] == found.time_to_requirement[0]
+    assert (
+        said.json["known"]["verdict"] == f"Everything is known as required after {found.time_to_requirement[0]:.4g} s."
+    )
+
+
+def test_strict_fails_where_a_requirement_is_not_met(run, write_model):
+    write_model(MOVING)
+    assert run("check", "model.toml", "--require", "vel=0.01").code == 0
+    assert run("check", "model.toml", "--require", "vel=0.01", "--strict").code == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--require", "speed=1"), "names 'speed', which is not among"),
+        (("--require", "vel=fast"), "--require needs name=sigma with a number"),
+        (("--without", "radar"), "`sensor` must be"),
+    ],
+)
+def test_wrong_requirements_are_usage_errors(run, write_model, options, message):
+    write_model(MOVING)
+    answer = run("check", "model.toml", *options, width=200)
+    assert answer.code == 2
+    assert message in answer.stderr

@@ -21,6 +21,10 @@ def _at_either_end(context: typer.Context, value: bool) -> bool:
 CHECKED_MODEL_HELP = "The model file, TOML or Python."
 CHECK_STEP_HELP = "The sampling step of a continuous model, instead of the one in its file."
 HORIZON_HELP = "Give the verdicts for so many samples (for a continuous model: seconds)."
+REQUIRE_HELP = "The sigma to which a state must be known, such as position=0.1. May be repeated."
+WITHOUT_HELP = "Also show what is lost without this output."
+SELECT_HELP = "Choose so many of the outputs: those that know best."
+STRICT_HELP = "Exit with 1 where a requirement is not met."
 RECORD_HELP = "The measured record: .csv, .txt, .tsv, .mat or .parquet."
 MEASURED_HELP = "A record, to show how accurately its inputs determine the gain."
 MODEL_HELP = "The model file, TOML or Python: model, prior and gain."
@@ -60,6 +64,10 @@ Model = Annotated[Path, _option("--model", "PATH", MODEL_HELP)]
 CheckedModel = Annotated[Path, typer.Argument(metavar="MODEL", help=CHECKED_MODEL_HELP, show_default=False)]
 CheckStep = Annotated[float | None, _option("--dt", "SECONDS", CHECK_STEP_HELP)]
 Horizon = Annotated[float | None, _option("--horizon", "LENGTH", HORIZON_HELP)]
+Require = Annotated[list[str] | None, _option("--require", "NAME=SIGMA", REQUIRE_HELP)]
+Without = Annotated[str | None, _option("--without", "OUTPUT", WITHOUT_HELP)]
+Select = Annotated[int | None, _option("--select", "COUNT", SELECT_HELP)]
+Strict = Annotated[bool, _option("--strict", None, STRICT_HELP)]
 Measured = Annotated[Path | None, _option("--record", "PATH", MEASURED_HELP)]
 Filter = Annotated[str, _option("--filter", "NAME", FILTER_HELP)]
 GainFilter = Annotated[str | None, _option("--filter", "NAME", GAIN_FILTER_HELP)]
