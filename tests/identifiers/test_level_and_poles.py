@@ -127,3 +127,10 @@ def test_the_predictor_of_a_plant_without_process_noise_is_stable_and_says_so():
         assert np.isfinite(fit.sigma[:4]).all()
         edges += edge
     assert 0 < edges < 5
+
+
+def test_a_comparison_finds_the_integrator_about_a_level():
+    """Its levels are not subtracted first: the mean of the input would leave a ramp."""
+    found = es.compare([es.OutputErrorML(1, 0, delay=1), es.LeastSquares(1, 0, delay=1)], integrator(0, 1000))
+    assert found.best.name == "OutputErrorML"
+    assert found.best.fit_percent > 90

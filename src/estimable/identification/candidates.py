@@ -14,8 +14,10 @@ from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.prediction_errors import PredictionError
 from ..identifiers.predictor_subspace import WEIGHTINGS, PredictorSubspace
 from ..identifiers.subspace import Subspace
+from ..results.comparisons import Divided
 from .choose_orders import choose_orders
 from .connected import known
+from .held_out import with_levels
 from .ranking import Before
 from .select_order import select_order
 
@@ -25,7 +27,7 @@ MOST, MOST_AR = 6, 12  # orders tried of ARX and state-space models, and of seri
 
 
 def candidates(
-    records: Sequence[Record],
+    task: Divided,
     before: Before,
     order: int | None = None,
     tell: Callable[[str], object] = lambda what: None,
@@ -34,6 +36,7 @@ def candidates(
 
     A kind for which the records are too short is left out. `tell` is called with what is chosen next.
     """
+    records = task.first
     logged, _ = known(records)
     tried = range(1, MOST + 1) if order is None else (order,)
     if before.closed or not records[0].inputs:
@@ -45,7 +48,7 @@ def candidates(
     tell("the order of ARX")
     selection = _tried(lambda: select_order(list(logged), orders=tried, delays=delays))
     if selection is not None:
-        found += _polynomials(records, selection.order, selection.delay, order, tell)
+        found += _polynomials(with_levels(task).first, selection.order, selection.delay, order, tell)
     for weighting in ("moesp", "cva"):
         tell(f"the order of {weighting} subspaces")
         best = _tried(lambda weighting=weighting: best_order(logged, weighting, tried))

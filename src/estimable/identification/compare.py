@@ -11,6 +11,7 @@ from .. import checks
 from ..data.record import Record, several
 from ..diagnostics.feedback import feedback as feedback_of
 from ..errors import EstimableError
+from ..identifiers.output_error_ml import OutputErrorML
 from ..identifiers.standing import LinearModel, standing, state_space_of
 from ..models.state_space import StateSpace, between_samples
 from ..protocols import FilterIdentifier, Method
@@ -20,7 +21,7 @@ from . import adaptive
 from .candidates import candidates
 from .connected import known, parts_of
 from .dead_time import dead_time
-from .held_out import LEVELS, divided, with_held_out
+from .held_out import LEVELS, divided, with_held_out, with_levels
 from .identify import Records, fitted
 from .loops import INSTEAD
 from .ranking import Before, FailedMethod, FittedMethod, errors_of, ranked
@@ -74,7 +75,7 @@ def compare(
     report = (lambda name, done, total: None) if progress is None else progress
     before = _before(task, feedback, report)
     chosen = (
-        candidates(task.first, before, order, lambda what: report(f"choosing {what}", 0, 1))
+        candidates(task, before, order, lambda what: report(f"choosing {what}", 0, 1))
         if methods is None
         else tuple(methods)
     )
@@ -181,13 +182,15 @@ def _before(task: Divided, asked: str, report: Progress) -> Before:
 def _run(method: Method, task: Divided, *, refuse: bool) -> FittedMethod | FailedMethod:
     """The fit, its model in absolute units, and its errors on the held-out part; or the message that says why there is none.
 
-    A nonlinear model describes the signals themselves: it is fitted to the first parts, the others to their deviations.
+    A nonlinear model describes the signals themselves, and so does a fit that estimates their levels; the others are fitted to
+    their deviations.
     """
     if refuse and method.in_a_loop != "holds":
         return FailedMethod(
             method,
             f'the record was made in a closed loop, where this method may be biased: {INSTEAD}, or feedback="accepted".',
         )
+    task = with_levels(task) if isinstance(method, OutputErrorML) and method.level != "none" else task
     rows, whole = task.rows, task.whole
     try:
         if isinstance(method, FilterIdentifier):

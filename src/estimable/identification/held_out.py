@@ -37,6 +37,16 @@ def with_held_out(records: Sequence[Record], held_out: Sequence[Record], level: 
     return Divided(held_out, whole, [trend.taken_from(one) for one in records], trend, rows)
 
 
+def with_levels(task: Divided) -> Divided:
+    """The same with the levels in the records, for a method that estimates them: the mean of a part is no level of a plant that
+    integrates, or starts far from rest. Trends, and the own levels of held-out records, stay subtracted."""
+    same = [len(one) for one in task.first] == list(task.rows)
+    if not same or any(np.any(line[1]) for line in task.trend):
+        return task
+    first = [one[:n] for one, n in zip(task.records, task.rows, strict=True)]
+    return Divided(task.records, list(task.records), first, Trend.none(first[0]), task.rows)
+
+
 def _trend(records: Sequence[Record], level: str) -> Trend:
     degree = LEVELS[level]
     return Trend.none(records[0]) if degree is None else Trend.of(records, degree)
