@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.figures import unknown_levels
 from numpy.testing import assert_allclose
 from scipy.linalg import solve_discrete_are
 
@@ -305,3 +306,27 @@ def test_levels_and_fang_cannot_be_smoothed():
     for how in ({"levels": [0.0, 1.0]}, {"method": "fang"}):
         with pytest.raises(InputError, match="smooth needs a linear Gaussian model throughout"):
             smooth(UnknownInput(EXAMPLE, unknown=["u1"], **how), Record(np.zeros((3, 2)), dt=1), prior=VAGUE)
+
+
+def test_levels_that_are_uncertain_stay_uncertain():
+    """Two levels in noise of nearly their size: the covariance is right, and a decision is as likely right as it says."""
+    nees, stated, right, _, beyond = unknown_levels.found(1.0, draws=6)
+    assert 0.9 < nees < 1.2
+    assert abs(stated - right) < 0.03
+    assert beyond < 0.01
+
+
+def test_the_likelihood_of_levels_is_that_of_the_mixture():
+    """One row: y is a sum of Gaussians, one a level."""
+    model = StateSpace([[0.5]], [[1.0]], [[1.0]], [[2.0]], Q=[[0.1]], R=[[0.3]], dt=1)
+    levels = np.array([-1.0, 0.5, 2.0])
+    run = estimate(
+        UnknownInput(model, unknown=["u1"], levels=levels), Record([[1.3]], dt=1), prior=Prior([0.2], [[0.4]])
+    )
+    e = 1.3 - 0.2 - 2 * levels
+    densities = np.exp(-(e**2) / 2 / 0.7) / np.sqrt(2 * np.pi * 0.7)
+    assert_allclose(run.log_likelihood, np.log(densities.mean()), rtol=1e-10)
+    w, K = densities / densities.sum(), 0.4 / 0.7
+    each = 0.2 + K * e
+    assert_allclose(run.mean[0], [w @ each], rtol=1e-10)
+    assert_allclose(run.covariance[0], [[0.4 * (1 - K) + w @ (each - w @ each) ** 2]], rtol=1e-9)

@@ -1,5 +1,6 @@
-"""An unknown input with finitely many values: decide which, then use it as known."""
+"""An unknown input with finitely many values: the belief is the sum over them."""
 
+import math
 from typing import Any
 
 import jax.numpy as jnp
@@ -27,29 +28,42 @@ def read(given: Numbers, faults: checks.Faults) -> Any:
     return faults.array("levels", given, "q d")
 
 
-def decide(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
-    """The belief with its oldest input at the likeliest level, where the outputs determine it, and the probability.
+def weigh(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
+    """The belief with its oldest input on the levels, where the outputs determine it: the mean and covariance of the sum over the
+    levels, each with its probability (G. Ackerson, K. Fu 1970).
 
-    Also the log-density of the decided level, with which the likelihood is that of a known input.
+    Also the logarithm of the mean of their densities, with which the likelihood is that of an input on one of them. The
+    covariance given a level is the same for each: what the sum adds is the spread of the means.
     """
     n, d = layout.n, layout.d
     at = slice(n, n + d)
     L = triangularise(s.factor[at])
     distance = solve_lower(L, (levels - s.mean[at][None, :]).T)
     distance = jnp.sum(distance * distance, axis=0)  # squared, in standard deviations: (q,)
-    best = jnp.argmin(distance)
+    nearest = jnp.min(distance)
+    weight = jnp.exp((nearest - distance) / 2)
+    total = jnp.sum(weight)
+    w = weight / total
     determined = jnp.sum(s.diffuse[at] ** 2) == 0.0
-    weight = jnp.exp((jnp.min(distance) - distance) / 2)
     prior = s.gaussian if s.drift is None else _with_drift(s)
     exactly = Measurement(jnp.eye(len(prior.m))[at], jnp.zeros(d), jnp.zeros((d, d)))
-    post = correct(prior, exactly, levels[best], jnp.broadcast_to(determined, (d,)))
-    m, Z, X, _, _ = post.state
+    seen = jnp.broadcast_to(determined, (d,))
+    posts = [correct(prior, exactly, level, seen) for level in levels]
+    m = sum(w[i] * post.state.m for i, post in enumerate(posts))
+    apart = jnp.stack([jnp.sqrt(w[i]) * (post.state.m - m) for i, post in enumerate(posts)], axis=1)
+    post = posts[0]
+    Z, X = triangularise(jnp.concatenate([post.state.Z, apart], axis=1)), post.state.X
     known = replace(s, mean=m[: layout.size], factor=Z[: layout.size], diffuse=X[: layout.size])
     if s.drift is not None:
         known = replace(known, drift_mean=m[layout.size :], drift_factor=Z[layout.size :])
-    probability = jnp.where(determined, 1 / jnp.sum(weight), 0.0)
-    extra = {"level": jnp.where(determined, best, -1), "level_probability": probability}
-    return known, extra, post.log_likelihood
+    best = jnp.argmin(distance)
+    extra = {"level": jnp.where(determined, best, -1), "level_probability": jnp.where(determined, 1 / total, 0.0)}
+    own = (distance[0] - nearest) / 2 - math.log(len(levels))  # of the first level's density against the largest
+    if (
+        layout.freedom == "none"
+    ):  # the diffuse likelihood has a factor (2 pi)^(-d/2) for the input, which was not Gaussian
+        own = own + d / 2 * math.log(2 * math.pi)
+    return known, extra, jnp.where(determined, post.log_likelihood + own + jnp.log(total), 0.0)
 
 
 def _with_drift(s: Belief) -> Gaussian:

@@ -52,8 +52,8 @@ class UnknownInput(Smoothable[Any]):
     - `variance`: the variance of each unknown input about the operating point, white in time (a number, (d,) or (d, d)).
       None: infinite. `walk`: its variance per second as a random walk (the same shapes). Both range from 0
       (known, or constant) to infinity (unknown).
-    - `levels`: the values that the input can take, (q,) or (q, d). After each sample the likeliest is decided, and then used
-      as known.
+    - `levels`: the values that the input can take, (q,) or (q, d), equally likely. After each sample the belief is the sum over
+      them, each with its probability; its mean and covariance are carried on. `extra["level"]` is the likeliest.
     - `delay`: the number of samples after which an input is reported. None: as many as it takes where nothing is missing.
 
     Row k of a result uses the samples 0 to k, and its `unknown_input` is the input of row k - `names.input_delay`. (With
@@ -159,7 +159,7 @@ class UnknownInput(Smoothable[Any]):
         s, post = belief.correct(state, measurement, sample, independently=model.independent)
         decided, log_likelihood = {}, post.log_likelihood
         if ready.levels is not None:
-            s, decided, gained = levels.decide(
+            s, decided, gained = levels.weigh(
                 s, ready.levels - pick(model.point.inputs, layout.unknown)[None, :], layout
             )
             log_likelihood = log_likelihood + gained
