@@ -190,7 +190,9 @@ def _run(method: Method, task: Divided, *, refuse: bool) -> FittedMethod | Faile
             method,
             f'the record was made in a closed loop, where this method may be biased: {INSTEAD}, or feedback="accepted".',
         )
-    task = with_levels(task) if isinstance(method, OutputErrorML) and method.level != "none" else task
+    about = task.trend.at(float(np.mean([len(part) for part in task.first])))
+    if isinstance(method, OutputErrorML) and method.level != "none":
+        task = with_levels(task)
     rows, whole = task.rows, task.whole
     try:
         if isinstance(method, FilterIdentifier):
@@ -200,12 +202,22 @@ def _run(method: Method, task: Divided, *, refuse: bool) -> FittedMethod | Faile
             stands = [adaptive.standing(method, model, one, n) for one, n in zip(whole, rows, strict=True)]
         else:
             fit, _ = fitted(method, task.first)
-            at = task.trend.at(float(np.mean([len(part) for part in task.first])))
+            at = about if task.trend.outputs.any() else steady(fit.model, about)
             model = between_samples(absolute(fit.model, at), whole[0].hold)
             stands = [standing(state_space_of(fit.model), one, n) for one, n in zip(whole, rows, strict=True)]
     except (EstimableError, np.linalg.LinAlgError) as error:
         return FailedMethod(method, str(error))
     return FittedMethod(method, fit, model, errors_of(stands, whole, rows))
+
+
+def steady(model: LinearModel, about: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The inputs of an operating point, and what they add to the outputs of a model of the signals themselves; zero for one that
+    has no steady state."""
+    plant = state_space_of(model)
+    if np.abs(np.linalg.eigvals(plant.A)).max(initial=0.0) >= 1:
+        return np.zeros(plant.m), np.zeros(plant.p)
+    gain = plant.D + plant.C @ np.linalg.solve(np.eye(plant.n) - plant.A, plant.B)
+    return about[0], gain @ about[0]
 
 
 def absolute(model: LinearModel, levels: tuple[np.ndarray, np.ndarray]) -> StateSpace:

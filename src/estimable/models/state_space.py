@@ -9,7 +9,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import frozen, replace, set_field, static
-from . import angles
+from . import angles, forms
 from .control import arguments_of, to_control
 from .discretisation import HOLDS, over, read_steps
 from .operating_point import OperatingPoint
@@ -222,6 +222,58 @@ class StateSpace:
             B_end=None if self.B_end is None else T @ self.B_end, dt=self.dt, inputs=self.inputs, outputs=self.outputs,
             operating_point=point and OperatingPoint(T @ point.states, point.inputs, point.outputs),
             angles=tuple(one for one in self.angles if one[0] in self.outputs),
+        )  # fmt: skip
+
+    def in_coordinates(self, form: str) -> "StateSpace":
+        """The same constant model in states with a meaning.
+
+        `form`: "outputs": the first states are the outputs without noise, the others their later values; "balanced": each state
+        is as easily excited as it is seen (discrete, stable); "modal": one state for a real pole, two for a complex pair.
+
+        Raises `InputError` where the model has no such states.
+
+        >>> turned = StateSpace([[0.5]], [[1.0]], [[2.0]], R=[[1.0]], dt=1).in_coordinates("outputs")
+        >>> turned.C.tolist(), turned.B.tolist()
+        ([[1.0]], [[2.0]])
+        """
+        refuse_schedule(self)
+        faults = checks.Faults()
+        faults.choice("form", form, forms.FORMS)
+        if self.varying:
+            faults.add("only a constant model has coordinates of its own: take one row with `at(k)`.")
+        if form == "balanced" and self.is_continuous:
+            faults.add('form = "balanced" needs a discrete model: discretise it first.')
+        faults.finish()
+        return self.in_basis(forms.coordinates(self.A, self.B, self.C, form))
+
+    def continuous(self, *, hold: str = "zero_order") -> "StateSpace":
+        """The continuous model that this discrete one samples: the inverse of `discretise`.
+
+        `hold`: how the input moves between samples. With "first_order" the direct term of samples becomes part of the dynamics.
+        The process noise becomes a density, where one has that sum over a step; that of a model with cross noise S, such as an
+        innovations form, has none, and Q is left out.
+
+        Raises `InputError` where there is no such model: a pole at 0 (a dead time is no pole: leave it out) or on the negative
+        axis, or one that turns by more than 120 degrees a step, which may be an alias.
+
+        >>> slow = StateSpace([[-1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]], dt=0)
+        >>> again = slow.discretise(0.1).continuous()
+        >>> again.A.round(9).tolist(), again.B.round(9).tolist(), again.Q.round(9).tolist()
+        ([[-1.0]], [[1.0]], [[2.0]])
+        """
+        refuse_schedule(self)
+        faults = checks.Faults()
+        faults.choice("hold", hold, HOLDS)
+        if self.is_continuous or self.varying:
+            faults.add("only a constant discrete model has a continuous one.")
+        faults.finish()
+        assert self.dt is not None
+        F, B, ramp = forms.continuous_matrices(self.A, self.B, self.B_end, self.dt, hold)
+        D = self.D - self.C @ ramp @ B
+        Q = None if self.S is not None else forms.noise_density(F, self.A, self.G @ self.Q @ self.G.T)
+        return StateSpace(
+            F, B, self.C, D, Q=Q, R=self.R, dt=0, states=self.states, inputs=self.inputs, outputs=self.outputs,
+            operating_point=self.operating_point, angles=self.angles,
         )  # fmt: skip
 
     @staticmethod
