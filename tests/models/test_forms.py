@@ -96,7 +96,7 @@ def half_seen():
 
 @pytest.mark.parametrize(("call", "sentence"), [
     (lambda: es.StateSpace([[-0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).continuous(), "it has a pole at -0.5"),
-    (lambda: es.StateSpace([[0.0]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).continuous(), "A dead time is no pole"),
+    (lambda: es.StateSpace([[0.0]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).continuous(), "leave it out of the model"),
     (lambda: turning(2.5).continuous(), "a pole turns by 143 degrees a step.*Sample faster"),
     (lambda: es.StateSpace([[-1.0]], [[1.0]], [[1.0]], R=[[1.0]], dt=0).continuous(), "only a constant discrete model"),
     (lambda: es.StateSpace([[0.5]], [[1.0]], [[1.0]], R=[[1.0]], dt=1).in_coordinates("best"), "`form` must be one of"),

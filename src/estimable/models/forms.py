@@ -30,8 +30,8 @@ def continuous_matrices(
     if negative.any():
         worst = float(poles[negative].real.min())
         checks.refuse(
-            f"the model samples no continuous system: it has a pole at {worst:.4g}, and e^(F h) has none at 0 or below. A dead time "
-            "is no pole: leave it out of the model, and delay the input. Or lower the order."
+            f"the model samples no continuous system: it has a pole at {worst:.4g}, and e^(F h) has none at 0 or below. A dead "
+            "time is no pole: leave it out of the model, and delay the input. Or lower the order."
         )
     if (fastest := float(np.abs(np.angle(poles)).max(initial=0.0))) > ALIASED:
         checks.refuse(

@@ -240,7 +240,7 @@ class StateSpace:
         faults = checks.Faults()
         faults.choice("form", form, forms.FORMS)
         if self.varying:
-            faults.add("only a constant model has coordinates of its own: take one row with `at(k)`.")
+            faults.add("only a constant model has such coordinates: take one row with `at(k)`.")
         if form == "balanced" and self.is_continuous:
             faults.add('form = "balanced" needs a discrete model: discretise it first.')
         faults.finish()
