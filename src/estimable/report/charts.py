@@ -14,7 +14,7 @@ from .curves import MARK, Moment, band_of, line_of, marked, packed
 
 GAIN, STATE, MEASURED, INNOVATION, BOUND = "#B34700", "#0063A0", "#6B6B6B", "#444444", "#A63A82"
 SMOOTHED = "#2F7D32"
-STILL = "rgba(107,107,107,0.18)"  # of an interval without information
+STILL = "#2E6FB7"  # of an interval without information
 MOST_POINTS = 6000  # most points drawn of a curve; of a longer record every k-th row is drawn
 MOST_CHARTS = 24
 MOST_MARKS = 4  # most changes whose times are in the legend
@@ -143,10 +143,11 @@ def _shaded(chart: Chart, interval: tuple[float, float] | None) -> Chart:
         "y0": 0,
         "y1": 1,
         "fillcolor": STILL,
+        "opacity": 0.15,
         "line": {"width": 0},
     }
     layout = {**chart.layout, "shapes": [box, *chart.layout.get("shapes", [])]}
-    return chart._replace(keys=(*chart.keys, Key("no information from the input", MEASURED, "band")), layout=layout)
+    return chart._replace(keys=(*chart.keys, Key("no information from the input", STILL, "band")), layout=layout)
 
 
 def _innovation(band: Band, within: tuple[float, float] | None, unit: str) -> Chart:

@@ -67,8 +67,10 @@ class DetectableLoss(NamedTuple):
     @property
     def still(self) -> tuple[str, ...]:
         """A sentence for each gain whose value at the end is an old one."""
+        called = {"gain": "the gain"}
         return tuple(
-            f"After {until:.4g} s the input carries no information about {name}; the value is that of {until:.4g} s."
+            f"After {until:.4g} s the input carries no information about {called.get(name, name)}; the value is that of "
+            f"{until:.4g} s."
             for name, (until, _) in self.quiet.items()
         )
 

@@ -48,9 +48,7 @@ class GainRow(NamedTuple):
     @property
     def label(self) -> str:
         """The gain as words: "motor 3" of gain_motor_3."""
-        name = self.gain.removeprefix("gain_") or self.gain
-        numbered = NUMBERED.fullmatch(name)
-        return " ".join(numbered.groups()) if numbered else name
+        return label_of(self.gain)
 
     @property
     def lost(self) -> str:
@@ -78,6 +76,17 @@ class GainRow(NamedTuple):
         after = spread_of(self.after, SIGMAS * self.after_sigma)
         span = f"from {self.before:.{digits}f} to {after}"
         return f"jumped{at}, by less than 2 sigma: {span}" if self.verdict == "jumped" else f"{self.verdict} {span}{at}"
+
+
+def label_of(gain: str) -> str:
+    """The name of a gain as words.
+
+    >>> label_of("gain_motor_3"), label_of("gain_elevator_deg"), label_of("gain")
+    ('motor 3', 'elevator_deg', 'gain')
+    """
+    name = gain.removeprefix("gain_") or gain
+    numbered = NUMBERED.fullmatch(name)
+    return " ".join(numbered.groups()) if numbered else name
 
 
 def sentence_of(rows: Sequence[GainRow]) -> str:
