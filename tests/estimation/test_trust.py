@@ -1,5 +1,7 @@
 """The verdict on a model: right ones are believed, each fault has its name, and what no record can tell is listed."""
 
+import importlib
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -114,15 +116,18 @@ def test_a_gain_that_jumps_is_no_fault_of_the_model():
     assert judged(records[0]).word == "do not use"  # of a constant gain
 
 
-def test_an_offset_that_begins_in_mid_record_has_a_name_though_it_looks_like_a_jump():
+def test_an_offset_that_begins_in_mid_record_has_a_name_though_it_looks_like_a_jump(monkeypatch):
     """The detector takes it for a fall of the gain to about zero: the printed gain is off by many of its standard deviations."""
     record = drawn(u=0.2 * U)
     late = replace(record, u=0.2 * U + 0.6 * (np.arange(T)[:, None] >= 250))
     detector = ChangeDetection(UnknownGain(MODEL, GAIN))
     result = estimate(detector, late, prior=PRIOR)
     assert result.gain_quantiles[-1, 0, 4] < 0.9
+    hinting = importlib.import_module("estimable.estimation.trust")
+    monkeypatch.setattr(hinting, "alarm_hints", lambda changes, record: (f"{len(changes)} of {len(record)}",))
     found = trust(detector, late, prior=PRIOR, result=result)
     assert found.word == "do not use"
+    assert found.reasons[-1] == f"{int(result.extra['alarm'].sum())} of {T}"
     assert found.suspects[0].direction.name.startswith("offset of dq/dt from 12.")
     assert found.suspects[0].direction.kind == "late offset"
 

@@ -16,9 +16,10 @@ def write_gain_report(
     from ..report import report_of, write_report
 
     check = innovation_checks.innovation_check(run.judged)
+    further = innovation_checks.also(run.assessment.trust.reasons[1:]) if run.assessment else ()
     report = report_of(
         run.result, record=run.record, algorithm=run.algorithm, prior=run.prior,
-        title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(run, summary, check)),
+        title=f"The gain of {run.record_path.name}", lead=(*story, *gain_text.findings(run, summary, check), *further),
         facts=tuple(_facts(run, summary)), commands=(("From a terminal:", command), ("In Python:", script_of(run))),
         files=(run.record_path, run.model_path), judged=run.judged,
         detectable=run.assessment and run.assessment.detectable, tables=tuple(_tables(run, summary)),

@@ -11,6 +11,7 @@ from ..annotations import Array, Tree
 from ..data.record import Record
 from ..diagnostics import changes as listed_changes
 from ..diagnostics import model_tests as tests
+from ..diagnostics.alarm_hints import alarm_hints
 from ..diagnostics.changes import DetectedChange
 from ..engines import choice
 from ..engines.derivatives import Along, Sloped
@@ -61,7 +62,7 @@ def trust(
     The word is "believe" where the p-value is at least `level`, "check" below it, and "do not use" below 1e-6, where half of
     the record is missing, or where the record carries no information about a gain. An error that acts like the gain itself
     (the scale of B) has no effect on the innovations, and no test finds it: the verdict lists such errors with how far each
-    would move the gain.
+    would move the gain. Where most alarms of a detector coincide with large or fast inputs, a reason points to the actuator.
 
     Returns a `Trust`. Raises `InputError` with every fault of the call.
 
@@ -89,7 +90,9 @@ def trust(
     found = listed_changes(result) if "alarm" in result.extra else ()
     bound = bind(inner, record, prior)
     judged = _Judged.of(inner, algorithm, _as_run(found, bound), bound, prior)
-    return _verdict(judged, algorithm, found, bound, level)
+    verdict = _verdict(judged, algorithm, found, bound, level)
+    hints = alarm_hints(found, record) if verdict.word != "believe" else ()
+    return verdict._replace(reasons=(*verdict.reasons, *hints))
 
 
 @frozen
