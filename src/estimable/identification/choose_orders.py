@@ -52,7 +52,7 @@ def choose_orders(
     return OrderRanking(tuple(sorted(found, key=lambda one: getattr(one, criterion))), criterion)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _candidate(records: list[Record], na: int, nb: int, delay: int, initial: str) -> OrderCandidate:
     fit = OutputErrorML(na, nb, delay=delay, initial=initial).fit(records, search=maximise)
     N = int(sum(record.seen.sum() for record in records))

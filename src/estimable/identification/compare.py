@@ -178,7 +178,7 @@ def _before(task: Divided, asked: str, report: Progress) -> Before:
     return Before(seen, asked == "closed" or seen.closed, late)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _run(method: Method, task: Divided, *, refuse: bool) -> FittedMethod | FailedMethod:
     """The fit, its model in absolute units, and its errors on the held-out part; or the message that says why there is none.
 

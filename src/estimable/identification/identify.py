@@ -67,7 +67,7 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
     return with_feedback_check(with_rivals(fit, done.method, done.records), done.method, done.records)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fitted(method: Method, records: list[Record], engine: str = "auto") -> tuple[Fit, Connected]:
     """The fit and its checks, without the test of feedback, and what it was fitted to."""
     done = connected(method, records)

@@ -28,7 +28,7 @@ class Behind(NamedTuple):
 
 def fit_percent(e: np.ndarray, y: np.ndarray) -> np.ndarray:
     """100 (1 - |e| / |y - mean|) of each output, over the seen samples; -inf where the simulation overflows."""
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
         found = 100 * (1 - np.sqrt(np.sum(_squares(e, y), axis=0)) / np.where(spread > 0, spread, np.finfo(float).tiny))
     return np.where(np.isnan(found), -np.inf, found)
@@ -36,7 +36,7 @@ def fit_percent(e: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _squares(e: np.ndarray, y: np.ndarray) -> np.ndarray:
     """e² where y was seen, infinite where e is not a number there."""
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         squares = np.where(np.isfinite(e), e, np.inf) ** 2
     return np.where(np.isnan(y), 0.0, squares)
 
@@ -54,7 +54,7 @@ def behind(e: np.ndarray, best: np.ndarray, y: np.ndarray, ends: Sequence[int] =
     differences: Diebold & Mariano 1995).
     """
     variance = np.maximum(np.nanvar(y, axis=0), np.finfo(float).tiny)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         E, E_best = (np.sum(_squares(one, y) / variance, axis=1) for one in (e, best))
         d = []
         for rows in _segments(y, ends):

@@ -67,7 +67,7 @@ def errors_of(stands: Sequence[Standing], whole: Sequence[Record], rows: Sequenc
     return HeldOut(*columns, ends=np.cumsum([len(part[2]) + len(gap) for part in held]).tolist())
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def ranked(found: Sequence[FittedMethod | FailedMethod], task: Divided, before: Before) -> Comparison:
     """The methods in order, and the verdict. In a loop, where u depends on the noise, and without inputs, methods are judged one
     step ahead."""
