@@ -5,7 +5,7 @@ orders 2 to 4.
   must be alike, a model of another input must explain nothing.
 - Series: AR(1), ARMA(2, 1) and white noise of 400 rows.
 - Heating: time constants of 25 and 150 rows, an input that moves every 40 rows, 800 rows, levels, started away from rest.
-- Loops: plants of order 2 to 4 with poles of modulus .75 to .93 under u[k] = -.3 y[k] + r[k].
+- Loops: plants of order 2 to 4 with poles of modulus .6 to .85 under u[k] = -.3 y[k] + r[k].
 """
 
 import argparse
@@ -75,7 +75,7 @@ def loop(seed, n, rows=2000, k=0.3):
     """A loop about a plant of order n, and its poles."""
     g = np.random.default_rng(seed)
     pairs = [0.85 * np.exp(0.5j), 0.75 * np.exp(1.2j)][: n // 2]
-    poles = np.array([*pairs, *np.conj(pairs), *([0.93] if n % 2 else [])])
+    poles = np.array([*pairs, *np.conj(pairs), *([0.6] if n % 2 else [])])
     A = np.zeros((n, n))
     A[0], A[1:, :-1] = -np.poly(poles)[1:].real, np.eye(n - 1)
     B, C = np.eye(n)[:, :1], np.array([[0.2, 0.1, 0.1, 0.05][:n]])

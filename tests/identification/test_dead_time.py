@@ -64,3 +64,13 @@ def test_what_is_wrong_is_said(call, sentence):
     with pytest.raises(InputError) as caught:
         call()
     assert sentence in str(caught.value)
+
+
+def test_a_sweep_is_not_matched_at_a_late_delay():
+    """Lags of noisy outputs matched one at a delay of 10 or 11, and excluded the right one."""
+    t = np.arange(2000) / 2000
+    u = np.sin(0.006 * 2000 / np.log(66) * np.exp(t * np.log(66)))
+    x = lfilter([0, 0.004, 0.0038], [1, -1.90, 0.92], u)
+    for seed in range(2):
+        found = dead_time(Record(x + 0.15 * np.std(x) * np.random.default_rng(seed).normal(size=2000), u, dt=0.02))
+        assert 1 in {found.delay, *found.alike}

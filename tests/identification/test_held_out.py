@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from benchmarks.figures.closed_loops import closed_loop, sweep
+from benchmarks.figures.judged_records import heating, of_loop, series, whole
 from scipy.signal import lfilter
 
 import estimable as es
@@ -124,6 +125,29 @@ def test_a_series_of_white_noise_is_explained_by_nothing():
         noise = np.random.default_rng(seed).normal(size=300)
         wrong += es.compare(methods, es.Record(noise, dt=1)).best is not None
     assert wrong == 0
+
+
+def test_equal_models_are_alike_on_whole_records_and_another_input_explains_nothing():
+    """`python -m benchmarks.figures.judged_records`."""
+    right, alike, wrong = np.mean([whole(seed, 300, 1) for seed in range(4)], axis=0)
+    assert (right, wrong) == (1, 0)
+    assert alike >= 0.5
+    assert series(0, "ARMA(2, 1)")[0]
+
+
+def test_a_slow_plant_that_starts_away_from_rest_is_simulated_from_a_stable_model():
+    found = es.compare([es.OutputErrorML(2, 1, delay=1), es.Subspace(2)], heating(2))
+    assert found.best.name == "OutputErrorML"
+    assert found.best.fit_percent > 55  # the noise leaves 64 %
+    assert np.abs(np.linalg.eigvals(found.best.model.A)).max() < 1
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_loops_about_plants_of_higher_order(n):
+    for weighting in ("ssarx", "pbsid"):
+        off, gain = of_loop(0, n, weighting)
+        assert off < 0.04
+        assert abs(gain) < 3
 
 
 def test_no_warning_of_an_overflow_reaches_the_user():

@@ -7,6 +7,7 @@ import numpy as np
 from .. import checks
 from ..data.record import Record, several
 from ..diagnostics.chi_squared import exceeded
+from ..diagnostics.feedback import is_white
 from ..errors import EstimableError
 from ..identifiers.output_error_ml import OutputErrorML
 from ..kernels.regression import lagged
@@ -20,6 +21,7 @@ WITHIN = 6.6  # of 2 log L: the delays that fit as well
 MOST, LARGEST = 100, 10_000
 SURE = 1e-3  # p-value from which no effect of the input is seen
 EDGE = 4  # delays at the end of the scan that may be the foot of a larger one
+SHORT = (1,)  # delays that are compared with the best of the scan where the input is not white
 NEAR = 2  # delays next to those that fit as well, which output-error fits decide between
 
 
@@ -59,8 +61,8 @@ def dead_time(record: Record | Sequence[Record], *, most: int = MOST) -> DeadTim
     p = min(1.0, p_value(best) * (most + 1))
     if p >= SURE:
         return DeadTime(None, (), p, False, most)
-    if not complete:
-        best, alike = _by_output_error(records, alike, most)
+    if not complete or _earlier_is_likelier(records, best):
+        best, alike = _by_output_error(records, alike if not complete else (*SHORT, *alike), most)
     return DeadTime(best, alike, p, max(best, *alike) > most - EDGE, most)
 
 
@@ -108,16 +110,33 @@ def _block(record: Record, most: int, past: int, lags: int) -> np.ndarray:
     return Z[~np.isnan(Z).any(axis=1)]
 
 
+def _earlier_is_likelier(records: Sequence[Record], best: int) -> bool:
+    """Whether an output-error model with a short delay is likelier than one with the best delay of the scan.
+
+    An input of few frequencies at a time, such as a sweep, can be matched at a wrong delay by lags of noisy outputs.
+    """
+    if best <= max(SHORT) or all(is_white(u) for one in records for u in one.applied().T):
+        return False
+    found = _likelihoods(records, (*SHORT, best))
+    return bool(found) and min(found, key=lambda d: found[d]) != best
+
+
 def _by_output_error(records: Sequence[Record], alike: tuple[int, ...], most: int) -> tuple[int, tuple[int, ...]]:
     """The delay whose output-error model is likeliest, and those within `WITHIN` of it."""
     near = sorted({d + step for d in alike for step in range(-NEAR, NEAR + 1) if 0 <= d + step <= most})
-    found = {}
-    for d in near:
-        try:
-            found[d] = -2 * OutputErrorML(2, 1, delay=d).fit(records).log_likelihood
-        except EstimableError:
-            continue
+    found = _likelihoods(records, near)
     if not found:
         return alike[0], alike
     least = min(found.values())
     return min(found, key=lambda d: found[d]), tuple(d for d, value in found.items() if value - least < WITHIN)
+
+
+def _likelihoods(records: Sequence[Record], delays: Sequence[int]) -> dict[int, float]:
+    """-2 log L of an output-error model with each delay for which it can be fitted."""
+    found = {}
+    for d in delays:
+        try:
+            found[d] = -2 * OutputErrorML(2, 1, delay=d).fit(records).log_likelihood
+        except EstimableError:
+            continue
+    return found

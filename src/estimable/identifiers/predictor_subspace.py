@@ -120,4 +120,9 @@ class PredictorSubspace(Identifier):
                 f"{2 * (past + ahead) * q} windows of {past + ahead} complete rows. Lower the order or `past`, or use "
                 "PredictionError."
             )
-        return sizes, kernel.METHODS[self.weighting](sizes.whole, sizes, self.order)
+        found = kernel.METHODS[self.weighting](sizes.whole, sizes, self.order)
+        if len(found.A) < self.order:
+            checks.refuse(
+                f"the record shows {checks.counted(len(found.A), 'state')}, and `order` is {self.order}: lower it."
+            )
+        return sizes, found
