@@ -202,9 +202,10 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
     start, alone = starts(question)
     steps, sigma, open_, until = [], [], [], None
     belief, prior = start, alone
+    ahead, ahead_alone = _Ahead(powers, start, seen=True), _Ahead(powers, alone, seen=False)
     with np.errstate(over="ignore", invalid="ignore"):
         for k in grid(last):
-            new, new_prior = powers.after(start, k), powers.after(alone, k, seen=False)
+            new, new_prior = ahead(k), ahead_alone(k)
             if not all(np.all(np.isfinite(part)) for part in new):
                 until = steps[-1]
                 break
@@ -219,9 +220,37 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
     return Spreads(steps, σ, σ0, belief, prior, settled, limit, hidden, until)
 
 
+class _Ahead:
+    """A start, followed to the steps of `grid` in turn: from the last power of two, and no further once it is forgotten."""
+
+    def __init__(self, powers: "Powers", start: Element, *, seen: bool):
+        self.powers, self.start, self.seen = powers, start, seen
+        self.belief, self.power, self.exponent, self.over = start, start, -1, False
+
+    def __call__(self, k: int) -> Element:
+        """After k steps."""
+        j = k.bit_length() - 1
+        if k == 0 or self.over:
+            return self.belief
+        if k == 2**j:
+            one = self.powers.at(j, seen=self.seen)
+            self.belief = self.power = el.then(self.start, one)
+            self.exponent, self.over = j, _without_past(one)
+        elif k == 3 * 2 ** (j - 1) and self.exponent == j:
+            self.belief = el.then(self.power, self.powers.at(j - 1, seen=self.seen))
+        else:
+            self.belief = self.powers.after(self.start, k, seen=self.seen)
+        return self.belief
+
+
 def _forgotten(powers: Powers, k: int) -> bool:
     """Whether a start has no effect after k steps, a power of two."""
-    return k > 0 and bool(np.abs(powers.at(k.bit_length() - 1).Φ).max(initial=0.0) < FORGOTTEN)
+    return k > 0 and _without_past(powers.at(k.bit_length() - 1))
+
+
+def _without_past(one: Element) -> bool:
+    """Whether what came before an element changes no sigma after it."""
+    return bool(np.all(np.abs(one.Φ).max(axis=1, initial=0.0) <= FORGOTTEN * lengths(one.S)))
 
 
 def limits(σ: Real, steps: list[int], last: int | None) -> tuple[Real, Real]:
