@@ -209,10 +209,10 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
             if not all(np.all(np.isfinite(part)) for part in new):
                 until = steps[-1]
                 break
+            sigma.append(sigma[-1] if new is belief and sigma else sigma_of(new, question.H))
+            open_.append(open_[-1] if new_prior is prior and open_ else sigma_of(new_prior, question.H))
             belief, prior = new, new_prior
             steps.append(k)
-            sigma.append(sigma_of(belief, question.H))
-            open_.append(sigma_of(prior, question.H))
             if last is None and (k == enough or (enough is None and k & (k - 1) == 0 and _forgotten(powers, k))):
                 break
     σ, σ0 = np.array(sigma), np.array(open_)

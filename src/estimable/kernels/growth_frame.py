@@ -19,12 +19,19 @@ def growth_frame(A: Float[Real, "n n"], *, continuous: bool = False) -> tuple[Re
     lapack: Any = scipy.linalg.lapack
 
     T, Q = scipy.linalg.schur(A, output="real")[:2]
-    done = 0
+    left, done = list(growths(T, continuous=continuous).items()), 0
     while done < len(A):
-        sizes = {i: size for i, size in growths(T, continuous=continuous).items() if i >= done}
-        largest = max(sizes, key=lambda i: sizes[i])
-        T, Q, _ = lapack.dtrexc(T, Q, largest + 1, done + 1)
-        done += 2 if done + 1 < len(A) and T[done + 1, done] != 0 else 1
+        starts = [i for i, _ in left]
+        widths = np.diff([*starts, len(A)])
+        largest = max(range(len(left)), key=lambda i: left[i][1])
+        T, Q, _ = lapack.dtrexc(T, Q, starts[largest] + 1, done + 1)
+        width = int(widths[largest])
+        done += width
+        if width == 2 and T[done - 1, done - 2] == 0:                        # a pair that has split
+            done -= 2
+            left = [(i, size) for i, size in growths(T, continuous=continuous).items() if i >= done]
+            continue
+        left = [(i + width if i < starts[largest] else i, size) for i, size in left if i != starts[largest]]
     return Q, T
 
 

@@ -144,7 +144,7 @@ def state_error(E: Element) -> StateError:
     size = np.linalg.norm(E.Z, axis=0)
     size = np.where(size > 0, size, 1.0)
     Q, T = np.linalg.qr(E.Z / size) if E.Z.size else (E.Z[:, :0], E.Z[:0])
-    determined = len(T) == r and (r == 0 or np.linalg.svd(T, compute_uv=False)[-1] > NULL)
+    determined = len(T) == r and (r == 0 or _regular(T))
     if determined:
         back, N = _right(np.eye(r), T) / size[:, None], np.zeros((n, 0))
     else:
@@ -154,6 +154,14 @@ def state_error(E: Element) -> StateError:
         V = Vt.T / size[:, None]
         Q, back, N = Q @ U[:, : np.count_nonzero(seen)], V[:, seen] / σ[seen], E.Φ @ V[:, ~seen]
     return StateError(np.hstack([E.S, E.Φ @ back]), N, back @ Q.T)
+
+
+def _regular(T: Real) -> bool:
+    """Whether no singular value of a triangle is null: by the estimate of its condition, else by all singular values."""
+    import scipy.linalg
+
+    lapack: Any = scipy.linalg.lapack
+    return bool(lapack.dtrcon(T)[0] > 1e3 * NULL) or bool(np.linalg.svd(T, compute_uv=False)[-1] > NULL)
 
 
 def share(E: Element, source: Source, inverse: Float[Real, "r z"], H: Float[Real, "q n"]) -> Float[Real, " q"]:
