@@ -202,7 +202,7 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
     start, alone = starts(question)
     steps, sigma, open_, until = [], [], [], None
     belief, prior = start, alone
-    ahead, ahead_alone = _Ahead(powers, start, seen=True), _Ahead(powers, alone, seen=False)
+    ahead, ahead_alone = _Followed(powers, start, seen=True), _Followed(powers, alone, seen=False)
     with np.errstate(over="ignore", invalid="ignore"):
         for k in grid(last):
             new, new_prior = ahead(k), ahead_alone(k)
@@ -220,7 +220,7 @@ def _octaves(question: Question, h: float, last: int | None, hidden: Real, *, en
     return Spreads(steps, σ, σ0, belief, prior, settled, limit, hidden, until)
 
 
-class _Ahead:
+class _Followed:
     """A start, followed to the steps of `grid` in turn: from the last power of two, and no further once it is forgotten."""
 
     def __init__(self, powers: "Powers", start: Element, *, seen: bool):
