@@ -7,7 +7,6 @@ from scipy.linalg import expm
 
 import estimable as es
 from estimable.frozen import replace
-from estimable.identifiers.output_error_ml import OutputErrorML
 
 STEP, TIME, GAIN, NOISE, ROWS = 0.1, 0.5, 3.0, 0.02, 800
 POLE = np.exp(-STEP / TIME)
@@ -58,7 +57,7 @@ def errors(draws, scatter, grid, first=0):
         record = drawn(seed, scatter)
         if grid:
             record = replace(record, t=STEP * np.arange(ROWS), dt=STEP)
-        fit = es.identify(OutputErrorML(1, 0, delay=1), record)
+        fit = es.identify(es.OutputErrorML(1, 0, delay=1), record)
         pole = np.exp(-fit.model.dt / TIME)  # of the median step
         found.append((fit.parameters - [-pole, GAIN * (1 - pole)]) / fit.sigma)
     return np.array(found)
@@ -73,7 +72,7 @@ def main():
         z = [np.sqrt(np.mean(errors(draws, scatter, grid) ** 2, axis=0)) for grid in (True, False)]
         print(f"stamps within ±{scatter} of a step: rms z on a grid {z[0].round(2)}, at the stamps {z[1].round(2)}")
     pairs = [second_order(seed) for seed in range(draws)]
-    fits = [es.identify(OutputErrorML(2, 1, delay=1), record) for record, _ in pairs]
+    fits = [es.identify(es.OutputErrorML(2, 1, delay=1), record) for record, _ in pairs]
     z = np.array([(fit.parameters - truth) / fit.sigma for fit, (_, truth) in zip(fits, pairs, strict=True)])
     print(f"second order, stamps of a Poisson process: rms z {np.sqrt(np.mean(z**2, axis=0)).round(2)}")
 

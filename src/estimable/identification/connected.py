@@ -73,7 +73,7 @@ def stamped(method: OutputErrorML, records: Sequence[Record]) -> Connected:
     step = nominal_step(parts)
     scatter = float(np.std(np.concatenate([np.diff(one.t) for one in parts]))) / step
     sentence = (
-        "Stamps: they are multiples of no step, and the model is fitted to them as they are: its coefficients are those for "
+        "Stamps: they scatter about every grid, and the model is fitted to them as they are: its coefficients are those for "
         f"steps of {step:.6g} s, from which the steps differ by {scatter:.2g} (rms, of a step)."
     )
     anywhere = _from_any_state(method) if len(parts) > len(records) else method
