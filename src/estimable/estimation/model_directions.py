@@ -83,7 +83,7 @@ def _directions(model: StateSpace, blocks: np.ndarray, since: str | None) -> Any
     if since is not None:
         driven = _ever((blocks != 0).any(axis=(-3, -1)))
         yield from (
-            Direction(f"offset of d{x[i]}/dt from {since} on", "late offset", (i,)) for i in np.flatnonzero(driven)
+            Direction(f"offset of d{x[i]}/dt from {since} on", "late offset", (int(i),)) for i in np.flatnonzero(driven)
         )
 
 

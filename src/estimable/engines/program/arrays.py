@@ -110,7 +110,7 @@ class _ArrayLine:
 
     def run(self, jaxpr: Jaxpr, consts: Sequence[Array], arguments: list[int]) -> list[int]:
         """Names of the outputs of a jaxpr."""
-        known = dict(zip(jaxpr.invars, arguments, strict=True))
+        known: dict[Atom, int] = dict(zip(jaxpr.invars, arguments, strict=True))
         known |= {var: self.constant(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Atom):

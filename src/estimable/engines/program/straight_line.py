@@ -143,7 +143,7 @@ class _ScalarLine:
 
     def run(self, jaxpr: Jaxpr, consts: Sequence[Array], arguments: list[np.ndarray]) -> list[np.ndarray]:
         """Names of the outputs of a jaxpr."""
-        names = dict(zip(jaxpr.invars, arguments, strict=True))
+        names: dict[Atom, np.ndarray] = dict(zip(jaxpr.invars, arguments, strict=True))
         names |= {var: self.constants(value) for var, value in zip(jaxpr.constvars, consts, strict=True)}
 
         def read(atom: Atom):
