@@ -64,6 +64,11 @@ SLOW = {
         "test_wrong_calls_end_with_a_sentence",
         "test_wrong_command_lines_end_with_a_sentence",
     ),
+    "identification/test_closed_loops.py": ("test_poles_found_in_a_loop_are_not_biased",),
+    "identification/test_held_out.py": (
+        "test_equal_models_are_alike_on_whole_records_and_another_input_explains_nothing",
+        "test_two_halves_of_a_sweep_are_said_to_be_unlike_and_a_second_sweep_judges",
+    ),
     "identifiers/test_adaptive_identification.py": (
         "test_the_likelihood_has_its_peak_where_the_refinement_ends_and_its_curvature_is_the_information",
     ),
