@@ -116,6 +116,15 @@ def test_a_gain_that_jumps_is_no_fault_of_the_model():
     assert judged(records[0]).word == "do not use"  # of a constant gain
 
 
+def test_a_limit_that_the_log_does_not_show_has_a_name():
+    """The gain takes a part of it: what is left of the effect depends on the size of the input."""
+    u = np.sin(0.13 * np.arange(T))[:, None] * (1 + np.sin(0.031 * np.arange(T)))[:, None]
+    found = judged(replace(drawn(u=np.clip(u, -0.7, 0.7)), u=u))
+    assert found.word == "do not use"
+    assert found.suspects[0].direction.name == "limit of e"
+    assert "a limit of e (beyond half of its range" in found.sentence
+
+
 def test_an_offset_that_begins_in_mid_record_has_a_name_though_it_looks_like_a_jump(monkeypatch):
     """The detector takes it for a fall of the gain to about zero: the printed gain is off by many of its standard deviations."""
     record = drawn(u=0.2 * U)

@@ -1,8 +1,8 @@
 """Directions in which a linear model may be wrong, as small numbers that are zero in the model itself.
 
-Entries of A and of B by their relative error, a delay of each input, an offset of each state equation and of each sensor, and an
-offset of each driven state equation that begins in mid-record. Delay and offsets enter as further inputs, (u[k] - u[k-1]) / dt,
-1, and a step, whose columns are the numbers.
+Entries of A and of B by their relative error, a delay of each input, an offset of each state equation and of each sensor, an
+offset of each driven state equation that begins in mid-record, and a limit of each input. Delay, offsets and limits enter as
+further inputs, whose columns are the numbers: (u[k] - u[k-1]) / dt, 1, a step, and the part of u beyond half of its range.
 """
 
 from typing import Any, NamedTuple
@@ -36,12 +36,13 @@ class Directions(NamedTuple):
         return self.model.B.shape[-1] // self.blocks
 
     def moved(self, θ: np.ndarray) -> StateSpace:
-        """The model with θ (d,), which may be complex, and its further inputs: a delay for each input, a constant, and a step."""
+        """The model with θ (d,), which may be complex, and its further inputs."""
         model, m = self.model, self.inputs
         A, B, D = model.A, _of_blocks(model.B, self.blocks, m), _of_blocks(model.D, self.blocks, m)
         end = None if model.B_end is None else _of_blocks(model.B_end, self.blocks, m)
         late, constant = np.zeros((*B.shape[:-1], m), θ.dtype), np.zeros((*B.shape[:-1], 2), θ.dtype)
         level = np.zeros((*D.shape[:-1], m + 2), θ.dtype)
+        beyond, beyond_end, beyond_now = 0 * late, 0 * late, np.zeros((*D.shape[:-1], m), θ.dtype)
         for by, one in zip(θ, self.found, strict=True):
             if one.kind == "A":
                 A = A * _scaled(A.shape[-2:], one.at, by)
@@ -52,6 +53,10 @@ class Directions(NamedTuple):
                 j = one.at[0]
                 late[..., j] = late[..., j] - by * (B[..., j] if end is None else B[..., j] + end[..., j])
                 level[..., j] = level[..., j] - by * D[..., j]
+            elif one.kind == "limit":
+                j = one.at[0]
+                beyond[..., j], beyond_now[..., j] = -by * B[..., j], -by * D[..., j]
+                beyond_end[..., j] = 0 if end is None else -by * end[..., j]
             elif one.kind == "state offset":
                 constant[..., 0, one.at[0], 0] += by
             elif one.kind == "late offset":
@@ -59,10 +64,10 @@ class Directions(NamedTuple):
             else:
                 level[..., 0, one.at[0], m] += by
         point = point_of(model)
-        inputs = np.concatenate([point.inputs[..., :m], np.zeros((*point.inputs.shape[:-1], m + 2))], axis=-1)
+        inputs = np.concatenate([point.inputs[..., :m], np.zeros((*point.inputs.shape[:-1], 2 * m + 2))], axis=-1)
         return replace(
-            model, A=A, B=_side_by_side([B, late, constant]), D=_side_by_side([D, level]),
-            B_end=None if end is None else _side_by_side([end, 0 * late, 0 * constant]),
+            model, A=A, B=_side_by_side([B, late, constant, beyond]), D=_side_by_side([D, level, beyond_now]),
+            B_end=None if end is None else _side_by_side([end, 0 * late, 0 * constant, beyond_end]),
             operating_point=OperatingPoint(point.states, inputs, point.outputs),
         )  # fmt: skip
 
@@ -78,6 +83,7 @@ def _directions(model: StateSpace, blocks: np.ndarray, since: str | None) -> Any
         if np.any(blocks[..., i, j]):
             yield Direction(f"B[{x[i]}, {u[j]}]", "B", (i, j))
     yield from (Direction(f"delay of {u[j]}", "delay", (j,)) for j in range(model.m))
+    yield from (Direction(f"limit of {u[j]}", "limit", (j,)) for j in range(model.m))
     yield from (Direction(f"offset of d{x[i]}/dt", "state offset", (i,)) for i in range(model.n) if not shaped[i])
     yield from (Direction(f"offset of {y[i]}", "sensor offset", (i,)) for i in range(model.p))
     if since is not None:
@@ -118,13 +124,18 @@ def _scaled(shape: tuple[int, ...], at: tuple[int, ...], by: complex) -> np.ndar
 
 
 def with_further_inputs(samples: Sample, intervals: Interval, hold: str, begin: int | None) -> tuple[Sample, Interval]:
-    """The rows with the rate of each input, a constant, and a step at row `begin` (None: 0 in every row) as inputs."""
+    """The rows with further inputs: the rate of each input, a constant, a step at row `begin` (None: 0 in every row), and the
+    part of each input beyond half of its range."""
     u, dt = intervals.u, np.asarray(intervals.dt)[:, None]
     moved = intervals.u_end - u if hold == "first_order" else np.diff(u, axis=0, prepend=u[:1])
-    start = end = np.divide(moved, dt, out=np.zeros_like(moved), where=dt > 0)
+    rate = np.divide(moved, dt, out=np.zeros_like(moved), where=dt > 0)
     step = np.zeros(len(u)) if begin is None else np.arange(len(u)) >= begin
     constant = np.stack([np.ones(len(u)), step], axis=1)
-    before = np.concatenate([u, start, constant], axis=1)
-    after = np.concatenate([intervals.u_end, end, constant], axis=1)
-    seen = np.concatenate([samples.u, start, constant], axis=1)
-    return replace(samples, u=seen), replace(intervals, u=before, u_end=after)
+    low, high = np.nanmin(u, axis=0), np.nanmax(u, axis=0)
+    middle, half = (low + high) / 2, (high - low) / 4
+
+    def wider(values: np.ndarray) -> np.ndarray:
+        beyond = values - np.clip(values, middle - half, middle + half)
+        return np.concatenate([values, rate, constant, beyond], axis=1)
+
+    return replace(samples, u=wider(samples.u)), replace(intervals, u=wider(u), u_end=wider(intervals.u_end))

@@ -12,8 +12,9 @@ class Direction(NamedTuple):
     """A way in which a model may be wrong.
 
     - `name`: such as "A[q, alpha]", "delay of elevator", "offset of dq/dt" or "offset of alpha".
-    - `kind`: "A", "B" (both in parts of the entry), "delay" (seconds), "state offset", "late offset" (of a state equation, from
-      the first detected change on) or "sensor offset" (units of the channel).
+    - `kind`: "A", "B" (both in parts of the entry), "delay" (seconds), "limit" (the lost part of an input beyond half of its
+      range), "state offset", "late offset" (of a state equation, from the first detected change on) or "sensor offset" (units of
+      the channel).
     - `at`: the indices of its channels.
     """
 
@@ -27,6 +28,8 @@ class Direction(NamedTuple):
             return f"{self.name} wrong by {100 * size:+.2g} ± {100 * sigma:.2g} %"
         if self.kind == "delay":
             return f"a {self.name} of {1e3 * size:+.3g} ± {1e3 * sigma:.2g} ms"
+        if self.kind == "limit":
+            return f"a {self.name} (beyond half of its range, {100 * size:.2g} ± {100 * sigma:.2g} % of the effect is lost)"
         return f"an {self.name} of {size:+.3g} ± {sigma:.2g}"
 
 
