@@ -6,8 +6,8 @@ import numpy as np
 
 import estimable as es
 from benchmarks.figures.f16_loop import GAIN, START, covered, fly, gains, model, rms, standing
+from estimable.filters.mixture import SHARES, WALKS
 
-WALKS, PROBABILITY = (0.0, 3e-4, 3e-3), (0.8, 0.1, 0.1)
 KEPT = 100  # flights in memory at a time
 GRAIN = 500  # steps of a drift, per unit of gain
 
@@ -35,7 +35,7 @@ def detector(walk=0.0, **settings):
 
 def mixture():
     """The detectors of three walks."""
-    return es.Mixture([detector(walk) for walk in WALKS], probability=PROBABILITY)
+    return es.Mixture([detector(walk) for walk in WALKS], probability=SHARES)
 
 
 def figure(draws, cases=CASES, amp=3.0, seed=1):

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 import estimable as es
-from estimable.estimation.assess_gain import RELATIVE, SHARES, WALKS
+from estimable.estimation.assess_gain import RELATIVE
+from estimable.filters.mixture import SHARES, WALKS
 from estimable.frozen import replace
 from estimable.plants import f16
 

@@ -12,7 +12,7 @@ from .filters.extended_kalman import ExtendedKalman
 from .filters.fixed_gain import FixedGain
 from .filters.gated import Gated
 from .filters.kalman_filter import Kalman
-from .filters.mixture import Mixture
+from .filters.mixture import SHARES, WALKS, Mixture
 from .filters.moving_window import MovingWindow
 from .filters.second_order_kalman import SecondOrderKalman
 from .filters.smoothed import Smoothed
@@ -55,10 +55,6 @@ class Entry(NamedTuple):
 
 
 NONLINEAR = ("extended-kalman", "second-order-kalman", "unscented-kalman")
-WALKS, WALK_PROBABILITY = (
-    (0.0, 3e-4, 3e-3),
-    (0.8, 0.1, 0.1),
-)  # of the gain: variances per second in a mixture, and their priors
 GAINS = ("unknown-gain", "change-detection", "moving-window", "bounded", "gated", "smoothed", "mixture", *NONLINEAR)
 
 ENTRIES = (
@@ -263,7 +259,7 @@ def _wrapper(built: Entry, wraps: str, file: ModelFile, settings: dict[str, Any]
     """A wrapper around the algorithm `wraps`; a mixture of those with several walks, unless a walk is given."""
     if built.cls is Mixture:
         walks = [settings.pop("walk")] if "walk" in settings else WALKS
-        own = {"probability": settings.pop("probability", WALK_PROBABILITY if len(walks) > 1 else None)}
+        own = {"probability": settings.pop("probability", SHARES if len(walks) > 1 else None)}
         return Mixture([build(wraps, file, **{**settings, "walk": walk}) for walk in walks], **own)
     own = {key: settings.pop(key) for key in settings_of(built.cls) if key in settings}
     return built.cls(build(wraps, file, **settings), **{**built.settings, **own})

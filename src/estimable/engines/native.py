@@ -43,12 +43,16 @@ def scan_bank(
     try:
         written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select)
     except UnsupportedError:
-        from .large import large_step  # with operations on arrays, which most models do not need
-
-        shapes = example(algorithm, prior, samples, intervals, axes)
-        return large_step(*shapes, keep, select, _seldom_changes(rows)).run(size, words(fixed), rows)
+        return _of_arrays(example(algorithm, prior, samples, intervals, axes), keep, select, size, fixed, rows)
     step = compiled_step(written, keep, LANES if size > 1 else 1, _seldom_changes(rows))
     return step.run(size, words(fixed), words(rows))
+
+
+def _of_arrays(shapes: tuple, keep: str, select: Select, size: int, fixed: list, rows: list) -> Run:
+    """The run of a step with operations on arrays, which most models do not need."""
+    from .large import large_step
+
+    return large_step(*shapes, keep, select, _seldom_changes(rows)).run(size, words(fixed), rows)
 
 
 def scan_in_blocks(
@@ -69,7 +73,12 @@ def scan_in_blocks(
     algorithm, samples, intervals, axes = laid_out(algorithm, samples, intervals, axes)
     size, fixed, rows = batch(algorithm, prior, samples, intervals, axes)
     zeros = zero_arrays(algorithm, axes[0])
-    written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select, zeros=zeros)
+    try:
+        written = write(algorithm, prior, samples, intervals, axes=axes, keep=keep, select=select, zeros=zeros)
+    except UnsupportedError:
+        run = _of_arrays(example(algorithm, prior, samples, intervals, axes), keep, select, size, fixed, rows)
+        use(run.info, 0)
+        return run._replace(info=None)
     step = compiled_step(written, keep, LANES, _seldom_changes(rows))
     at_once = max(1, BLOCK // (size * int(sizes(step.kept)[-1])))
     return step.run_in_blocks(size, words(fixed), words(rows), at_once, use)

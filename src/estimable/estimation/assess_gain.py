@@ -9,7 +9,7 @@ from ..data.record import Record
 from ..diagnostics import changes, gain_rows
 from ..errors import EstimableError
 from ..filters.change_detection import ChangeDetection
-from ..filters.mixture import Mixture
+from ..filters.mixture import SHARES, WALKS, Mixture
 from ..filters.unknown_gain import UnknownGain
 from ..frozen import replace
 from ..models import gain_blocks
@@ -24,7 +24,6 @@ from .estimate_mixture import estimate_mixture
 from .fit_noise import fit_noise
 from .trust import trust
 
-WALKS, SHARES = (0.0, 3e-4, 3e-3), (0.8, 0.1, 0.1)  # variances of the gain per second, and their prior probabilities
 OFFSET = 0.05  # of the range of an input, times |B|: standard deviation of an offset of a state equation
 FEWEST = 100  # rows to fit the noise to
 PERSISTENCE = 15.0  # of the process noise, in the search for the part before a change

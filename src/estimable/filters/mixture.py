@@ -18,6 +18,7 @@ from ..protocols import Algorithm
 from ..results import Info, Interval, Names, Sample
 from . import wrapped
 
+WALKS, SHARES = (0.0, 3e-4, 3e-3), (0.7, 0.2, 0.1)  # of a gain that may drift: variances per second, and their priors
 LARGE = 300  # numbers of a member from which a loop over the members compiles faster than each by itself
 OF_THE_FIRST = ("statistic", "alarm", "onset", "onset_sigma", "jump", "jumped", "gain_diffuse_covariance")
 
