@@ -41,7 +41,8 @@ def _facts(run: FilterRun, summary: GainSummary) -> Any:
     """The main numbers of one gain."""
     from ..report import Fact
 
-    if len(summary.names) > 1:
+    name, *others = summary.names
+    if others:
         return
     lost = run.algorithm.innermost.gain_is_effectiveness
     for change in summary.changes:
@@ -50,7 +51,7 @@ def _facts(run: FilterRun, summary: GainSummary) -> Any:
                 f"{_of(change.gain)} changed at", f"{change.onset_s:.4g} s", f"detected at {change.detected_at_s:.4g} s"
             )
     for word, at in (("before", summary.before), ("after", summary.after)):
-        yield Fact(f"{_of(summary.names[0])} {word}", _spread(at), _when(at))
+        yield Fact(f"{_of(name)} {word}", _spread(at), _when(at))
     if lost:
         gain, spread = float(summary.after.mean[0]), 2 * float(summary.after.sigma[0])
         yield Fact("Effectiveness lost", spread_of(100 * (1 - gain), 100 * spread) + " %", _when(summary.after))

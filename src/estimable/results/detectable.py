@@ -1,3 +1,4 @@
+# pyright: reportMissingTypeStubs=false
 """The smallest loss that a record would have shown: the result of `detectable_loss`."""
 
 from typing import Any, NamedTuple
