@@ -28,10 +28,10 @@ def _driven(T, channels, missing):
 
 
 def output_error(name, T):
-    """OutputErrorML(2, 1, delay=1); the error is the largest of a parameter, in our standard errors."""
+    """OutputErrorML(2, 1, delay=1), without a level; the error is the largest of a parameter, in our standard errors."""
     plant = OutputError([-1.5, 0.7], [1.0, 0.5], delay=1, noise_variance=0.1, dt=1)
     record = simulate(plant, np.random.default_rng(5).normal(size=T), seed=6).record
-    seconds, first, fit = best(lambda: identify(OutputErrorML(2, 1, delay=1), record), 9)
+    seconds, first, fit = best(lambda: identify(OutputErrorML(2, 1, delay=1, level="none", initial="rest"), record), 9)
     yield row(name, "estimable OutputErrorML", seconds, first, 0.0)
     seconds, first, found = best(lambda: _differences(record), 9)
     error = float(np.abs((found - fit.parameters) / fit.sigma).max())

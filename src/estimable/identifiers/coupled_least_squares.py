@@ -15,7 +15,7 @@ from ..kernels.tangents import Dynamics, root
 from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Fit
-from .least_squares import LeastSquares
+from .least_squares import NOT_THE_PLANT, LeastSquares
 from .standing import validation_of
 
 
@@ -82,7 +82,7 @@ class CoupledLeastSquares(Identifier):
         known = not free.shape[1] and len(root(covariance).T) > 0
         extra = {"tangents": self._tangents(first, θ, Σ, covariance)} if known else {}
         return Fit(
-            model, θ.ravel(), covariance, names, validation_of(model, records, [excitation]), None, None,
+            model, θ.ravel(), covariance, names, validation_of(model, records, [excitation], NOT_THE_PLANT), None, None,
             free if free.shape[1] else None, method=type(self).__name__, extra=extra,
         )  # fmt: skip
 
