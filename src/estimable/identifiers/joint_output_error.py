@@ -247,7 +247,7 @@ class JointOutputError(Anticipating[JointBelief]):
             after = replace(after, weights=jnp.maximum(weights - _log_sum(weights), LIGHTEST))
         return after, (e, S, jnp.where(seen, y, mean), alarmed, _log_sum(belief.weights + likelihood))
 
-    def _ahead(self, belief: JointBelief, window: Array, arrivals: tuple[Array, Array] | None) -> "_Ahead":
+    def _ahead(self, belief: JointBelief, window: Array, arrivals: tuple[Array, Array] | None) -> "_NextOutput":
         """The prediction of one member."""
         nx, nv = self._sizes
         v, Z = belief.inputs, belief.factor
@@ -258,10 +258,10 @@ class JointOutputError(Anticipating[JointBelief]):
             V = jnp.concatenate([V, noise], axis=1)
             window = recursive.delayed(v, self.model.m, self.delay)
         φ = jnp.concatenate([-belief.outputs[: self.na], window])
-        return _Ahead(*self._moments(belief.parameters, φ, Θ, X, V), φ, v, X, V, Θ)
+        return _NextOutput(*self._moments(belief.parameters, φ, Θ, X, V), φ, v, X, V, Θ)
 
     def _taught(
-        self, belief: JointBelief, ahead: "_Ahead", alarmed: Array, y: Array, seen: Array, r: Array, J: Array
+        self, belief: JointBelief, ahead: "_NextOutput", alarmed: Array, y: Array, seen: Array, r: Array, J: Array
     ) -> tuple[JointBelief, Array]:
         """One member after a datum, and its log-likelihood."""
         nx, nv = self._sizes
@@ -315,7 +315,7 @@ class JointOutputError(Anticipating[JointBelief]):
         return replace(state, lags=shifted)
 
 
-class _Ahead(NamedTuple):
+class _NextOutput(NamedTuple):
     """The moments of one member's next output, and what they were made of."""
 
     x: Array
