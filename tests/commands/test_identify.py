@@ -200,3 +200,16 @@ def test_a_closed_loop_is_said_and_may_be_accepted(run, tmp_path):
     assert "it was made in a closed loop" in told["verdict"]
     assert {one["method"] for one in told["methods"]} == {"PredictionError", "PredictorSubspace"}
     assert run("identify", "loop.csv", "--feedback", "perhaps").code == 2
+
+
+def test_other_parameters_that_fit_as_well_are_in_the_json(run, tmp_path):
+    g = np.random.default_rng(0)
+    u, x, rows = np.repeat(g.normal(size=300), 2), 0.0, []
+    for k in range(600):
+        rows.append(f"{u[k]:.6f}," + (f"{x + 0.1 * g.normal():.6f}" if k % 2 == 0 else ""))
+        x = 0.8 * x + 0.5 * u[k]
+    (tmp_path / "rates.csv").write_text("u,y\n" + "\n".join(rows) + "\n")
+    told = run("identify", "rates.csv", "--set", "na=1", "--set", "nb=0", "--set", "delay=1", "--json").json
+    assert len(told["rivals"]) == 1
+    assert set(told["rivals"][0]) == {"a1", "b0"}
+    assert told["verdict"].startswith("The model fails the check")

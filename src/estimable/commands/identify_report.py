@@ -146,12 +146,13 @@ def as_data(run: Identified) -> dict[str, Any]:
 
 
 def checks_of(fit: Fit) -> dict[str, Any]:
-    """The checks of a fit, and the tests of single assumptions, as JSON."""
-    found = fit.validation
-    return {
+    """The checks of a fit, the tests of single assumptions, and other parameters that fit as well, as JSON."""
+    found, others = fit.validation, () if fit.rivals is None else fit.rivals
+    tests = {
         name: [check._asdict() | {"passed": bool(check.passed)} for check in each]
         for name, each in (("checks", found.checks), ("scores", found.scores))
     }
+    return {**tests, "rivals": [dict(zip(fit.names, map(float, one), strict=True)) for one in others]}
 
 
 def as_text(run: Identified) -> list[Any]:

@@ -24,6 +24,20 @@ def shown(fit: float) -> str:
     return f"{fit:.1f} %" if fit > FARTHEST else "diverged"
 
 
+def _doubts_of(label: str, fit: Fit) -> list[str]:
+    """What a fit leaves open: failed checks, other parameters, and a sigma that is not the usual one."""
+    doubts: list[str] = []
+    checks = {} if fit.validation is None else {check.name: check for check in fit.validation.checks}
+    failed = [name for name, check in checks.items() if not check.passed]
+    if failed:
+        doubts.append(f"{label} fails the {'check' if len(failed) == 1 else 'checks'} {', '.join(failed)}")
+    if fit.rivals is not None and len(fit.rivals):
+        doubts.append(f"other parameters fit as well ({len(fit.rivals)} found)")
+    if "sigma" in checks and not 1 / LARGER < (factor := checks["sigma"].value) < LARGER:
+        doubts.append(f"sigma is {factor:.2g} times the white one")
+    return doubts
+
+
 @saved
 class Ranked(NamedTuple):
     """One method of a comparison, with its fit to the first part of the records and its results on the held-out part.
@@ -162,15 +176,7 @@ class Comparison(NamedTuple):
             doubts.append("it may be a closed loop")
         if late is not None and late.at_edge:
             doubts.append("the dead time is at the edge of the search")
-        if best is None or best.fit is None:
-            return doubts
-        checks = {} if best.fit.validation is None else {check.name: check for check in best.fit.validation.checks}
-        failed = [name for name, check in checks.items() if not check.passed]
-        if failed:
-            doubts.append(f"{best.label} fails the {'check' if len(failed) == 1 else 'checks'} {', '.join(failed)}")
-        if "sigma" in checks and not 1 / LARGER < (factor := checks["sigma"].value) < LARGER:
-            doubts.append(f"sigma is {factor:.2g} times the white one")
-        return doubts
+        return doubts if best is None or best.fit is None else doubts + _doubts_of(best.label, best.fit)
 
     @property
     def orders(self) -> dict[int, list[str]]:
