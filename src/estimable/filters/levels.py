@@ -49,7 +49,7 @@ def weigh(s: Belief, levels: Array, layout: Layout) -> tuple[Belief, dict, Any]:
     exactly = Measurement(jnp.eye(len(prior.m))[at], jnp.zeros(d), jnp.zeros((d, d)))
     seen = jnp.broadcast_to(determined, (d,))
     posts = [correct(prior, exactly, level, seen) for level in levels]
-    m = sum(w[i] * post.state.m for i, post in enumerate(posts))
+    m = jnp.sum(jnp.stack([w[i] * post.state.m for i, post in enumerate(posts)]), axis=0)
     apart = jnp.stack([jnp.sqrt(w[i]) * (post.state.m - m) for i, post in enumerate(posts)], axis=1)
     post = posts[0]
     Z, X = triangularise(jnp.concatenate([post.state.Z, apart], axis=1)), post.state.X

@@ -158,7 +158,7 @@ class JointOutputError(Anticipating[JointBelief]):
         if self.prior is not None or self.na == 0:
             return mean[:, None], P[:, None]
         pairs = np.array(PAIRS if self.na > 1 else [(pole, 0.0) for pole in POLES])
-        a = np.column_stack([-pairs.sum(axis=1), pairs.prod(axis=1)]).real[:, : self.na]
+        a = np.real(np.column_stack([-pairs.sum(axis=1), pairs.prod(axis=1)]))[:, : self.na]
         centre = np.zeros((len(a), mean.shape[1]))
         centre[:, : a.shape[1]] = a
         variance = np.concatenate([np.full(self.na, AROUND**2), np.full(mean.shape[1] - self.na, recursive.VAGUE)])

@@ -72,10 +72,10 @@ def losses(e: np.ndarray, S: np.ndarray) -> Losses | None:
     if not np.std(S) > 1e-6 * max(float(np.mean(S)), np.finfo(float).tiny):
         return None
     X, weight = np.column_stack([S, np.ones(len(S))]), np.ones(len(S))
-    for _ in range(ROUNDS):
+    found = regress(X, e**2)
+    for _ in range(ROUNDS - 1):
+        weight = 1 / np.maximum(X @ found.θ, 0.1 * np.mean(e**2))
         found = regress(X * weight[:, None], e**2 * weight)
-        mean = X @ found.θ
-        weight = 1 / np.maximum(mean, 0.1 * np.mean(e**2))
     left = (e**2 - X @ found.θ) * weight
     terms = (X * weight[:, None] * left[:, None]) @ found.inverse[0]
     return Losses(float(found.θ[0]), float(np.sqrt(len(terms) * long_run(terms))))

@@ -39,16 +39,14 @@ def continuous_matrices(
         )
     F = np.real(np.asarray(logm(A))) / h
     n = len(A)
-    _, Γ, ramp, _ = over(F, np.eye(n), np.zeros((n, n)), h, hold=hold)
+    _, Γ, later, _ = over(F, np.eye(n), np.zeros((n, n)), h, hold=hold)
+    ramp = np.zeros((n, n)) if later is None else later
     if hold == "zero_order":
         return F, np.linalg.solve(Γ, B), np.zeros((n, n))
     if B_end is not None and np.any(B_end):
         return F, np.linalg.solve(Γ + ramp, B + B_end), np.zeros((n, n))
-    return (
-        F,
-        np.linalg.solve(Γ + A @ ramp, B),
-        ramp,
-    )  # with ξ = x - B_end u, u[k] enters ξ[k+1] by B + A B_end
+    # with ξ = x - B_end u, u[k] enters ξ[k+1] by B + A B_end
+    return F, np.linalg.solve(Γ + A @ ramp, B), ramp
 
 
 def noise_density(F: np.ndarray, A: np.ndarray, Q: np.ndarray) -> np.ndarray | None:
