@@ -324,3 +324,10 @@ def test_bad_input_is_refused_with_every_fault(options, message):
     given = {"model": MOVING, "prior": Prior([0, 0], np.eye(2))} | options
     with pytest.raises(InputError, match=message):
         covariance_analysis(given.pop("model"), **given)
+
+
+@pytest.mark.parametrize("name", ["wanted", "requirement", "record", "arrival", "dt", "draws", "filter"])
+@pytest.mark.parametrize("value", [5, "x", [1, 2], np.ones((2, 2)), {1: 2}])
+def test_arguments_of_another_kind_end_in_an_error_message(name, value):
+    with pytest.raises(InputError):
+        covariance_analysis(MOVING, prior=Prior([0, 0], np.eye(2)), **{name: value})

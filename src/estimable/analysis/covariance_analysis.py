@@ -17,7 +17,7 @@ from ..protocols import Algorithm
 from ..results import CovarianceQuestion, Remedy
 from . import covariance_courses as courses
 from .blind_combinations import blind, certificates
-from .covariance_models import ArrayQuestion, ask
+from .covariance_models import ArrayQuestion, as_dict, ask
 from .covariance_sentences import covariance_sentences
 from .covariance_verdicts import judge, times
 from .filter_errors import filter_course, of_filter
@@ -182,7 +182,7 @@ def covariance_analysis(
     """
     question = CovarianceQuestion(
         model, prior, horizon, dt, u, record, arrival,
-        None if wanted is None else dict(wanted), None if requirement is None else dict(requirement), learnt,
+        as_dict(wanted), as_dict(requirement), learnt,
         parameters, draws, filter,
     )  # fmt: skip
     return _analysed(question)

@@ -1,11 +1,12 @@
 """The question of a covariance analysis for each kind of model, with every fault of the call."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
+from ..data.record import Record
 from ..kernels.step_factors import noise_factors, semidefinite_factor
 from ..models.nonlinear_model import NonlinearModel
 from ..models.prior import Prior
@@ -40,9 +41,15 @@ class ArrayQuestion(NamedTuple):
     crossed: bool
 
 
+def as_dict(given: Mapping[str, Any] | None) -> Any:
+    """A mapping as a dict; anything else unchanged, for `ask` to refuse."""
+    return dict(given) if isinstance(given, Mapping) else given
+
+
 def ask(given: CovarianceQuestion) -> ArrayQuestion:
     """The question in arrays. Raises `InputError` with all faults."""
     faults = checks.Faults()
+    _check_kinds(given, faults)
     model = _model_of(given, faults)
     faults.finish()
     _check(model, given, faults)
@@ -69,6 +76,24 @@ def ask(given: CovarianceQuestion) -> ArrayQuestion:
     )
 
 
+def _check_kinds(given: CovarianceQuestion, faults: checks.Faults) -> None:
+    """The arguments that must be of a kind before anything else can be checked."""
+    faults.instance("prior", given.prior, Prior)
+    faults.whole("draws", given.draws, 0)
+    if given.dt is not None:
+        faults.number("dt", given.dt, above=0.0, unit="seconds")
+    if given.record is not None:
+        faults.instance("record", given.record, Record)
+    arrival = None if given.arrival is None else faults.numbers("arrival", given.arrival)
+    if arrival is not None and arrival.ndim not in (1, 2):
+        faults.add(f"`arrival` must be (T,) or (T, p). Got {arrival.shape}.")
+    for name in ("wanted", "requirement"):
+        value = getattr(given, name)
+        if value is not None and (not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value)):
+            faults.add(f"`{name}` must be a mapping of names, such as {{'speed': ..}}. Got {checks.short(value)}.")
+    faults.finish()
+
+
 def _check_nonlinear(model: NonlinearModel, given: CovarianceQuestion, faults: checks.Faults) -> None:
     """A nonlinear model needs a trajectory: inputs, or a horizon where it has none."""
     if given.record is None and given.u is None and (model.m or given.horizon is None):
@@ -82,7 +107,6 @@ def _check_nonlinear(model: NonlinearModel, given: CovarianceQuestion, faults: c
             faults.add(f"`parameters` must be a prior of the {k} parameters of the model. Got {given.parameters.size}.")
     if given.prior.diffuse is not None and given.draws:
         faults.add("`draws` needs a prior without diffuse directions, from which starts can be drawn.")
-    faults.whole("draws", given.draws, 0)
 
 
 def _model_of(given: CovarianceQuestion, faults: checks.Faults) -> Any:
@@ -118,8 +142,6 @@ def _check(model: StateSpace, given: CovarianceQuestion, faults: checks.Faults) 
         _check_continuous(model, given, faults)
     if not model.is_continuous and given.dt not in (None, model.dt):
         faults.add(f"`dt` is for continuous models: this one has dt = {model.dt:g} s. Got {checks.short(given.dt)}.")
-    if given.dt is not None:
-        faults.number("dt", given.dt, above=0.0, unit="seconds")
     if faults.instance("prior", given.prior, Prior) and given.prior.size != model.n:
         faults.add(f"`prior` must describe n = {model.n} states: the model has as many. Got {given.prior.size}.")
     faults.number("learnt", given.learnt, lower=0.0, upper=1.0)
@@ -335,6 +357,7 @@ def _stages_along(given: CovarianceQuestion, model: NonlinearModel, faults: chec
     """The states (x, θ) of a nonlinear model, along the path from the means of the priors."""
     if given.record is None:
         dt = float(given.dt or model.dt)
+        faults.learn("m", model.m, f"the model has {checks.counted(model.m, 'input')}")
         u = faults.array("u", np.zeros((_samples_in(given, model, dt), 0)) if given.u is None else given.u, "T m")
         seen = None if u is None else np.ones((len(u), model.p), bool)
     else:

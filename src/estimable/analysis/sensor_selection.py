@@ -10,7 +10,7 @@ from ..models.prior import Prior
 from ..models.state_space import StateSpace
 from ..results import CovarianceQuestion, SensorSelection
 from . import covariance_courses as courses
-from .covariance_models import ArrayQuestion, ask
+from .covariance_models import ArrayQuestion, as_dict, ask
 
 METHODS = ("auto", "exact", "greedy")
 MOST = 20_000  # sets tried by the exact search
@@ -50,12 +50,14 @@ def sensor_selection(
     >>> found.sensors
     ('a',)
     """
-    asked = ask(CovarianceQuestion(
-        model, prior, horizon, wanted=None if wanted is None else dict(wanted),
-        requirement=None if requirement is None else dict(requirement),
-    ))  # fmt: skip
+    checks.require(model=(model, StateSpace))
+    asked = ask(CovarianceQuestion(model, prior, horizon, wanted=as_dict(wanted), requirement=as_dict(requirement)))
     faults = checks.Faults()
-    names = asked.outputs if candidates is None else tuple(candidates)
+    names = asked.outputs
+    if candidates is not None:
+        if not isinstance(candidates, list | tuple) or not all(isinstance(name, str) for name in candidates):
+            checks.refuse(f"`candidates` must be a list of names of outputs. Got {checks.short(candidates)}.")
+        names = tuple(candidates)
     for name in names:
         if name not in asked.outputs:
             faults.add(f"`candidates` names {name!r}, which is not among {checks.listed(asked.outputs)}.")
