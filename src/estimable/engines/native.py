@@ -48,7 +48,7 @@ def scan_bank(
     return step.run(size, words(fixed), words(rows))
 
 
-def _of_arrays(shapes: tuple, keep: str, select: Select, size: int, fixed: list, rows: list) -> Run:
+def _of_arrays(shapes: tuple[Any, tuple], keep: str, select: Select, size: int, fixed: list, rows: list) -> Run:
     """The run of a step with operations on arrays, which most models do not need."""
     from .large import large_step
 
