@@ -151,6 +151,13 @@ def test_where_nothing_can_be_known_no_number_is_to_be_used():
     assert "the record carries no information about gain: its sigma is that of its prior, 0.5" in judged(still).sentence
 
 
+def test_a_gap_is_bridged_here_too():
+    record = drawn()
+    y, u = record.y.copy(), record.u.copy()
+    y[200:204], u[200:204] = np.nan, np.nan
+    assert judged(replace(record, y=y, u=u)).word == "believe"
+
+
 def test_other_filters():
     """Without a gain nothing hides; wrappers are judged by what they hold; functions have no entries to test."""
     record = drawn()

@@ -138,4 +138,12 @@ def with_further_inputs(samples: Sample, intervals: Interval, hold: str, begin: 
         beyond = values - np.clip(values, middle - half, middle + half)
         return np.concatenate([values, rate, constant, beyond], axis=1)
 
-    return replace(samples, u=wider(samples.u)), replace(intervals, u=wider(u), u_end=wider(intervals.u_end))
+    more = (0, wider(u).shape[1] - u.shape[1])  # further inputs have no error
+    diffusion, covariance = intervals.u_diffusion, intervals.u_covariance
+    return replace(samples, u=wider(samples.u)), replace(
+        intervals,
+        u=wider(u),
+        u_end=wider(intervals.u_end),
+        u_diffusion=None if diffusion is None else np.pad(diffusion, [(0, 0), more]),
+        u_covariance=None if covariance is None else np.pad(covariance, [(0, 0), more, more]),
+    )
