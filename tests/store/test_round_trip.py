@@ -329,9 +329,10 @@ THINGS |= {
 }
 WITHIN_ONE_CALL = {  # records that a driver or a step makes and uses up: no user gets one to save
     "About", "Along", "Assessment", "Awaited", "Backward", "Backwards", "ByRow", "Chain", "ControlLoop", "Decided",
-    "DrawnRecord", "Forward", "Functions", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Motion", "Moved", "PassInfo",
-    "PassedRow", "Piece", "Reordered", "Replayed", "Reported", "Responding", "Restarting", "SampledModel", "Sensed", "Sloped",
-    "SmootherRows", "Steps", "Stretch", "Tangents", "UncertainInputStep", "WindowRow",
+    "DrawnRecord", "Forward", "Functions", "Judging", "KnownJumps", "LoopInputs", "LoopState", "Matrices", "Merging",
+    "Motion", "Moved", "PassInfo", "PassedRow", "Piece", "Reordered", "Replayed", "Reported", "Responding", "Restarting",
+    "SampledModel", "Sensed", "Sloped", "SmootherRows", "Steps", "Stretch", "Tangents", "UncertainInputStep",
+    "UnknownInputs", "WindowRow",
 }  # fmt: skip
 
 

@@ -70,8 +70,7 @@ def detectable_loss(
     >>> bool(0.05 < found.loss[0, 1] < 0.4)
     True
     """
-    t = np.arange(len(record), dtype=float) if record.t is None else np.asarray(record.t)
-    levels, spans = _read(algorithm, record, t, start, end, power, every)
+    t, levels, spans = _read(algorithm, record, start, end, power, every)
     bound = bind(replace(algorithm, seconds_between_false_alarms=np.asarray(np.inf)), record, prior)
     _, run = choice.scan(
         "auto", Responding(bound.algorithm), prior, bound.samples, bound.intervals, keep="all", select=_responses
@@ -152,10 +151,10 @@ class _Jump(NamedTuple):
 
 
 def _read(
-    algorithm: ChangeDetection, record: Record, t: np.ndarray, start: float | None, end: float | None,
+    algorithm: ChangeDetection, record: Record, start: float | None, end: float | None,
     power: Sequence[float], every: float | None,
-) -> tuple[np.ndarray, list[tuple[int, int]]]:  # fmt: skip
-    """The powers, and the first and last row between which the loss must show, then those of each interval."""
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]]]:  # fmt: skip
+    """Times, powers, and the first and last row between which the loss must show, then those of each interval."""
     faults = checks.Faults()
     faults.instance("algorithm", algorithm, ChangeDetection)
     faults.instance("record", record, Record)
@@ -169,6 +168,7 @@ def _read(
         every = faults.number("every", every, above=0.0, unit="seconds")
     faults.finish()
     assert levels is not None
+    t = np.arange(len(record), dtype=float) if record.t is None else np.asarray(record.t)
     begin = t[0] + BEGIN * (t[-1] - t[0]) if start is None else start
     stop = t[-1] if end is None else end
     if not t[0] <= begin < stop <= t[-1] + 1e-9 * abs(t[-1]):
@@ -177,7 +177,7 @@ def _read(
             f"Got {begin:g} and {stop:g}."
         )
     whole = int(np.searchsorted(t, begin)), int(np.searchsorted(t, stop, side="right")) - 1
-    return levels, [whole, *([] if every is None else _intervals(t, every))]
+    return t, levels, [whole, *([] if every is None else _intervals(t, every))]
 
 
 def _intervals(t: np.ndarray, every: float) -> list[tuple[int, int]]:

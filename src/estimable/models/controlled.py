@@ -189,6 +189,11 @@ class ControlledPlant:
 
     def steps(self, dt: float, t: np.ndarray | None = None) -> Steps:
         """The matrices of a step over `dt` seconds, phase by phase. `t` (T,): of the samples, for a plant that varies."""
+        faults = checks.Faults()
+        faults.number("dt", dt, above=0.0, unit="seconds")
+        if t is not None:
+            t = faults.array("t", t, "T")
+        faults.finish()
         if t is None or not self.varies:
             return steps_of(self.stages(), self, dt)
         plants, rows = self.plants_at(t)
