@@ -62,7 +62,7 @@ def read_plan(
         _check_families(rates, law, observer, model, faults)
     faults.finish()
     _check_reach(model)
-    return Plan(rates, law, observer, counted, sizes)
+    return Plan(rates, law, observer, counted, units)
 
 
 def _read_model(model: StateSpace, faults: checks.Faults) -> None:
