@@ -34,6 +34,7 @@ REFUTED = 1e-6  # p-value below which a result is not to be used
 HIDDEN = 0.52  # correlation with a gain from which a bias of three standard deviations escapes the score test
 NOTICED = 0.01  # of the gain: a smaller shift by an error of 10 % is not listed
 GAP = 0.5  # of the record: a longer one leaves nothing to judge
+SMALLEST = 3.0  # standard deviations of the score that a limit of the whole input would give, for its test to say anything
 KNOWN = 0.95  # of the prior's standard deviation: a gain that keeps more is not known
 UNIFORM = 3**0.5  # standard deviations of a uniform distribution in half of its width
 LEVEL = 0.02
@@ -145,10 +146,19 @@ class _Judged(NamedTuple):
             "auto", along, pair, samples, intervals, axes=(0, None, 0), keep="all", select=_row, use=rows.add
         )
         gain, variance, slope = rows.last
+        kept = _can_be_seen(directions.found, rows.information)
         return _Judged(
-            tests.whitened(np.concatenate(rows.e), np.concatenate(rows.S)), directions.found, rows.score, rows.information,
-            gain[0], np.sqrt(variance[0]), slope,
+            tests.whitened(np.concatenate(rows.e), np.concatenate(rows.S)), tuple(directions.found[i] for i in kept),
+            rows.score[kept], rows.information[np.ix_(kept, kept)], gain[0], np.sqrt(variance[0]), slope[kept],
         )  # fmt: skip
+
+
+def _can_be_seen(directions: tuple[Direction, ...], information: np.ndarray) -> np.ndarray:
+    """The directions that are tested: a limit takes at most the whole of what is beyond it. Under a square wave it acts like a
+    loss of the gain, so that little information about it is left, and the least misfit of a jump would pass for a limit.
+    """
+    left = np.diag(information)
+    return np.array([i for i, one in enumerate(directions) if one.kind != "limit" or left[i] >= SMALLEST**2], int)
 
 
 def _as_run(found: tuple[DetectedChange, ...], bound: Bound) -> tuple[DetectedChange, ...]:
