@@ -84,6 +84,7 @@ def test_an_engine_asked_for_by_name_says_what_failed(error, c, monkeypatch, cap
 
 
 def test_assembly_that_llvm_refuses_is_passed_over(monkeypatch, caplog):
+    monkeypatch.setenv("ESTIMABLE_CACHE", "off")  # what was once assembled is not written again
     model = StateSpace([[0.12345]], R=[[1.0]], dt=1)
     broken = Spelling(("no such word",), (), False)
     monkeypatch.setattr(scalars, "spelled", lambda *_: broken)

@@ -16,8 +16,8 @@ MODEL = StateSpace([[0.5]], [[1.0]], R=[[1.0]], dt=1, inputs=["u"])
 PRIOR = Prior([0.0], [[1.0]])
 KEYS = "Its keys are 'dt', 'states', 'inputs', 'outputs', 'angles', 'A', 'B', 'C', 'D', 'Q', 'R', 'G', 'S'."
 RECORD_KEYS = (
-    "'time', 'dt', 'time_unit', 'time_format', 'zone', 'repeated', 'grid', 'start', 'stop', 'max_gap', 'delay', 'hold', 'lost', "
-    "'units', 'angles', 'na_values'"
+    "'time', 'dt', 'time_unit', 'time_format', 'zone', 'repeated', 'grid', 'start', 'stop', 'max_gap', 'delay', "
+    "'offset', 'hold', 'lost', 'units', 'angles', 'na_values'"
 )
 
 

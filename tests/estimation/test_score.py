@@ -76,7 +76,6 @@ ON_XLA = {
     "unknown gain",
     "extended",
 }  # the others, some 10 s each to compile: by differences only
-LARGE = {"moving window", "change detection"}  # their derivatives are more operations than machine code is made of
 
 
 def by_difference(algorithm, data, name, h):
@@ -98,7 +97,7 @@ def test_the_score_is_the_slope_of_the_likelihood_on_every_engine(name):
     algorithm, numbers = CASES[name]
     data = record(NONLINEAR if algorithm.innermost.model is NONLINEAR else CONTINUOUS)
     found = score(algorithm, data, prior=PRIOR, with_respect_to=numbers)
-    assert found.engine == ("xla" if name in LARGE else "native")
+    assert found.engine == "native"
     assert found.names == tuple(numbers)
     assert_allclose(found.log_likelihood, estimate(algorithm, data, prior=PRIOR).log_likelihood, rtol=1e-12)
     size = np.sqrt(np.diag(found.information))

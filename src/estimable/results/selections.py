@@ -32,7 +32,9 @@ class SensorSelection:
     def sentences(self) -> tuple[str, ...]:
         """The choice, and how far it is from every sensor."""
         proven = "no other set of this size is better" if self.exact else "another set may be better"
-        values = ", ".join(f"{name} {σ:.3g}" for name, σ in zip(self.names, np.asarray(self.sigma, float).tolist(), strict=True))
+        values = ", ".join(
+            f"{name} {σ:.3g}" for name, σ in zip(self.names, np.asarray(self.sigma, float).tolist(), strict=True)
+        )
         return (
             f"Choose {' and '.join(self.sensors)}: {proven}.",
             f"Sigma: {values}. The largest, relative to what is wanted, is {self.worst:.3g}; with every sensor it is "
