@@ -351,7 +351,7 @@ ONLINE = {
     ),
     "no step": (
         lambda: running(CONTINUOUS).predict([1.0]),
-        "`dt` must be given to the first predict: the model is continuous.",
+        "`dt` must be given to the first predict, in seconds: the model is continuous.",
     ),
     "no end of u": (
         lambda: running(CONTINUOUS, hold="first_order").predict([1.0], dt=1),

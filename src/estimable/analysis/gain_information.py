@@ -44,7 +44,7 @@ def gain_information(
     Returns a `GainInformation` for u without the dither. Its method `at(a)` gives the bound with the dither multiplied by
     `a`, and `amplitude_for(sigma)` gives the amplitude that is needed for the standard deviation `sigma`.
 
-    Cost: one run of a filter with n states and n + 2 p responses, in a NumPy loop over the T samples.
+    Cost: one run of a filter with n states and n + 2 p columns of sensitivities, in a NumPy loop over the T samples.
 
     Raises `InputError`; `AssumptionError` where an output has no noise, so that its information about x[0] is infinite.
 

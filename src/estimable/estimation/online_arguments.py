@@ -51,7 +51,7 @@ def step_length(
     """
     if dt is None:
         if model.is_continuous and last is None:
-            faults.add("`dt` must be given to the first predict: the model is continuous.")
+            faults.add("`dt` must be given to the first predict, in seconds: the model is continuous.")
         return last if model.is_continuous else model.dt
     dt = faults.number("dt", dt, above=0.0, unit="seconds")
     if dt is None or model.dt is None or model.is_continuous:

@@ -31,11 +31,11 @@ class Turbulence:
     Settings:
 
     - `dryden`: a `Dryden`.
-    - `entry`: {state: gust}, where a gust is "u", "v", "w" [m/s], "alpha" (w/V), "beta" (v/V), "p", "q" or "r". Such as
-      {"alpha": "alpha", "pitch_rate": "q"}.
+    - `entry`: {state: gust}, where a gust is "u", "v", "w" [m/s], "alpha" (w/V), "beta" (v/V), "p", "q" or "r". An
+      example is {"alpha": "alpha", "pitch_rate": "q"}.
     - `angle`: the unit of the angles and rates of the model, "rad" or "deg".
-    - `vanes`: the outputs that are measured relative to the air. None: those that contain a state which "u", "v", "w", "alpha"
-      or "beta" enters. (): none, as with inertial sensors.
+    - `vanes`: the outputs that are measured relative to the air. None: every output that depends on a state which "u",
+      "v", "w", "alpha" or "beta" enters. (): none, as with inertial sensors.
     - `kinematics`: [(row, column), ..] of A, by the names of states, which are kinematic, as that of the pitch rate in the
       derivative of alpha. Turbulence does not act through them.
 

@@ -63,7 +63,7 @@ class Info:
     - `log_likelihood`: the log-likelihood of this sample, given the earlier ones.
     - `gain` (g,) and `gain_covariance` (g, g): the estimated gains.
     - `gain_quantiles` (g, 5): the quantiles .025, .16, .5, .84 and .975 of gains whose distribution is not Gaussian.
-    - `jump_probability`: the probability that such a gain has jumped and the jump has not been detected.
+    - `jump_probability`: the probability that a gain has jumped and the jump has not been detected.
     - `unknown_input` (d,) and `unknown_input_covariance` (d, d): the estimated unmeasured inputs.
     - `outcome`: 0, or a failure code of `OUTCOMES`.
     - `extra`: results that only this algorithm has, by name.
