@@ -111,7 +111,10 @@ def feedback(record: Record | Sequence[Record], *, direct: bool | None = None) -
         np.concatenate([np.pad(x, gap, constant_values=np.nan) for x in each])
         for each in ([one.applied() for one in records], [one.y for one in records])
     )
-    return Feedback(_p_value(u, y, same_row=False), _p_value(u, y, same_row=True), direct, all(map(is_white, u.T)))
+    ones = np.ones((len(u), 1))
+    own = [_predicted(ones, u, target[:, None], OWN_REACHES) for target in u.T]
+    earlier, same_row = (_p_value(u, y, own, same_row=same_row) for same_row in (False, True))
+    return Feedback(earlier, same_row, direct, all(map(is_white, u.T)))
 
 
 def is_white(u: np.ndarray) -> bool:
@@ -121,10 +124,10 @@ def is_white(u: np.ndarray) -> bool:
     return p is not None and p >= WHITE
 
 
-def _p_value(u: np.ndarray, y: np.ndarray, *, same_row: bool) -> float | None:
+def _p_value(u: np.ndarray, y: np.ndarray, own: Sequence["_Predicted | None"], *, same_row: bool) -> float | None:
     """The smallest p-value of any input (T, m), on one row and on `RECENT` rows of residuals, times the number of these tests.
 
-    None where there are too few rows.
+    `own`: the regression of each input on the past of all. None where there are too few rows.
     """
     now = np.column_stack([np.ones(len(u)), *([] if same_row else [u])])
     output = _predicted(now, np.concatenate([u, y], axis=1), y, REACHES)
@@ -133,8 +136,7 @@ def _p_value(u: np.ndarray, y: np.ndarray, *, same_row: bool) -> float | None:
     if np.nansum(output.e**2) <= ROUNDING**2 * np.nansum(y**2):
         return 1.0
     tests = []
-    for target in u.T:
-        input = _predicted(now[:, :1], u, target[:, None], OWN_REACHES)
+    for input, target in zip(own, u.T, strict=True):
         if input is None:
             continue
         for rows in (1, RECENT):
