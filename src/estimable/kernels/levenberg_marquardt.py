@@ -37,8 +37,8 @@ def search(
     for _ in range(STEPS):
         J = slopes(x)
         D = np.maximum(D, np.linalg.norm(J, axis=0))
-        Q, R = np.linalg.qr(J)
-        g, size = Q.T @ e, np.where(D > 0, D, 1.0)
+        both, d = np.asarray(np.linalg.qr(np.column_stack([J, e]), mode="r")), len(x)
+        R, g, size = both[:d, :d], both[:d, d], np.where(D > 0, D, 1.0)  # J = Q R, g = Q'e
         if np.abs(R.T @ g / size).max(initial=0.0) <= tolerance * np.sqrt(2 * cost):  # the angle of e to the columns of J
             return Found(x, e, cost, True)
         while True:
