@@ -25,11 +25,10 @@ def slopes(
 ) -> np.ndarray:
     """dε/dθ and dε/dz (T, d + past): z^-i y / C, - z^-(delay+l) u / C, - z^-i ε / C, - z^-i / C."""
     na, nb, nc = orders
-    y_filtered, ε_filtered, impulse = over(c, y), over(c, ε), over(c, np.eye(1, len(y))[0])
+    y_filtered, ε_filtered, impulse, *u_filtered = over(c, np.column_stack([y, ε, np.eye(len(y), 1), u])).T
     columns = [delayed(y_filtered, i + 1) for i in range(na)]
-    for u_j in u.T:
-        u_filtered = over(c, u_j)
-        columns += [-delayed(u_filtered, delay + lag) for lag in range(nb + 1)]
+    for u_j in u_filtered:
+        columns += [-delayed(u_j, delay + lag) for lag in range(nb + 1)]
     columns += [-delayed(ε_filtered, i + 1) for i in range(nc)]
     columns += [-delayed(impulse, i) for i in range(past)]
     return np.stack(columns, axis=1)

@@ -13,12 +13,11 @@ def response(a: np.ndarray, b: np.ndarray, delay: int, u: np.ndarray, z: np.ndar
 
 def slopes(a: np.ndarray, b: np.ndarray, delay: int, u: np.ndarray, x: np.ndarray) -> np.ndarray:
     """ψ (T, d): dx/da_i = -z^-i x / A and dx/db_jl = z^-(delay+l) u_j / A. Cost: O(T d)."""
-    T, (m, lags) = len(u), b.shape
-    x_filtered = over(a, x)
+    T, lags = len(u), b.shape[1]
+    x_filtered, *u_filtered = over(a, np.column_stack([x, u])).T
     columns = [-delayed(x_filtered, i + 1) for i in range(len(a))]
-    for j in range(m):
-        u_filtered = over(a, u[:, j])
-        columns += [delayed(u_filtered, delay + lag) for lag in range(lags)]
+    for u_j in u_filtered:
+        columns += [delayed(u_j, delay + lag) for lag in range(lags)]
     return np.stack(columns, axis=1) if columns else np.zeros((T, 0))
 
 
@@ -46,7 +45,7 @@ def _driven(b: np.ndarray, delay: int, u: np.ndarray, z: np.ndarray | None) -> n
 
 
 def over(a: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """x / A; an unstable A overflows to infinity and not to NaN."""
+    """x / A, of x (T,) or of each column of x (T, k); an unstable A overflows to infinity and not to NaN."""
     from scipy.linalg.lapack import dtbtrs  # type: ignore[attr-defined]  scipy.signal takes a second to import
 
     band = np.repeat(np.append(1.0, a)[: len(x), None], len(x), axis=1)
