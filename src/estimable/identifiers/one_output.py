@@ -9,7 +9,7 @@ from ..diagnostics.cramer_rao import UNTOLD, scale_of, undetermined
 from ..kernels import impulse_start, response_at_stamps
 from ..kernels import output_error_response as kernel
 from ..kernels.auxiliary_model import stabilise
-from ..kernels.coloured_noise import beyond, colour, moments, times
+from ..kernels.coloured_noise import Colour, beyond, colour, moments, times
 from ..kernels.impulse_start import Datum
 from ..kernels.levenberg_marquardt import Found, search, within
 from .validation import Pole
@@ -55,8 +55,8 @@ class Orders(NamedTuple):
 class OneOutput(NamedTuple):
     """The fit: θ (d,), the noise's variance, the information of the unknowns η of the plant, residuals, log-likelihood;
     whether the search has converged; the covariance of θ under the spectrum of the residuals; the coefficients of the level
-    and their standard deviations (2, level); a pole at its bound; L = dθ/dη (None: they are the same); and the task with
-    its unknowns at the end."""
+    and their standard deviations (2, level); a pole at its bound; L = dθ/dη (None: they are the same); and the end of the
+    search."""
 
     parameters: np.ndarray
     noise_variance: float
@@ -68,12 +68,23 @@ class OneOutput(NamedTuple):
     level: np.ndarray = np.zeros((2, 0))
     pole: Pole | None = None
     L: np.ndarray | None = None
-    end: tuple["Fitted", np.ndarray] | None = None
+    end: "EndOfSearch | None" = None
 
     @property
     def slopes(self) -> np.ndarray:
         """dθ/dη."""
         return np.eye(len(self.parameters)) if self.L is None else self.L
+
+
+class EndOfSearch(NamedTuple):
+    """The end of a search: the task, its unknowns x, the residuals e (N,) of the seen rows, their derivatives J, and their
+    times `at`."""
+
+    task: "Fitted"
+    x: np.ndarray
+    e: np.ndarray
+    J: np.ndarray
+    at: np.ndarray
 
 
 class Fitted(NamedTuple):
@@ -105,12 +116,16 @@ class Fitted(NamedTuple):
     def outputs(self, x: np.ndarray) -> list[np.ndarray]:
         """The outputs of each record."""
         found = []
-        (na, nb, delay, past, level, _), θ = self.orders, self.parameters(x)
-        a, b, c = θ[:na], θ[na:].reshape(self.m, nb + 1), x[self.d : self.d + level]
-        for i, datum in enumerate(self.data):
-            z = x[self.d + level + i * past : self.d + level + (i + 1) * past]
-            found.append(_response(a, b, delay, datum, z) + powers(datum, level) @ c)
+        a, b, c, pasts = self._parts(x)
+        for datum, z in zip(self.data, pasts, strict=True):
+            found.append(_response(a, b, self.orders.delay, datum, z) + powers(datum, len(c)) @ c)
         return found
+
+    def _parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """a, b (m, nb+1), the coefficients of the level, and the past of each record (records, past)."""
+        θ, na, after = self.parameters(x), self.orders.na, self.d + self.orders.level
+        b, pasts = θ[na:].reshape(self.m, self.orders.nb + 1), x[after:].reshape(len(self.data), self.orders.past)
+        return θ[:na], b, x[self.d : after], pasts
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the rows that were seen, (N,)."""
@@ -120,15 +135,13 @@ class Fitted(NamedTuple):
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """The derivative of the residuals, (N, unknowns)."""
-        (na, nb, delay, past, level, _), θ = self.orders, self.parameters(x)
-        L, blocks = self.orders.parameters(self.m)[0], []
-        a, b, start = θ[:na], θ[na:].reshape(self.m, nb + 1), self.d + level
-        for i, datum in enumerate(self.data):
-            z = x[start + i * past : start + (i + 1) * past]
-            ψ, own = _slopes(a, b, delay, datum, z)
-            pasts = np.zeros((len(datum.y), past * len(self.data)))
-            pasts[:, i * past : (i + 1) * past] = own
-            columns = np.concatenate([ψ @ L, powers(datum, level), pasts], axis=1)[datum.seen]
+        a, b, c, pasts = self._parts(x)
+        L, blocks, past = self.orders.parameters(self.m)[0], [], self.orders.past
+        for i, (datum, z) in enumerate(zip(self.data, pasts, strict=True)):
+            ψ, own = _slopes(a, b, self.orders.delay, datum, z)
+            every = np.zeros((len(datum.y), past * len(self.data)))
+            every[:, i * past : (i + 1) * past] = own
+            columns = np.concatenate([ψ @ L, powers(datum, len(c)), every], axis=1)[datum.seen]
             blocks.append((columns.T / sizes(datum)).T)
         return np.clip(np.concatenate(blocks), -FAR, FAR)
 
@@ -164,20 +177,21 @@ class Fitted(NamedTuple):
         log_likelihood = -0.5 * (len(e) * np.log(2 * np.pi * r) + float(e @ e) / r) - scales
         residuals = tuple(datum.y - out for datum, out in zip(self.data, self.outputs(end.x), strict=True))
         at, L = times([datum.seen for datum in self.data]), self.orders.parameters(self.m)[0]
-        M, Σ = coloured_covariance(J, self.d, e, at, r)
+        noise, at_end = colour(e, at), EndOfSearch(self, end.x, e, J, at)
+        M, Σ = coloured_covariance(J, self.d, noise, at, r)
         return OneOutput(
             self.parameters(end.x), r, M, residuals, log_likelihood, end.converged, L @ Σ @ L.T,
-            self._level(end.x, J, e, at, r), L=L, end=(self, end.x),
+            self._level(at_end, noise, r), L=L, end=at_end,
         )  # fmt: skip
 
-    def _level(self, x: np.ndarray, J: np.ndarray, e: np.ndarray, at: np.ndarray, r: float) -> np.ndarray:
+    def _level(self, end: EndOfSearch, noise: Colour, r: float) -> np.ndarray:
         """The coefficients of the level and their standard deviations."""
         columns = np.arange(self.d, self.d + self.orders.level)
         if not len(columns):
             return np.zeros((2, 0))
-        J = np.concatenate([J[:, columns], np.delete(J, columns, axis=1)], axis=1)
-        _, Σ = coloured_covariance(J, len(columns), e, at, r)
-        return np.stack([x[columns], np.sqrt(np.diagonal(Σ))])
+        J = np.concatenate([end.J[:, columns], np.delete(end.J, columns, axis=1)], axis=1)
+        _, Σ = coloured_covariance(J, len(columns), noise, end.at, r)
+        return np.stack([end.x[columns], np.sqrt(np.diagonal(Σ))])
 
 
 def fit_output(orders: Orders, data: Sequence[Datum], starts: Sequence[Any], noise_variance: float | None) -> OneOutput:
@@ -308,13 +322,13 @@ def _real_pole(found: OneOutput, na: int) -> tuple[float, float]:
 
 
 def coloured_covariance(
-    J: np.ndarray, d: int, e: np.ndarray, at: np.ndarray, r: float
+    J: np.ndarray, d: int, noise: Colour, at: np.ndarray, r: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The information of the first d unknowns for white residuals of variance r, and their covariance under the spectrum of e."""
+    """The information of the first d unknowns for white residuals of variance r, and their covariance under their spectrum."""
     own = beyond(J[:, :d], J[:, d:])
     M = own.T @ own / r
     white = covariance(M)
-    return M, white @ moments(own, at, colour(e, at)) @ white / r
+    return M, white @ moments(own, at, noise) @ white / r
 
 
 def covariance(M: np.ndarray) -> np.ndarray:

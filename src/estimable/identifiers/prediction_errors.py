@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..frozen import frozen, static
 from ..kernels import armax_errors as kernel
 from ..kernels.auxiliary_model import stabilise
-from ..kernels.coloured_noise import times
+from ..kernels.coloured_noise import colour, times
 from ..kernels.impulse_start import Datum
 from ..kernels.innovation_information import Search
 from ..kernels.levenberg_marquardt import search, within
@@ -251,8 +251,8 @@ class PredictionError(StartedIdentifier):
             inputs=first.inputs,
             outputs=first.outputs,
         )
-        told, spread = zip(*(self._told(records, i, end, d) for i, end in enumerate(ends)), strict=True)
-        M, Σ, names = block_diagonal(list(told)), block_diagonal(list(spread)), model.parameter_names
+        information, spread = zip(*(self._accuracy(records, i, end, d) for i, end in enumerate(ends)), strict=True)
+        M, Σ, names = block_diagonal(list(information)), block_diagonal(list(spread)), model.parameter_names
         free, white = undetermined(M), covariance(M)
         extra = [excitation_check(M, names, free), sigma_check(Σ, white, names), *search_checks(ends)]
         extra += [
@@ -270,14 +270,15 @@ class PredictionError(StartedIdentifier):
         """Where c of an output with a root at the bound is in the parameters: it has no standard deviation."""
         return [i * d + d - j - 1 for i, row in enumerate(c) if _largest(row) >= EDGE for j in range(self.nc)]
 
-    def _told(self, records: Sequence[Record], i: int, end: Ended, d: int) -> tuple[np.ndarray, np.ndarray]:
+    def _accuracy(self, records: Sequence[Record], i: int, end: Ended, d: int) -> tuple[np.ndarray, np.ndarray]:
         """The information about θ, and its covariance under the spectrum of the errors; where outputs are missing, the inverse
         of the information."""
         r = max(2 * end.cost / max(len(end.e) - len(end.x), 1), 1e-300)
         if not all(record.seen[:, i].all() for record in records):
             M = marginal(end.J.T @ end.J / r, d)
             return M, covariance(M)
-        return coloured_covariance(end.J, d, end.e, times([np.ones(len(one), bool) for one in records]), r)
+        at = times([np.ones(len(one), bool) for one in records])
+        return coloured_covariance(end.J, d, colour(end.e, at), at, r)
 
 
 def _largest(c: np.ndarray) -> float:

@@ -9,7 +9,6 @@ from .. import checks
 from ..data.record import Record
 from ..frozen import replace
 from ..kernels import scores as kernel
-from ..kernels.coloured_noise import times
 from ..kernels.impulse_start import Datum
 from ..results import Check
 from .one_output import Fitted, OneOutput, powers, sizes
@@ -70,16 +69,16 @@ def summary(found: Sequence[Check]) -> list[Check]:
 def _of_output(end: OneOutput, records: Sequence[Record], i: int, arrival: float | None) -> list[Check]:
     if end.end is None:
         return []
-    task, x = end.end
+    task, x, e, J, at = end.end
     masks = [one.seen for one in task.data]
     unknown = any(np.isnan(record.applied()).any() for record in records)
     if (unknown and arrival is None) or sum(int(seen.sum()) for seen in masks) < FEWEST:
         return []
-    name, outputs = records[0].outputs[i], task.outputs(x)
-    weights = np.concatenate([np.broadcast_to(sizes(one), int(one.seen.sum())) for one in task.data])
-    e, J, at = -task.residuals(x), task.slopes(x), times(masks)
+    name = records[0].outputs[i]
     if arrival is not None:
         return _rate_check(end, records, arrival, name)
+    outputs, e = task.outputs(x), -e
+    weights = np.concatenate([np.broadcast_to(sizes(one), int(one.seen.sum())) for one in task.data])
     rows = [_regressors(task, x, *three) for three in zip(task.data, records, outputs, strict=True)]
     names = [row.name for row in rows[0]]
     Z = np.column_stack([
@@ -179,8 +178,7 @@ def rate_of(end: OneOutput) -> Rate | None:
     Its standard deviation is that of β and of the impulse response. None where the input has a constant square.
     """
     assert end.end is not None
-    task, x = end.end
-    e, J = task.residuals(x), task.slopes(x)
+    task, x, e, J, _ = end.end
     found = kernel.losses(e, _energy(task, x))
     if found is None:
         return None
