@@ -116,8 +116,9 @@ class OutputErrorML(StartedIdentifier):
             return None
         noise = self.noise_variance
         if noise is None:
-            found = [impulse_start.residual_variance(self.na, self.nb, self.delay, data) for data in by_output(records)]
-            sizes = [np.mean(np.concatenate([one.y[one.seen] for one in data]) ** 2) for data in by_output(records)]
+            outputs = by_output(records)
+            found = [impulse_start.residual_variance(self.na, self.nb, self.delay, data) for data in outputs]
+            sizes = [np.mean(np.concatenate([one.y[one.seen] for one in data]) ** 2) for data in outputs]
             noise = np.maximum(found, np.maximum(LEAST_NOISE * np.array(sizes), np.finfo(float).tiny))
         return RecursiveOutputError(self.na, self.nb, delay=self.delay, noise_variance=noise)
 
