@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.figures.link_faults import FAULTS, drawn, fitted, rates
+from benchmarks.figures.link_faults import FAULTS, A, B, drawn, fitted, rates
 from scipy.signal import lfilter
 
 import estimable as es
@@ -77,3 +77,13 @@ def test_losses_that_nobody_reports_are_seen():
     worst = max(fit.validation.scores, key=lambda row: abs(row.value))
     assert worst.name == "lost inputs"
     assert "give `arrival`" in worst.sentence
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_losses_in_some_records_only_are_tested(first):
+    g = np.random.default_rng(3)
+    u = g.normal(size=600)
+    whole = es.Record(lfilter(B, A, u) + 0.3 * g.normal(size=600), u, dt=1)
+    records = [drawn(0, "hold"), whole] if first else [whole, drawn(0, "hold")]
+    fit = es.identify(es.OutputErrorML(2, 1), records)
+    assert max(fit.validation.scores, key=lambda row: abs(row.value)).name == "held"

@@ -38,13 +38,6 @@ SENTENCES = {
 }
 
 
-class _Row(NamedTuple):
-    """The name of a regressor, and its values in one record."""
-
-    name: str
-    z: np.ndarray
-
-
 def score_checks(ends: Sequence[OneOutput], records: Sequence[Record], arrival: float | None = None) -> list[Check]:
     """The tests of every output; `arrival` is the given rate. Where inputs are unknown only that rate is tested."""
     return [row for i, end in enumerate(ends) for row in _of_output(end, records, i, arrival)]
@@ -80,9 +73,10 @@ def _of_output(end: OneOutput, records: Sequence[Record], i: int, arrival: float
     outputs, e = task.outputs(x), -e
     weights = np.concatenate([np.broadcast_to(sizes(one), int(one.seen.sum())) for one in task.data])
     rows = [_regressors(task, x, *three) for three in zip(task.data, records, outputs, strict=True)]
-    names = [row.name for row in rows[0]]
+    names = list(dict.fromkeys(name for row in rows for name in row))
     Z = np.column_stack([
-        np.concatenate([one[k].z[seen] for one, seen in zip(rows, masks, strict=True)]) for k in range(len(names))
+        np.concatenate([row.get(name, np.zeros(len(seen)))[seen] for row, seen in zip(rows, masks, strict=True)])
+        for name in names
     ])  # fmt: skip
     values = dict(zip(names, kernel.scores(Z / weights[:, None], J, e, at), strict=True))
     steps = np.concatenate([np.append(0.0, -np.diff(out))[seen] for out, seen in zip(outputs, masks, strict=True)])
@@ -99,8 +93,8 @@ def _check(key: str, value: float, name: str) -> Check:
     return Check(key, passed, float(value), LIMIT, f"{found}." if passed else f"{found}: {SENTENCES[key]}.")
 
 
-def _regressors(task: Fitted, x: np.ndarray, datum: Datum, record: Record, out: np.ndarray) -> list[_Row]:
-    """What failed assumptions would add to the output of one record."""
+def _regressors(task: Fitted, x: np.ndarray, datum: Datum, record: Record, out: np.ndarray) -> dict[str, np.ndarray]:
+    """What failed assumptions would add to the output of one record, by their names."""
     T, applied = len(out), record.applied()
 
     def of(u: np.ndarray) -> np.ndarray:
@@ -112,23 +106,17 @@ def _regressors(task: Fitted, x: np.ndarray, datum: Datum, record: Record, out: 
         return of(u) - forced
 
     forced = of(applied)
-
     own, about = applied - applied.mean(axis=0), out - out.mean()
-    found = [
-        _Row("offset", np.ones(T)), _Row("trend", powers(datum, 2)[:, 1]), _Row("drift", about * (np.arange(T) / T - 0.5)),
-        _Row("late", less(np.concatenate([applied[:1], applied[:-1]]))),
-        _Row("square of u", of(own**2)), _Row("cube of u", of(own**3)),
-        _Row("square of x", about**2), _Row("cube of x", about**3),
-    ]  # fmt: skip
+    found = {
+        "offset": np.ones(T), "trend": powers(datum, 2)[:, 1], "drift": about * (np.arange(T) / T - 0.5),
+        "late": less(np.concatenate([applied[:1], applied[:-1]])),
+        "square of u": of(own**2), "cube of u": of(own**3), "square of x": about**2, "cube of x": about**3,
+    }  # fmt: skip
     if record.arrived is not None and (record.arrived == 0).any():
-        other = "zero" if record.lost == "hold" else "held"
-        found.append(_Row(other, less(_replace_lost(record, "zero" if other == "zero" else "hold"))))
-        found.append(_Row("applied", less(record.u)))
+        name, lost = ("zero", "zero") if record.lost == "hold" else ("held", "hold")
+        found[name] = less(replace(record, lost=lost).applied())
+        found["applied"] = less(record.u)
     return found
-
-
-def _replace_lost(record: Record, lost: str) -> np.ndarray:
-    return replace(record, lost=lost).applied()
 
 
 def _losses_of_outputs(masks: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> dict[str, float]:
