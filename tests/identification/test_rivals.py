@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 import estimable as es
-from estimable.identification.rivals import rotations, spacing
+from estimable.identification.rivals import rotations
+from estimable.kernels.missing_series import spacing
 
 
 @pytest.mark.parametrize(("case", "count"), [("pole .8, N 2", 1), ("poles .6+-.37i, N 2", 1), ("poles .8, .5, N 2", 3)])

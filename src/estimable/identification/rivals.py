@@ -15,6 +15,7 @@ from ..frozen import field_names, replace
 from ..identifiers.one_output import BOUND, Fitted, Orders
 from ..identifiers.output_error_ml import by_output
 from ..kernels.impulse_start import Datum
+from ..kernels.missing_series import spacing
 from ..models.armax import ARMAX
 from ..models.arx import ARX
 from ..models.output_error import OutputError
@@ -59,12 +60,6 @@ def with_rivals(fit: Fit, method: Method, records: Sequence[Record]) -> Fit:
         return fit
     validation = fit.validation._replace(checks=(*fit.validation.checks, *failed))
     return replace(fit, validation=validation, rivals=np.stack(vectors) if vectors else None)
-
-
-def spacing(masks: Sequence[np.ndarray]) -> int:
-    """The greatest common divisor of the distances between seen rows; 1 where few are seen."""
-    distances = np.concatenate([np.diff(np.flatnonzero(mask)) for mask in masks])
-    return int(np.gcd.reduce(distances)) if len(distances) else 1
 
 
 def rivals(plant: _Plant, data: Sequence[Datum], every: int) -> list[_Plant]:

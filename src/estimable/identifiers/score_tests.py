@@ -10,6 +10,7 @@ from ..data.record import Record
 from ..frozen import replace
 from ..kernels import scores as kernel
 from ..kernels.impulse_start import Datum
+from ..kernels.missing_series import spacing
 from ..results import Check
 from .one_output import Fitted, OneOutput, powers, sizes
 
@@ -122,8 +123,7 @@ def _regressors(task: Fitted, x: np.ndarray, datum: Datum, record: Record, out: 
 def _losses_of_outputs(masks: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> dict[str, float]:
     """Whether the loss of samples depends on the output; not where none, or every n-th, is seen."""
     seen, x = np.concatenate(masks).astype(float), np.concatenate(outputs)
-    distances = np.concatenate([np.diff(np.flatnonzero(mask)) for mask in masks])
-    if seen.all() or not len(distances) or np.gcd.reduce(distances) > 1:
+    if seen.all() or spacing(masks) > 1:
         return {}
     about = x - x.mean()
     return {"loss with x": kernel.dependence(seen, about), "loss with |x|": kernel.dependence(seen, np.abs(about))}

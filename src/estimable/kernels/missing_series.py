@@ -6,6 +6,8 @@ not Gaussian: where the neighbours differ, x equals one or the other, and its va
 Reference: P. Brockwell, R. Davis, Time Series: Theory and Methods (1991), §2.4.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .shapes import Float
@@ -18,6 +20,12 @@ def runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
     """First and last + 1 of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def spacing(masks: Sequence[np.ndarray]) -> int:
+    """The greatest common divisor of the distances between the seen rows of records; 1 where few are seen."""
+    distances = np.concatenate([np.diff(np.flatnonzero(mask)) for mask in masks])
+    return int(np.gcd.reduce(distances)) if len(distances) else 1
 
 
 def autocovariance(x: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " lags"]:
