@@ -11,12 +11,12 @@ from ..annotations import Numbers
 from ..data.record import Record
 from ..frozen import frozen, static
 from ..kernels.realisation import ho_kalman
-from ..kernels.tangents import Dynamics, aligned, impulse_moves, root
+from ..kernels.tangents import Dynamics, aligned, root
 from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Fit
 from .markov_parameters import WEIGHTINGS, MarkovParameters
-from .realised import check_moving, check_records, impulse_names, persistence_check, whole
+from .realised import check_moving, check_records, impulse, impulse_covariance, impulse_names, persistence_check, whole
 from .standing import validation_of
 
 LENGTH = 20  # default number of Markov parameters; or two for each state and two more
@@ -125,18 +125,16 @@ class HoKalman(Identifier):
             *found[:4], Q=np.zeros((n, n)), R=np.diag(fitted.model.noise_variance), dt=float(first.dt or 0.0),
             inputs=first.inputs, outputs=first.outputs,
         )  # fmt: skip
-        base, length = Dynamics(*found[:4]), 2 * self.order
-        moves = self._tangents(M, root(fitted.covariance), base)
-        own, dM = (np.moveaxis(one, -3, -1) for one in impulse_moves(base, moves, length))
-        columns = dM.reshape(len(dM), -1)
+        moves, length = self._tangents(M, root(fitted.covariance), Dynamics(*found[:4])), 2 * self.order
+        Σ = impulse_covariance(model, moves, length)
         extra: dict[str, Any] = {"singular_values": found.singular_values}
         excited = persistence_check(records, len(M) // 2, self.order)
         if excited.passed:
             extra["tangents"] = moves
         return Fit(
-            model, own.ravel(), columns.T @ columns, impulse_names(length, first.inputs, first.outputs),
+            model, impulse(model, length), Σ, impulse_names(length, first.inputs, first.outputs),
             validation_of(model, records, [excited]), method=type(self).__name__, extra=extra,
-            undetermined=None if excited.passed else np.eye(columns.shape[1]),
+            undetermined=None if excited.passed else np.eye(len(Σ)),
         )  # fmt: skip
 
     def _tangents(self, M: np.ndarray, L: np.ndarray, base: Dynamics) -> Dynamics:

@@ -10,11 +10,10 @@ from .. import checks
 from ..data.record import Record
 from ..frozen import frozen, static
 from ..kernels import closed_loop_subspace as kernel
-from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Fit
-from .realised import check_moving, check_records, impulse, impulse_names, whole
+from .realised import check_moving, check_records, impulse, impulse_covariance, impulse_names, whole
 from .standing import validation_of
 
 WEIGHTINGS = tuple(kernel.METHODS)
@@ -90,9 +89,7 @@ class PredictorSubspace(Identifier):
         extra: dict[str, Any] = {"singular_values": found.singular_values}
         if self.blocks:
             moves = kernel.spread(found, sizes, self.weighting)
-            base = Dynamics(found.A, found.B, found.C, np.zeros((sizes.p, sizes.m)))
-            columns = np.moveaxis(impulse_moves(base, moves, length)[1], 1, -1).reshape(self.blocks, -1)
-            extra["tangents"], Σ = moves, columns.T @ columns
+            extra["tangents"], Σ = moves, impulse_covariance(model, moves, length)
         return Fit(
             model, impulse(model, length), Σ, impulse_names(length, first.inputs, first.outputs),
             validation_of(model, records), method=type(self).__name__, extra=extra,

@@ -10,6 +10,7 @@ from ..data.record import Record
 from ..errors import AssumptionError
 from ..kernels.realisation import markov
 from ..kernels.riccati import dare
+from ..kernels.tangents import Dynamics, impulse_moves
 from ..models.state_space import StateSpace
 from ..results import Check
 
@@ -134,6 +135,13 @@ def stationary_gain(A: np.ndarray, C: np.ndarray, noise: np.ndarray) -> tuple[np
 def impulse(model: StateSpace, length: int) -> np.ndarray:
     """M_0 .. M_length of a model, output by output, input by input: they do not depend on the choice of states."""
     return markov(model.A, model.B, model.C, model.D, length).transpose(1, 2, 0).ravel()
+
+
+def impulse_covariance(model: StateSpace, moves: Dynamics, length: int) -> np.ndarray:
+    """The covariance of M_0 .. M_length, of a model whose covariance is that of the tangents `moves` (r, ..)."""
+    dM = impulse_moves(Dynamics(model.A, model.B, model.C, model.D), moves, length)[1]
+    columns = np.moveaxis(dM, 1, -1).reshape(len(dM), -1)
+    return columns.T @ columns
 
 
 def impulse_names(length: int, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:

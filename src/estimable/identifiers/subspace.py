@@ -12,7 +12,7 @@ from ..frozen import frozen, static
 from ..kernels import subspace_algorithms as kernel
 from ..kernels.innovations_form import System, response
 from ..kernels.subspace_spread import Drawn, spread
-from ..kernels.tangents import Dynamics, impulse_moves
+from ..kernels.tangents import Dynamics
 from ..models.state_space import StateSpace
 from ..protocols import Identifier
 from ..results import Fit
@@ -21,6 +21,7 @@ from .realised import (
     check_moving,
     check_records,
     impulse,
+    impulse_covariance,
     impulse_names,
     innovations_model,
     persistence_check,
@@ -107,9 +108,7 @@ class Subspace(Identifier):
         Σ, moves = None, self._spread(model, records) if excited.passed else None
         names = impulse_names(length, first.inputs, first.outputs)
         if moves is not None:
-            base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
-            columns = np.moveaxis(impulse_moves(base, moves, length)[1], 1, -1).reshape(self.draws, -1)
-            extra["tangents"], Σ = moves, columns.T @ columns
+            extra["tangents"], Σ = moves, impulse_covariance(model, moves, length)
         return Fit(
             model, impulse(model, length), Σ if excited.passed else np.zeros((len(names),) * 2), names,
             validation_of(model, records, [excited]), method=type(self).__name__, extra=extra,
@@ -120,7 +119,7 @@ class Subspace(Identifier):
         """Tangents of the estimate; None for an unstable model, or outputs without noise."""
         if not self.draws or np.abs(np.linalg.eigvals(model.A)).max() >= 1:
             return None
-        base = Dynamics(*(np.asarray(getattr(model, name)) for name in "ABCD"))
+        base = Dynamics(model.A, model.B, model.C, model.D)
         how = Drawn(self._check(records), self.order, self.weighting, self.feedthrough)
         data = [(record.applied(), record.y) for record in records]
         try:
