@@ -79,8 +79,8 @@ class CoupledLeastSquares(Identifier):
         M = _diagonal([one.information / max(r, 1e-300) for one, r in zip(found, np.diagonal(Σ), strict=True)])
         excitation = excitation_check(M, names, free)
         model = self._model(first, θ, Σ)
-        known = not free.shape[1] and len(root(covariance).T) > 0
-        extra = {"tangents": self._tangents(first, θ, Σ, covariance)} if known else {}
+        columns = root(covariance)
+        extra = {"tangents": self._tangents(first, θ, columns)} if columns.shape[1] and not free.shape[1] else {}
         return Fit(
             model, θ.ravel(), covariance, names, validation_of(model, records, [excitation], NOT_THE_PLANT), None, None,
             free if free.shape[1] else None, method=type(self).__name__, extra=extra,
@@ -144,10 +144,10 @@ class CoupledLeastSquares(Identifier):
             outputs=first.outputs, operating_point=point,
         )  # fmt: skip
 
-    def _tangents(self, first: Record, θ: np.ndarray, Σ: np.ndarray, covariance: np.ndarray) -> Dynamics:
-        """Central differences of one standard deviation: exact, as the matrices are of second degree in θ."""
+    def _tangents(self, first: Record, θ: np.ndarray, columns: np.ndarray) -> Dynamics:
+        """Central differences by the columns of a factor of the covariance: exact, as the matrices are of second degree in θ."""
         moves = []
-        for column in root(covariance).T:
+        for column in columns.T:
             up, down = (self._dynamics(θ + side * column.reshape(θ.shape), len(first.inputs)) for side in (1, -1))
             moves.append([(above - below) / 2 for above, below in zip(up, down, strict=True)])
         return Dynamics(*(np.stack(one) for one in zip(*moves, strict=True)))
