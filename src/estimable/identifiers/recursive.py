@@ -57,10 +57,9 @@ def names(method: Any) -> Names:
 
 def for_channels(self: Identified, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Identified:
     """The same identifier with the names of a record, where it has no names. Raises `InputError`."""
-    settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
     outputs, noise = self.outputs or outputs, np.ravel(self.noise_variance)
     noise = np.broadcast_to(noise, (len(outputs),)) if len(noise) == 1 else noise
-    return type(self)(**settings | {"noise_variance": noise, "inputs": self.inputs or inputs, "outputs": outputs})
+    return dataclasses.replace(self, noise_variance=noise, inputs=self.inputs or inputs, outputs=outputs)
 
 
 def fitted(self: Any, parameters: Array, dt: float) -> OutputError:
