@@ -35,11 +35,14 @@ def connected(method: Method, records: Sequence[Record]) -> Connected:
     """The records on a grid, cut at breaks and where an input is unknown for long; for a batch identifier that needs every input
     the other unknown ones are estimated. With first-order hold a method with a delay gets the direct term. Stamps that are
     multiples of no step stay as they are, for `OutputErrorML`."""
-    if why := next((said for one in records if (said := off_grid(one))), ""):
+    try:
+        found, why = [one for record in records for one in gridded(record)], ""
+    except checks.InputError as error:
+        found, why = [], str(error)
+    if why:
         if not isinstance(method, OutputErrorML) or max(map(len, records)) < SHORTEST:
             checks.refuse(f"{why} OutputErrorML can be fitted to the stamps themselves.")
         return stamped(method, records)
-    found = [one for record in records for one in gridded(record)]
     same = len(found) == len(records) and all(a is b for a, b in zip(found, records, strict=True))
     done = [] if same else [_grid_check(records, found)]
     if isinstance(method, Identifier):
@@ -53,17 +56,6 @@ def connected(method: Method, records: Sequence[Record]) -> Connected:
             done += estimated
     method, direct = with_direct_term(method, found)
     return Connected(method, found, (*done, *direct))
-
-
-def off_grid(record: Record) -> str:
-    """Why the stamps of a record are multiples of no step; empty where they are, or where the record has none."""
-    if record.dt is not None or record.t is None or len(record) < 3:
-        return ""
-    try:
-        gridded(record)
-    except checks.InputError as error:
-        return str(error)
-    return ""
 
 
 def stamped(method: OutputErrorML, records: Sequence[Record]) -> Connected:

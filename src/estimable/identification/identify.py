@@ -69,7 +69,8 @@ def identify(method: Method, record: Records, *, engine: str = "auto") -> Fit:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fitted(method: Method, records: list[Record], engine: str = "auto") -> tuple[Fit, Connected]:
-    """The fit and its checks, without the test of feedback, and what it was fitted to."""
+    """The fit and its checks, without the test of feedback; and its records: on a grid, where there is one, even if the fit is
+    to the stamps."""
     done = connected(method, records)
     _check(done.method, done.records)
     fit = with_checks(_fitted(done.method, done.records, engine), done)
