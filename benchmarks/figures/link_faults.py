@@ -15,7 +15,7 @@ FAULTS = {
     "hold": "held", "loss exp(-|y|)": "loss with |x|", "y > .5 lost": "loss with x", "drift +50 %": "drift",
     "10 % of acknowledgements lost": "applied", "u + .1 u²": "square of u", "offset .15": "offset",
     "output saturates at 1.5": "cube of x",
-        "20 % stale": "stale",
+    "20 % stale": "stale",
 }  # fmt: skip
 
 
