@@ -31,6 +31,7 @@ def residual_checks(
     if max(map(len, e)) <= LAGS + FEWEST:
         return []
     first, found = records[0], []
+    lags = [first_lag(u, direct) for u in inputs.T]
     for i, name in enumerate(first.outputs):
         found += _tried(
             coloured or ADVICE["whiteness"], "whiteness", lambda i=i, name=name: whiteness(joined[:, i], name=name)
@@ -40,7 +41,7 @@ def residual_checks(
                 ADVICE["input-left"],
                 "input-left",
                 lambda i=i, j=j, name=name, given=given: cross_correlation(
-                    joined[:, i], inputs[:, j], name=name, input_name=given, first=first_lag(inputs[:, j], direct)
+                    joined[:, i], inputs[:, j], name=name, input_name=given, first=lags[j]
                 ),
             )
     return found
