@@ -91,7 +91,8 @@ def feedback(record: Record | Sequence[Record], *, direct: bool | None = None) -
     .5 and 200 rows is found in 98 % of the records, one with a gain of .1 in 4 %, and in 45 % with 1,000 rows. Rows with a
     missing value are left out.
 
-    Cost: two QR factorisations of some 20 to 40 columns. Reference: C. Granger (1969); P. Caines, C. Chan (1975).
+    Cost: two QR factorisations for the outputs and six for each input, of up to 40 columns.
+    Reference: C. Granger (1969); P. Caines, C. Chan (1975).
 
     >>> u = np.random.default_rng(0).normal(size=500)
     >>> record = simulate(OutputError([-0.5], [1.0], delay=1, noise_variance=0.1, dt=1), u, seed=0).record
