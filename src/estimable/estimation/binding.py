@@ -126,10 +126,12 @@ def bind(
     _check_at(algorithm, prior, u, faults)
     warn_of_placing(model_of(algorithm), tuple(record.outputs[i] for i in outputs), record)
     samples, intervals, clock = _laid_out(algorithm, record, rows, outputs, (u, arrived), gapped)
-    fresh = None if gapped is None or gapped.plan.restart is None else fresh_of(gapped.known, settings)
+    fresh = anew = None
+    if gapped is not None and gapped.plan.restart is not None:
+        anew = restarts_of(gapped.known, settings)
+        fresh = fresh_of(gapped.known, settings) if isinstance(anew, tuple) else anew
     complete = prior is not None and prior.diffuse is None and bool(samples.seen.all()) and fresh is None
     stacked = None if algorithms is None else len(jax.tree_util.tree_leaves(algorithms)[0])
-    anew = None if gapped is None or fresh is None else restarts_of(gapped.known, settings)
     ready = prepared(algorithms or algorithm, clock, complete, anew, stacked)
     names = names._replace(units=record.units, angles=turns, **ready.result_names)
     return Bound(ready, samples, intervals, names, rows.t, clock, complete, gapped, fresh)
