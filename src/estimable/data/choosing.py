@@ -41,7 +41,15 @@ class Choice(NamedTuple):
 
     def late(self, *names: str) -> float:
         """By how many seconds stamps are late: the delay of the first of these names that has one."""
-        return next((float(self.delay[name]) for name in names if name in self.delay), 0.0)
+        return _seconds_of(self.delay, names)
+
+    def added(self, *names: str) -> float:
+        """The seconds to add to stamps: the offset of the first of these names that has one."""
+        return _seconds_of(self.offset, names)
+
+
+def _seconds_of(given: Mapping[str, float], names: Sequence[str]) -> float:
+    return next((float(given[name]) for name in names if name in given), 0.0)
 
 
 def _check_seconds(name: str, given: Mapping[str, float], faults: checks.Faults) -> None:
@@ -148,8 +156,7 @@ def table_arguments(channels: dict[str, Any], choice: Choice, faults: checks.Fau
         every = []
         for name, column in zip(channels[kind], values.T, strict=True):
             keys = [name, columns.get(name, name)]
-            later = next((float(choice.offset[key]) for key in keys if key in choice.offset), 0.0)
-            every.append(Signal(name, t + later - choice.late(*keys), column))
+            every.append(Signal(name, t + choice.added(*keys) - choice.late(*keys), column))
         return [without_repeats(one, "the time column", choice.repeated, faults) for one in every]
 
     outputs, inputs = signals("outputs", y), signals("inputs", u)
