@@ -8,6 +8,7 @@ import numpy as np
 from .. import checks
 from ..annotations import Numbers
 from ..frozen import saved
+from ..kernels.regression import lagged
 from . import chi_squared
 
 LAGS = 20
@@ -138,15 +139,14 @@ def cross_correlation(
     True
     """
     series, driving = _one(e, "e"), _one(u, "u")
-    T = len(driving)
-    if len(series) != T:
-        checks.refuse(f"`e` and `u` must have the same length. Got {len(series)} and {T}.")
+    if len(series) != len(driving):
+        checks.refuse(f"`e` and `u` must have the same length. Got {len(series)} and {len(driving)}.")
     probability = _check(lags, probability, len(series))
     faults = checks.Faults()
     faults.whole("first", first, 0, lags)
     faults.finish()
     steps = np.arange(first, lags + 1)
-    past = np.stack([np.concatenate([np.full(lag, np.nan), driving[: T - lag]]) for lag in steps], axis=1)
+    past = lagged(driving, range(first, lags + 1))
     rows = ~np.isnan(series) & ~np.isnan(past).any(axis=1)
     if rows.sum() < FEWEST + len(steps):
         checks.refuse(f"there are too few samples to judge: {rows.sum()} for {len(steps)} lags, {FEWEST} more needed.")
