@@ -18,6 +18,7 @@ from ..kernels import jumps
 from ..models.prior import Prior
 from ..results import DetectableLoss, Info, Interval, Sample
 from .binding import bind
+from .stateless import Stateless
 
 DRAWS = 200
 LOSSES = np.geomspace(0.005, 2.0, 19)  # in units of the gain
@@ -292,7 +293,7 @@ def _log_sums(
 
 
 @frozen
-class Judging:
+class Judging(Stateless):
     """The log of a detector's sum at one row, for a jump of each gain and of each size. A sample is a draw of the scores.
 
     `from_jump` (g, p, r): what a jump of 1 of gain g adds to the scores. `information`, `seconds`: those of the onsets.
@@ -305,18 +306,11 @@ class Judging:
     seconds: Any
     together: bool = static()
 
-    def at(self, k: int | Array) -> "Judging":
-        """The same for every draw."""
-        return self
-
-    def init(self, prior: None) -> tuple[()]:
-        """No state."""
-        return ()
-
     def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
         """The sums of one draw, (g, losses)."""
 
         def of(score: Array) -> Array:
+            """The log of the sum for one score (p, r)."""
             evidence = jumps.weigh(score, self.information, self.jump, self.scales, self.together)
             return jumps.judge(evidence, self.seconds).log_sum
 
@@ -324,10 +318,6 @@ class Judging:
         return state, Info(
             log_likelihood=jnp.zeros(()), outcome=jnp.zeros((), int), extra=jax.vmap(jax.vmap(of))(moved)
         )
-
-    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
-        """No change."""
-        return state
 
 
 def _extra(info: Info, keep: str) -> Any:

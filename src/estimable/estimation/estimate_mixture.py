@@ -5,7 +5,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..annotations import Array
 from ..data.record import Record
 from ..engines import choice
 from ..filters.mixture import Mixture
@@ -14,29 +13,18 @@ from ..models.prior import Prior
 from ..results import Estimate, Info, Interval, Origin, Sample
 from .binding import select
 from .estimate import estimate
+from .stateless import Stateless
 
 
 @frozen
-class Merging:
+class Merging(Stateless):
     """The reports of the members, in `extra` of each sample with their probabilities and the log-likelihood, as one report."""
 
     mixture: Any
 
-    def at(self, k: int | Array) -> "Merging":
-        """The same at row k."""
-        return self
-
-    def init(self, prior: None) -> tuple[()]:
-        """No state."""
-        return ()
-
     def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
         """The report of the mixture."""
         return state, self.mixture.merged(*sample.extra)
-
-    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
-        """No change."""
-        return state
 
 
 def estimate_mixture(mixture: Mixture, record: Record, *, prior: Prior) -> Estimate:

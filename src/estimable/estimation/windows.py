@@ -17,27 +17,20 @@ from ..protocols import Algorithm, Wrapper
 from ..results import Info, Interval, Sample
 from . import window_scan
 from .binding import select as keep_of
+from .stateless import Stateless
 
 NUMBERS = 2_000_000  # of rows laid out at a time: windows overlap, so a record is copied `length` times
 
 
 @frozen
-class Replayed(Wrapper[tuple[()]]):
+class Replayed(Stateless, Wrapper[tuple[()]]):
     """The substitute for a window that has been run: each sample carries its report, in `extra`."""
 
     algorithm: Any
 
-    def init(self, prior: Any) -> tuple[()]:
-        """No state."""
-        return ()
-
     def correct(self, state: tuple[()], sample: Sample) -> tuple[tuple[()], Info]:
         """The report of the window."""
         return state, sample.extra
-
-    def predict(self, state: tuple[()], interval: Interval) -> tuple[()]:
-        """No change."""
-        return state
 
 
 def scan(
