@@ -181,3 +181,12 @@ def test_a_mixture_follows_with_all_its_members():
                  lambda: es.score(mixture(model()), RECORD, prior=PRIOR, with_respect_to=["R[q]"])):  # fmt: skip
         with pytest.raises(es.InputError, match="a Mixture has several models"):
             call()
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_one_scheduled_member_makes_a_mixture_vary(place):
+    """Online, gaps need models that are constant: of every member."""
+    members = [es.UnknownGain(model().along({"airspeed": 100.0}), GAIN) for _ in range(2)]
+    members[place] = es.UnknownGain(model(), GAIN)
+    with pytest.raises(es.InputError, match="needs a model that does not vary in time"):
+        es.online(es.Mixture(members), prior=PRIOR, gaps=es.Gaps("bridge", diffusion=[1.0]))

@@ -190,7 +190,8 @@ def _laid_out(
 ) -> tuple[Sample, Interval, Clock]:
     """The samples, intervals and steps of the rows that are run."""
     model, names, (u, arrived) = model_of(algorithm), algorithm.names, given
-    y = rows.y if hasattr(model, "angles") else angles.unwrapped(rows.y, record.angles, record.outputs)
+    has_angles = isinstance(model, StateSpace | NonlinearModel)
+    y = rows.y if has_angles else angles.unwrapped(rows.y, record.angles, record.outputs)
     y = without_wild(_columns_of(y, outputs), names.outputs)
     sigma = None if rows.sigma is None else _columns_of(rows.sigma, outputs)
     if gapped is None:
@@ -282,7 +283,7 @@ def _columns_of(array: np.ndarray, some: list[int]) -> np.ndarray:
 
 def check_prior(prior: Prior | None, model: StateSpace | NonlinearModel, faults: checks.Faults) -> None:
     """Check that the prior describes the model's states."""
-    disturbance = getattr(model, "disturbance", None)
+    disturbance = model.disturbance if isinstance(model, StateSpace) else None
     added = 0 if disturbance is None else len(disturbance.at)
     if prior is not None and prior.mean.shape[-1] not in (model.n, model.n - added):
         without = f", or the {model.n - added} of them that are not disturbances" if added else ""

@@ -9,6 +9,7 @@ from ..data import undeclared
 from ..data.record import Record
 from ..filters.reported import Reported
 from ..frozen import replace
+from ..identifiers.channels import Channels
 from ..models import angles
 from ..models.angles import Angles
 from ..models.nonlinear_model import NonlinearModel
@@ -18,9 +19,16 @@ from ..results import Info, Names
 from .following import with_model
 
 
-def of_both(model: StateSpace | NonlinearModel, record: Record, columns: list[int], faults: checks.Faults) -> Angles:
+def angles_of(model: StateSpace | NonlinearModel | Channels) -> Angles:
+    """The angles among the states and outputs of a model; none of channels without a model."""
+    return model.angles if isinstance(model, StateSpace | NonlinearModel) else ()
+
+
+def of_both(
+    model: StateSpace | NonlinearModel | Channels, record: Record, columns: list[int], faults: checks.Faults
+) -> Angles:
     """The angles among the states and outputs of the model. `columns`: those of its outputs in the record."""
-    declared = {name: span for name, *span in getattr(model, "angles", ())}
+    declared: dict[str, Any] = {name: span for name, *span in angles_of(model)}
     in_record = {name: span for name, *span in record.angles}
     for output, column in zip(model.outputs, columns, strict=False):
         span = in_record.get(record.outputs[column])

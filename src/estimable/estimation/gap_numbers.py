@@ -60,9 +60,10 @@ class Known:
         self.linear = isinstance(self.model, StateSpace)
         self.exact = self.linear and not isinstance(algorithm.innermost, Linearised)
         self.logged: np.ndarray | None = settings.spread
-        varying = bool(getattr(self.model, "varying", ()))
         self.steps_may_vary = (
-            not varying and not (stacked and not self.model.is_continuous) and (self.linear or self.model.is_continuous)
+            not self.model.varying
+            and not (stacked and not self.model.is_continuous)
+            and (self.linear or self.model.is_continuous)
         )
 
     def of(self, algorithm: Algorithm[Any]) -> "Known":

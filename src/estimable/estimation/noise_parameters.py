@@ -176,7 +176,7 @@ def _there(algorithm: Algorithm[Any]) -> dict[str, tuple[Any, tuple[str, ...]]]:
         if model.G is not None and np.array_equal(model.G, np.eye(model.n))
         else tuple(f"w{i + 1}" for i in range(model.Q.shape[-1]))
     )
-    disturbance = getattr(model, "disturbance", None)
+    disturbance = model.disturbance if isinstance(model, StateSpace) else None
     own = len(noises) - (
         0 if disturbance is None else len(disturbance.at)
     )  # the noises of disturbances are not among Q

@@ -12,6 +12,7 @@ from ..frozen import replace
 from ..models.sampled import Clock
 from ..protocols import Algorithm
 from ..results import Gap, Interval
+from .following import channels_of
 from .gap_numbers import Known
 from .gapped import restarts_of
 from .gaps import LONG, SHARE, Gaps, Given, read
@@ -22,7 +23,7 @@ def settings_of(given: Given, algorithm: Algorithm[Any], faults: checks.Faults) 
     settings, model = read(given, len(algorithm.names.inputs), faults), algorithm.innermost.model
     if settings.how == "bridge" and settings.diffusion is None:
         faults.add('a bridge online needs the variance of the inputs per second: gaps = Gaps("bridge", diffusion=...).')
-    if settings.how != "refuse" and (model.varying or getattr(model, "schedule", None)):
+    if settings.how != "refuse" and (model.varying or channels_of(algorithm)):
         faults.add('`gaps` online needs a model that does not vary in time. Give gaps = "refuse".')
     faults.finish()
     return None if settings.how == "refuse" else settings

@@ -18,7 +18,7 @@ from ..models.sampled import Clock
 from ..protocols import Algorithm
 from ..results import Info, Interval, Sample
 from .binding import model_of
-from .declared_angles import reported
+from .declared_angles import angles_of, reported
 
 FLOAT = np.dtype(float)
 REFUSED = -1  # the code of a step whose datum is wild, or whose input is not a number
@@ -27,7 +27,7 @@ LENGTHS = 64  # of steps for which the sampled model is cached
 
 def sampled(algorithm: Algorithm[Any], clock: Clock) -> Any:
     """The algorithm prepared for the steps of a run, with angles reported in their range."""
-    names = algorithm.names._replace(angles=getattr(model_of(algorithm), "angles", ()))
+    names = algorithm.names._replace(angles=angles_of(model_of(algorithm)))
     return reported(algorithm.sampled(clock), names)
 
 
