@@ -17,6 +17,7 @@ SMOOTHED = "#2F7D32"
 STILL = "#2E6FB7"  # of an interval without information
 MOST_POINTS = 6000  # most points drawn of a curve; of a longer record every k-th row is drawn
 MOST_CHARTS = 24
+KINDS = ("gain", "output", "state", "unknown_input", "innovation")  # in the order of the diagrams
 MOST_MARKS = 4  # most changes whose times are in the legend
 MOST_DOTS = 1500  # most rows for which measurements are drawn as separate dots
 
@@ -54,12 +55,9 @@ def charts_of(
     rows = thinned(len(drawn[0].middle))
     unit = "" if result.t is None else " s"
     units = {result.names.labelled(name): unit for name, unit in result.names.units}
-    order = {"gain": 0, "output": 1, "state": 2, "unknown_input": 3, "innovation": 4}
-    later = {} if smoothed is None else {(b.kind, b.name): b for b in (*bands(smoothed), *output_bands(smoothed))}
-    drawn = [
-        band._replace(middle=band.middle[rows], sigma=None if band.sigma is None else band.sigma[rows])
-        for band in sorted(drawn, key=lambda band: order[band.kind])
-    ]
+    smooth = [] if smoothed is None else [*bands(smoothed), *output_bands(smoothed)]
+    later = {(band.kind, band.name): _of_rows(band, rows) for band in smooth}
+    drawn = [_of_rows(band, rows) for band in in_order(drawn)]
     quiet = {} if detectable is None else detectable.quiet
     gains = [band for band in drawn if band.kind == "gain"]
     panels: list[Chart] = []
@@ -78,14 +76,14 @@ def charts_of(
             seen = None if output is None else output._replace(values=output.values[rows])
             panels.append(_estimate(band, STATE, cropped(band), seen, (), unit))
         if (after := later.get((band.kind, band.name))) is not None:
-            panels[-1] = _with_smoothed(panels[-1], after._replace(middle=after.middle[rows]), rows)
+            panels[-1] = _with_smoothed(panels[-1], after)
     if detectable is not None and detectable.intervals:
         panels.append(gain_charts.detectable_chart(detectable))
     return panels
 
 
 def output_bands(result: Estimate | SmoothedEstimate) -> list[Band]:
-    """What the estimated states say that each sensor should show, without its noise."""
+    """The outputs that the estimated states imply, without the noise of the sensors."""
     outputs, names = result.outputs(), result.names
     if outputs.mean is None:
         return []
@@ -96,9 +94,24 @@ def output_bands(result: Estimate | SmoothedEstimate) -> list[Band]:
     ]
 
 
-def _with_smoothed(chart: Chart, band: Band, rows: slice) -> Chart:
+def in_order(found: Sequence[Band]) -> list[Band]:
+    """Gains, outputs, states, unknown inputs, innovations."""
+    return sorted(found, key=lambda band: KINDS.index(band.kind))
+
+
+def kind_of(band: Band) -> str:
+    """The kind of a quantity, as the first words of a heading."""
+    return band.kind.replace("_", " ").capitalize()
+
+
+def _of_rows(band: Band, rows: slice) -> Band:
+    """The rows of a band that are drawn."""
+    return band._replace(middle=band.middle[rows], sigma=None if band.sigma is None else band.sigma[rows])
+
+
+def _with_smoothed(chart: Chart, band: Band) -> Chart:
     """The chart with the smoothed curve."""
-    sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma[rows]), band.sigma[rows], np.nan)
+    sigma = None if band.sigma is None else np.where(np.isfinite(band.sigma), band.sigma, np.nan)
     line = line_of(band.middle, sigma, "smoothed", SMOOTHED)
     return chart._replace(keys=(*chart.keys, Key("smoothed", SMOOTHED, "line")), traces=(*chart.traces, line))
 
@@ -126,7 +139,7 @@ def _estimate(
     measured = "" if output is None else output.unit
     label = f"{band.name} [{measured}]" if measured and band.kind == "state" else band.name
     layout = {"yaxis": {"title": {"text": measured}, "range": within}, **marked(marks)}
-    heading = "Gain" if band.name == "gain" else f"{band.kind.replace('_', ' ').capitalize()} {label}"
+    heading = "Gain" if band.name == "gain" else f"{kind_of(band)} {label}"
     return Chart(heading, tuple(keys), tuple(traces), layout)
 
 

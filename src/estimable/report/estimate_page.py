@@ -15,12 +15,12 @@ from ..diagnostics.consistency import nis
 from ..diagnostics.innovation_tests import check_innovations
 from ..errors import InputError
 from ..estimation.binding import columns, model_of
-from ..figures.bands import bands
+from ..figures.bands import Band, bands
 from ..models.prior import Prior
 from ..protocols import Algorithm
 from ..results import DetectableLoss, Estimate, SmoothedEstimate
 from .assumptions import sections_of
-from .charts import MeasuredState, charts_of, output_bands, thinned
+from .charts import MeasuredState, charts_of, in_order, kind_of, output_bands, thinned
 from .contents import Fact, Finding, Report, Section, Table
 from .curves import Moment
 
@@ -91,19 +91,21 @@ def measured_outputs(result: Estimate, record: Record) -> dict[str, MeasuredStat
 
 
 def last_estimates(result: Estimate) -> Section:
-    """The values of the last row: gains, outputs, states and unknown inputs."""
+    """The last known values of gains, outputs, states and unknown inputs."""
     when = "" if result.t is None else f", t = {float(result.t[-1]):.6g} s"
-    kinds = ("gain", "output", "state", "unknown_input")
-    found = sorted((*bands(result), *output_bands(result)), key=lambda band: (*kinds, band.kind).index(band.kind))
-    items = []
-    for band in found:
-        known = np.isfinite(band.middle) & (True if band.sigma is None else np.isfinite(band.sigma))
-        if band.kind in kinds:
-            k = int(np.flatnonzero(known)[-1]) if known.any() else -1
-            spread = "" if band.sigma is None or not known.any() else f" ± {2 * band.sigma[k]:.2g} (2 sigma)"
-            value = f"{band.middle[k]:.6g}{spread}" if known.any() else "not known"
-            items.append((f"{band.kind.replace('_', ' ').capitalize()} {band.name}", value))
-    return Section(f"At the last sample{when}", tuple(items))
+    found = in_order([*bands(result), *output_bands(result)])
+    items = tuple((f"{kind_of(band)} {band.name}", _last_value(band)) for band in found if band.kind != "innovation")
+    return Section(f"At the last sample{when}", items)
+
+
+def _last_value(band: Band) -> str:
+    """The last value that is known, with 2 sigma."""
+    known = np.isfinite(band.middle) & (True if band.sigma is None else np.isfinite(band.sigma))
+    if not known.any():
+        return "not known"
+    k = int(np.flatnonzero(known)[-1])
+    spread = "" if band.sigma is None else f" ± {2 * band.sigma[k]:.2g} (2 sigma)"
+    return f"{band.middle[k]:.6g}{spread}"
 
 
 def measured_states(algorithm: Algorithm[Any], record: Record) -> dict[str, MeasuredState]:
