@@ -75,8 +75,8 @@ def findings(run: FilterRun, summary: GainSummary, check: Consistency | None) ->
     """The verdict on the model, the findings about each gain, and the smallest loss that would have been detected."""
     several = len(summary.names) > 1
     if run.assessment is None:
-        told = (gain_table.finding(run),) if several else summary.findings
-        return (*innovation_checks.warning(check), *told)
+        sentences = (gain_table.finding(run),) if several else summary.findings
+        return (*innovation_checks.warning(check), *sentences)
     found = run.assessment
     if several:
         shown = () if found.detectable is None else gain_table.shown(found.detectable, found.rows)

@@ -168,9 +168,7 @@ def _predicted(now: np.ndarray, x: np.ndarray, y: np.ndarray, reaches: Sequence[
         if ROWS * d > N:
             continue
         R = np.asarray(np.linalg.qr(np.concatenate([past[rows], y[rows]], axis=1), mode="r"))
-        left = np.cumsum((R[:, d:] ** 2)[::-1], axis=0)[
-            ::-1
-        ]  # row n: the squares that n columns leave, on the same rows
+        left = np.cumsum(R[::-1, d:] ** 2, axis=0)[::-1]  # row n: the squares that n columns leave, on the same rows
         sizes = range(now.shape[1] + min(LEAST, most) * k, d + 1, k)
         bic = [N * np.sum(np.log(np.maximum(left[n] / N, TINY))) + n * y.shape[1] * np.log(N) for n in sizes]
         n = sizes[int(np.argmin(bic))]

@@ -135,6 +135,7 @@ def with_further_inputs(samples: Sample, intervals: Interval, hold: str, begin: 
     middle, half = (low + high) / 2, (high - low) / 4
 
     def wider(values: np.ndarray) -> np.ndarray:
+        """Inputs (T, m) with the further ones: `beyond` is what a limit at half of the range takes away."""
         beyond = values - np.clip(values, middle - half, middle + half)
         return np.concatenate([values, rate, constant, beyond], axis=1)
 

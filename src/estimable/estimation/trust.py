@@ -34,9 +34,7 @@ REFUTED = 1e-6  # p-value below which a result is not to be used
 HIDDEN = 0.52  # correlation with a gain from which a bias of three standard deviations escapes the score test
 NOTICED = 0.01  # of the gain: a smaller shift by an error of 10 % is not listed
 GAP = 0.5  # of the record: a longer one leaves nothing to judge
-SMALLEST = (
-    3.0  # standard deviations of the score that a limit of the whole input would give, for its test to say anything
-)
+SMALLEST = 3.0  # standard deviations of the score of a whole limit: below it, the test of a limit says nothing
 KNOWN = 0.95  # of the prior's standard deviation: a gain that keeps more is not known
 UNIFORM = 3**0.5  # standard deviations of a uniform distribution in half of its width
 LEVEL = 0.02
