@@ -113,10 +113,15 @@ def sampled(file: ModelFile, dt: float | None) -> StateSpace:
     return model if step is None else model.discretise(step)
 
 
+def in_samples(horizon: float) -> float:
+    """A horizon in samples as an integer; as given where it is none, which its reader refuses."""
+    return int(horizon) if horizon == int(horizon) else horizon
+
+
 def _horizon(model: StateSpace, horizon: float | None) -> float | None:
     """As given; for an unstable model 2 n samples, or 2 n of its fastest time constants."""
     if horizon is not None:
-        return horizon if model.is_continuous or horizon != int(horizon) else int(horizon)
+        return horizon if model.is_continuous else in_samples(horizon)
     λ = np.linalg.eigvals(model.A)
     if model.varying or np.all(λ.real < 0 if model.is_continuous else np.abs(λ) < 1):
         return None

@@ -11,6 +11,7 @@ from ..analysis.sensor_selection import sensor_selection
 from ..models.files import ModelFile
 from ..models.state_space import StateSpace
 from ..results import CovarianceAnalysis, SensorSelection
+from .check_report import in_samples
 from .settings import read_settings
 
 
@@ -39,7 +40,8 @@ def required(
             "is the covariance of a sample."
         )
     wanted = {name: _sigma(name, value) for name, value in read_settings(require).items()}
-    given: dict[str, Any] = {"prior": file.prior, "requirement": wanted or None, "horizon": _samples(horizon)}
+    steps = None if horizon is None else in_samples(horizon)
+    given: dict[str, Any] = {"prior": file.prior, "requirement": wanted or None, "horizon": steps}
     found = covariance_analysis(model, **given)
     lost = None if without is None else found.without(without)
     return Required(found, lost, without, None if select is None else sensor_selection(model, choose=select, **given))
@@ -51,10 +53,6 @@ def _sigma(name: str, value: object) -> float:
             f"--require needs name=sigma with a number, as in --require {name}=0.1. Got {checks.short(value)}."
         )
     return float(value)
-
-
-def _samples(horizon: float | None) -> float | None:
-    return int(horizon) if horizon is not None and horizon == int(horizon) else horizon
 
 
 def verdict(answer: Required) -> str:
