@@ -179,6 +179,8 @@ def test_strict_fails_where_a_requirement_is_not_met(run, write_model):
     [
         (("--require", "speed=1"), "names 'speed', which is not among"),
         (("--require", "vel=fast"), "--require needs name=sigma with a number"),
+        (("--require", "vel"), "--require needs name=value, as in --require position=0.1. Got 'vel'."),
+        (("--require", "vel=1", "--require", "vel=2"), "--require gives 'vel' twice."),
         (("--without", "radar"), "`sensor` must be"),
     ],
 )

@@ -39,7 +39,8 @@ def required(
             "--require, --without and --select need --dt SECONDS: the model is continuous, and its R "
             "is the covariance of a sample."
         )
-    wanted = {name: _sigma(name, value) for name, value in read_settings(require).items()}
+    sigmas = read_settings(require, option="--require", example="position=0.1")
+    wanted = {name: _sigma(name, value) for name, value in sigmas.items()}
     steps = None if horizon is None else in_samples(horizon)
     given: dict[str, Any] = {"prior": file.prior, "requirement": wanted or None, "horizon": steps}
     found = covariance_analysis(model, **given)

@@ -1,4 +1,4 @@
-"""`--set name=value`: settings of an algorithm, as text."""
+"""`--set name=value`: settings of an algorithm, as text; other options are read alike."""
 
 import json
 import re
@@ -15,8 +15,10 @@ from ..protocols import Algorithm, Wrapper
 WORD = re.compile(r"[A-Za-z_][\w.-]*")
 
 
-def read_settings(given: Iterable[str]) -> dict[str, Any]:
+def read_settings(given: Iterable[str], *, option: str = "--set", example: str = "walk=0.02") -> dict[str, Any]:
     """Settings from texts `name=value`; a value is TOML or JSON (numbers, lists, strings), or one bare word.
+
+    `option`, `example`: what the messages name.
 
     Raises `InputError` with all faults at once.
 
@@ -27,11 +29,11 @@ def read_settings(given: Iterable[str]) -> dict[str, Any]:
     for text in given:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name.isidentifier():
-            faults.add(f"--set needs name=value, as in --set walk=0.02. Got {text!r}.")
+            faults.add(f"{option} needs name=value, as in {option} {example}. Got {text!r}.")
         elif name in settings:
-            faults.add(f"--set gives {name!r} twice.")
+            faults.add(f"{option} gives {name!r} twice.")
         else:
-            settings[name] = _value(name, value, faults)
+            settings[name] = _value(f"{option} {name}", value, faults)
     faults.finish()
     return settings
 
@@ -59,7 +61,7 @@ def _plain(value: Tree) -> Any:
     return value if isinstance(value, int | float | str) else None
 
 
-def _value(name: str, text: str, faults: checks.Faults) -> Any:
+def _value(what: str, text: str, faults: checks.Faults) -> Any:
     for read in (_toml, json.loads, float):
         try:
             return read(text)
@@ -67,7 +69,7 @@ def _value(name: str, text: str, faults: checks.Faults) -> Any:
             continue
     if WORD.fullmatch(text):
         return text
-    faults.add(f"--set {name}: {text!r} is not a number, list or word. Write numbers as 0.02 and lists as [0.1, 0.2].")
+    faults.add(f"{what}: {text!r} is not a number, list or word. Write numbers as 0.02 and lists as [0.1, 0.2].")
     return None
 
 
