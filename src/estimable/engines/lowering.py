@@ -93,9 +93,9 @@ def example(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, ax
     a, r, p = axes
     leaves, structure = jax.tree_util.tree_flatten((algorithm, prior, samples, intervals))
     fixed, along = [(axis is not None) for axis in (a, p)], 1 + (r is not None)
-    before = np.repeat((*fixed, along, along), [part.num_leaves for part in structure.children()]).tolist()
-    arrays = [np.asarray(leaf) for leaf in leaves]
-    return structure, tuple((x.shape[axes:], x.dtype.str) for x, axes in zip(arrays, before, strict=True))
+    leading = np.repeat((*fixed, along, along), [part.num_leaves for part in structure.children()]).tolist()
+    arrays = [np.asarray(leaf) for leaf in leaves]  # each with so many axes of runs and rows before its own
+    return structure, tuple((x.shape[first:], x.dtype.str) for x, first in zip(arrays, leading, strict=True))
 
 
 def batch(algorithm: Stepping, prior: Tree, samples: Tree, intervals: Tree, axes: tuple) -> tuple[int, list, list]:
