@@ -87,12 +87,11 @@ class OnlineGaps:
         self, state: Tree, held: np.ndarray, u: np.ndarray, u_end: np.ndarray, dt: float, at: tuple[int, float]
     ) -> StepAcross:
         """The step across a gap. `at`: the sample, and the seconds since the start of the run."""
-        anchor, m, unknown = self.anchor, len(u), np.isnan(u)
+        anchor, g, unknown = self.anchor, self.known.moves, np.isnan(u)
         if anchor is None or not unknown.any():
             anchor = Anchor(state, np.where(unknown, held, u), 0.0, self.since if unknown.any() else 0.0)
         seconds = anchor.seconds + dt
         self.since, self.steps = anchor.since + seconds, self.steps + 1
-        g = np.zeros(m) if self.settings.diffusion is None else np.asarray(self.settings.diffusion)
         why = self._why_break(self.since, g, at[1] + dt)
         gap = Gap(at[0], at[0] + 1, at[1], dt, "break" if why else "bridge", why)
         if why:
