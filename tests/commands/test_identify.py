@@ -1,7 +1,11 @@
 """`estimable simulate` and `estimable identify`, one after the other."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+from estimable.commands.identify_files import Asked, Files
 
 SIMULATE = ("simulate", "output-error", "--input-arrival", "0.8", "--output-arrival", "0.7", "--seed", "1")
 
@@ -213,3 +217,9 @@ def test_other_parameters_that_fit_as_well_are_in_the_json(run, tmp_path):
     assert len(told["rivals"]) == 1
     assert set(told["rivals"][0]) == {"a1", "b0"}
     assert told["verdict"].startswith("The model fails the check")
+
+
+def test_the_command_of_a_page_quotes_its_names():
+    asked = Asked(Path("run 1.csv"), ["rate q"], ["u"], {}, 0.5, None, Files(Path(), Path()), (Path("run 2.csv"),))
+    again = "estimable identify 'run 1.csv' --output 'rate q' --input u --held-out 'run 2.csv' --method arx"
+    assert asked.again("--method arx") == again

@@ -1,5 +1,6 @@
 """The files that `estimable identify` writes: a model and a page."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,12 +40,13 @@ class Asked(NamedTuple):
 
     def again(self, *options: str) -> str:
         """The command line of the same run."""
-        words = ["estimable identify", self.path.name]
-        words += [f"--output {name}" for name in self.outputs] + [f"--input {name}" for name in self.inputs]
+        words = ["estimable identify", shlex.quote(self.path.name)]
+        words += [f"--output {shlex.quote(name)}" for name in self.outputs]
+        words += [f"--input {shlex.quote(name)}" for name in self.inputs]
         words += as_words(self.reading)
         words += [] if self.split == 0.5 else [f"--split {self.split:g}"]
         words += [] if self.level is None else [f"--level {self.level}"]
-        words += [f"--held-out {path.name}" for path in self.held_out]
+        words += [f"--held-out {shlex.quote(path.name)}" for path in self.held_out]
         words += [] if self.feedback == "tested" else [f"--feedback {self.feedback}"]
         return " ".join([*words, *options])
 
