@@ -64,9 +64,10 @@ def _for_smoothing(algorithms: Any) -> Any:
     if not isinstance(algorithms, Stacked):
         check_smoothable(algorithms)
         return algorithms.for_smoothing
-    forgetting = np.atleast_1d(getattr(algorithms.items, "forgetting", 1.0))
+    items = algorithms.items
+    forgetting = np.atleast_1d(items.forgetting if isinstance(items, Smoothable) else 1.0)
     worst = int(np.argmax(forgetting != 1.0))
-    one = jax.tree_util.tree_map(lambda leaf: leaf[worst], algorithms.items)
+    one = jax.tree_util.tree_map(lambda leaf: leaf[worst], items)
     check_smoothable(one)
     if isinstance(one, UnknownInput):
         checks.refuse("smooth_bank takes one UnknownInput and several records. Smooth several UnknownInput run by run.")
